@@ -1,0 +1,1 @@
+"""What people look at: one module a figure, each with ``make(quality, progress) -> (picture, numbers)``."""

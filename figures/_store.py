@@ -1,0 +1,81 @@
+"""The output folder: pictures and one ``numbers.json``, never half-written."""
+
+import json
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+NUMBERS = "numbers.json"
+
+
+def prepare(folder: Path) -> None:
+    """Create ``folder`` and write to it once, or raise the OSError that a figure would meet later."""
+    folder.mkdir(parents=True, exist_ok=True)
+    probe = _temporary(folder / "probe")
+    try:
+        probe.write_bytes(b"")
+    finally:
+        probe.unlink(missing_ok=True)
+
+
+def write(path: Path, data: bytes) -> None:
+    """Write a file that is there as a whole or, after any exception, as it was before."""
+    temporary = _temporary(path)
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+
+
+def read_numbers(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the entries of ``numbers.json`` by the figures' names.
+
+    Raises
+    ------
+    FileNotFoundError, OSError
+        If it is not there, or cannot be read.
+    ValueError
+        If it is no such file.
+    """
+    entries = json.loads((folder / NUMBERS).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
+        raise ValueError("it is not an object of objects")
+    return entries
+
+
+def record(folder: Path, name: str, entry: dict[str, Any]) -> None:
+    """Add or replace one figure's entry; what others wrote since the start of this run is kept."""
+    try:
+        entries = read_numbers(folder)
+    except (OSError, ValueError):
+        entries = {}
+    entries[name] = entry
+    text = json.dumps(dict(sorted(entries.items())), indent=2, ensure_ascii=False, allow_nan=False)
+    write(folder / NUMBERS, (text + "\n").encode())
+
+
+def check_numbers(value: Any, key: str = "numbers") -> None:
+    """Raise a ValueError that names the key of the first thing in ``value`` that JSON cannot say."""
+    if isinstance(value, dict):
+        for inner, item in value.items():
+            if not isinstance(inner, str):
+                raise ValueError(f"the keys of {key} must be strings, got {inner!r}")
+            check_numbers(item, f"{key}[{inner!r}]")
+    elif isinstance(value, list | tuple):
+        for i, item in enumerate(value):
+            check_numbers(item, f"{key}[{i}]")
+    elif isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{key} must be finite, got {value!r}")
+    elif value is not None and not isinstance(value, str | int):
+        raise ValueError(f"{key} must be a plain Python value, got {value!r} of type {type(value).__name__}")
+
+
+def _refuse_constant(constant: str) -> None:
+    raise ValueError(f"{constant} is not JSON")

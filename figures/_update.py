@@ -1,0 +1,114 @@
+"""Bring an output folder up to date: make what is missing or whose code changed."""
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TextIO
+
+from tqdm import tqdm
+
+from figures import _store
+from figures._catalogue import Entry
+from figures._fingerprint import fingerprint
+from figures._runner import run
+from figures._worker import Done, Failed, Progress, Task
+
+
+def update(
+    names: Sequence[str], catalogue: Mapping[str, Entry], folder: Path, quality: str, jobs: int
+) -> list[str]:
+    """Make the figures that are not up to date and say what became of each.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Keys of ``catalogue``.
+    catalogue : mapping of str to Entry
+    folder : Path
+        Exists; gets ``<name>.png`` and ``numbers.json``.
+    quality : str
+        ``"draft"`` or ``"paper"``, handed to the figures.
+    jobs : int
+        How many figures to make at a time.
+
+    Returns
+    -------
+    list of str
+        The names of the figures that failed.
+    """
+    known = _known_fingerprints(folder)
+    fingerprints = {name: fingerprint(catalogue[name].module, quality) for name in names}
+    tasks: list[Task] = []
+    for name in names:
+        if known.get(name) == fingerprints[name] and _picture(folder, name).is_file():
+            _say(f"{name}: up to date")
+        else:
+            tasks.append(Task(name, catalogue[name].module, quality))
+
+    failed: list[str] = []
+    running: dict[str, float] = {}
+    ended = 0
+    layout = "{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+    with (
+        tqdm(total=len(tasks), bar_format=layout, leave=False, disable=None) as bar,
+        closing(run(tasks, jobs)) as messages,
+    ):
+        for task, message in messages:
+            name = task.name
+            if isinstance(message, Progress):
+                running[name] = message.fraction
+            else:
+                running.pop(name, None)
+                ended += 1
+                if not _finish(folder, task, message, catalogue[name].title, fingerprints[name]):
+                    failed.append(name)
+            bar.n = ended + sum(running.values())
+            bar.set_description(", ".join(running))
+    return failed
+
+
+def _finish(folder: Path, task: Task, message: Done | Failed, title: str, fingerprint: str) -> bool:
+    """Keep a figure, its entry last, since only the entry says that the picture is up to date."""
+    if isinstance(message, Failed):
+        _say(f"{task.name}: failed")
+        _say(message.trace.rstrip(), sys.stderr)
+        return False
+    seconds = round(message.seconds, 2)
+    entry = {
+        "title": title,
+        "quality": task.quality,
+        "fingerprint": fingerprint,
+        "seconds": seconds,
+        "numbers": json.loads(message.numbers),
+    }
+    try:
+        _store.write(_picture(folder, task.name), message.png)
+        _store.record(folder, task.name, entry)
+    except OSError as error:
+        _say(f"{task.name}: failed")
+        _say(f"{task.name}: cannot be written: {error}", sys.stderr)
+        return False
+    _say(f"{task.name}: {seconds:.1f} s")
+    return True
+
+
+def _known_fingerprints(folder: Path) -> dict[str, object]:
+    try:
+        entries = _store.read_numbers(folder)
+    except (OSError, ValueError) as error:
+        if not isinstance(error, FileNotFoundError) or any(folder.glob("*.png")):
+            _say(f"warning: {folder / _store.NUMBERS} is taken as empty: {error}", sys.stderr)
+        return {}
+    return {name: entry.get("fingerprint") for name, entry in entries.items()}
+
+
+def _picture(folder: Path, name: str) -> Path:
+    return folder / f"{name}.png"
+
+
+def _say(line: str, file: TextIO | None = None) -> None:
+    file = file or sys.stdout
+    with tqdm.external_write_mode(file=file):
+        print(line, file=file, flush=True)

@@ -1,0 +1,102 @@
+"""A process that makes one figure after the other, so that JAX starts once."""
+
+import importlib
+import io
+import json
+import multiprocessing
+import os
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import NamedTuple
+
+from figures._store import check_numbers
+
+DPI = 150
+PROGRESS_INTERVAL = 0.05
+"""Seconds: a figure may report its progress more often than a terminal can show it."""
+
+
+class Task(NamedTuple):
+    name: str
+    module: str
+    quality: str
+
+
+class Progress(NamedTuple):
+    fraction: float
+
+
+class Done(NamedTuple):
+    seconds: float
+    png: bytes
+    numbers: str  # JSON, since unpickling NumPy's scalars would import NumPy
+
+
+class Failed(NamedTuple):
+    trace: str
+
+
+Message = Progress | Done | Failed
+
+
+def serve(connection: Connection) -> None:
+    """Answer each task with any number of `Progress` and one `Done` or `Failed`."""
+    os.environ["MPLBACKEND"] = "Agg"
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(EOFError, OSError):  # nobody is left to hear about it
+        while True:
+            connection.send(_answer(connection.recv(), connection))
+
+
+def _answer(task: Task, connection: Connection) -> Done | Failed:
+    start = time.perf_counter()
+    progress = _reporter(connection)
+    progress(0.0)
+    try:
+        png, numbers = _draw(task, progress)
+    except Exception:
+        return Failed(traceback.format_exc())
+    return Done(time.perf_counter() - start, png, numbers)
+
+
+def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str]:
+    make = importlib.import_module(task.module).make
+
+    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
+
+    # What a figure does to matplotlib's parameters must not reach the next one.
+    with plt.rc_context():
+        picture, numbers = make(task.quality, progress)
+        if not isinstance(picture, Figure) or not isinstance(numbers, dict):
+            found = f"({type(picture).__name__}, {type(numbers).__name__})"
+            raise TypeError(f"{task.module}.make must return a matplotlib Figure and a dict, got {found}")
+        check_numbers(numbers)
+        buffer = io.BytesIO()
+        picture.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    plt.close("all")
+    return buffer.getvalue(), json.dumps(numbers, allow_nan=False)
+
+
+def _reporter(connection: Connection) -> Callable[[float], None]:
+    due = 0.0
+
+    def progress(fraction: float) -> None:
+        nonlocal due
+        now = time.monotonic()
+        if now >= due:
+            due = now + PROGRESS_INTERVAL
+            connection.send(Progress(min(max(float(fraction), 0.0), 1.0)))
+
+    return progress
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

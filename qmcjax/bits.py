@@ -1,0 +1,192 @@
+"""Words of 32 bits: reversal, carry-free products in log steps, hashes, and the one way to floats.
+
+A coordinate in base 2 is a ``uint32`` fraction: bit 31 is the first digit after the binary point.
+Its *mirror* has the first digit in bit 0. The bits of an index are a mirrored fraction already
+(its van der Corput radical inverse), and carries run from the first digit to later ones there, which
+is what Owen scrambling by hashing needs. So generators and scramblings work on mirrors, and
+:func:`reverse` is applied once, at the end.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+__all__ = [
+    "gray_decode",
+    "gray_encode",
+    "hash_word",
+    "owen_hash",
+    "pascal",
+    "reverse",
+    "to_unit",
+]
+
+
+def _word(value: int) -> np.uint32:
+    return np.uint32(value)
+
+
+def reverse(word: Array) -> Array:
+    """Reverse the order of the 32 bits.
+
+    Parameters
+    ----------
+    word : uint32 Array, shape (...)
+
+    Returns
+    -------
+    uint32 Array, shape (...)
+
+    Examples
+    --------
+    >>> print(reverse(jnp.uint32(1)) == 2**31)
+    True
+    """
+    word = (word << 16) | (word >> 16)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        word = ((word & _word(mask)) << shift) | ((word >> shift) & _word(mask))
+    return word
+
+
+def pascal(mirror: Array) -> Array:
+    """Multiply a mirrored fraction by Pascal's triangle modulo 2, in five steps.
+
+    This is the generator matrix of the second component of the Sobol' sequence, its own inverse
+    (thesis [1]_, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
+    product of five sparse factors.
+
+    Parameters
+    ----------
+    mirror : uint32 Array, shape (...)
+        The digits ``d_0, d_1, ...`` of the index in bits 0, 1, ...
+
+    Returns
+    -------
+    uint32 Array, shape (...)
+        The mirrored product: its first row in bit 0.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+    """
+    for shift, mask in ((16, 0xFFFF0000), (8, 0xFF00FF00), (4, 0xF0F0F0F0), (2, 0xCCCCCCCC), (1, 0xAAAAAAAA)):
+        mirror = mirror ^ ((mirror & _word(mask)) >> shift)
+    return mirror
+
+
+def gray_decode(word: Array) -> Array:
+    """Replace bit ``k`` by the parity of the bits ``k`` and above.
+
+    On a mirrored fraction this is the product with the upper triangular matrix of ones, the
+    Larcher-Pillichshammer generator matrix (thesis [1]_, Eq. 5.15).
+
+    Parameters
+    ----------
+    word : uint32 Array, shape (...)
+
+    Returns
+    -------
+    uint32 Array, shape (...)
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+    """
+    for shift in (1, 2, 4, 8, 16):
+        word = word ^ (word >> shift)
+    return word
+
+
+def gray_encode(word: Array) -> Array:
+    """Invert :func:`gray_decode` (the bidiagonal inverse matrix of Eq. 5.25)."""
+    return word ^ (word >> 1)
+
+
+def hash_word(word: Array) -> Array:
+    """Mix a word: a bijection of the 32-bit words whose output bits all depend on all input bits.
+
+    Parameters
+    ----------
+    word : uint32 Array, shape (...)
+
+    Returns
+    -------
+    uint32 Array, shape (...)
+
+    Notes
+    -----
+    C. Wellons' ``triple32``, found by a search for low avalanche bias (0.0209 per mille, against
+    0.17 for the two-round ``lowbias32``).
+    """
+    word = (word ^ (word >> 17)) * _word(0xED5AD4BB)
+    word = (word ^ (word >> 11)) * _word(0xAC4C1B51)
+    word = (word ^ (word >> 15)) * _word(0x31848BAB)
+    return word ^ (word >> 14)
+
+
+def owen_hash(mirror: Array, seed: Array) -> Array:
+    """Owen-scramble mirrored fractions in base 2.
+
+    Digit ``k`` is flipped by a hash of the digits before it: sums and products by odd or even
+    constants only carry from bit ``k`` to the bits above, so that the map is a nested permutation
+    for every seed [1]_.
+
+    Parameters
+    ----------
+    mirror : uint32 Array, shape (...)
+        Fractions with the first digit in bit 0.
+    seed : uint32 Array, broadcastable to ``mirror``
+        One well mixed word per realisation and coordinate.
+
+    Returns
+    -------
+    uint32 Array
+        The scrambled mirrors.
+
+    References
+    ----------
+    .. [1] S. Laine, T. Karras, "Stratified Sampling for Stochastic Transparency", 2011, with the
+       constants of N. Vegdahl, "Building a Better LK Hash", 2021.
+    """
+    mirror = mirror ^ (mirror * _word(0x3D20ADEA))
+    mirror = mirror + seed
+    mirror = mirror * ((seed >> 16) | _word(1))
+    mirror = mirror ^ (mirror * _word(0x05526C56))
+    return mirror ^ (mirror * _word(0x53A22864))
+
+
+def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
+    """Convert fixed-point fractions to floats in [0, 1), rounding down.
+
+    Rounding down keeps every point in its elementary interval and never gives 1, which rounding
+    to nearest does for fractions of ``0xffffff80`` and above.
+
+    Parameters
+    ----------
+    bits : uint32 Array, shape (...)
+        Fractions; bit 31 is the first digit.
+    dtype : float32 or float64
+        float32 keeps the upper 24 bits, float64 all 32. float64 needs no global flag.
+
+    Returns
+    -------
+    Array of ``dtype``, shape (...)
+
+    Raises
+    ------
+    ValueError
+        For any other dtype.
+
+    Examples
+    --------
+    >>> print(to_unit(jnp.uint32(0x80000000)), to_unit(jnp.uint32(0xFFFFFFFF)) < 1)
+    0.5 True
+    """
+    if dtype == jnp.float32:
+        return (bits >> 8).astype(jnp.float32) * np.float32(2.0**-24)
+    if dtype == jnp.float64:
+        with jax.enable_x64(True):
+            return bits.astype(jnp.float64) * np.float64(2.0**-32)
+    raise ValueError(f"dtype must be float32 or float64, got {dtype!r}")

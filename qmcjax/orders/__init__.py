@@ -1,0 +1,11 @@
+"""Orders of the pixels of an image: functions between a pixel and its position on a curve.
+
+Every order has ``position(x, y)``, its inverse ``pixel(position)``, ``width``, ``height`` and ``length``.
+"""
+
+from qmcjax.orders._base import MAX_SIDE as MAX_SIDE
+from qmcjax.orders._base import Order as Order
+from qmcjax.orders._base import log_side as log_side
+from qmcjax.orders._hilbert import hilbert as hilbert
+from qmcjax.orders._morton import morton as morton
+from qmcjax.orders._raster import raster as raster

@@ -1,0 +1,109 @@
+"""The interface of an order: from a pixel to its position on a curve, and back."""
+
+import abc
+from dataclasses import dataclass, field
+
+from jax import Array
+
+from qmcjax import checks
+
+MAX_SIDE = 2**16
+"""Resolution up to which positions fit a uint32."""
+
+
+@dataclass(frozen=True)
+class Order(abc.ABC):
+    """A bijection of the pixels of an image, padded to the curve's own raster, and 0, 1, ..., length - 1."""
+
+    width: int = field(metadata={"static": True})
+    height: int = field(metadata={"static": True})
+
+    @property
+    @abc.abstractmethod
+    def length(self) -> int:
+        """Number of positions on the padded curve."""
+
+    @property
+    @abc.abstractmethod
+    def raster(self) -> tuple[int, int]:
+        """Width and height of the padded raster."""
+
+    @abc.abstractmethod
+    def _position(self, x: Array, y: Array) -> Array: ...
+
+    @abc.abstractmethod
+    def _pixel(self, position: Array) -> tuple[Array, Array]: ...
+
+    def position(self, x: Array | int, y: Array | int) -> Array:
+        """Return the positions of pixels along the curve.
+
+        Parameters
+        ----------
+        x, y : uint32 Array, broadcastable, or int
+            Column and row of the pixel, within the padded raster.
+
+        Returns
+        -------
+        uint32 Array, the broadcast shape
+
+        Raises
+        ------
+        ValueError
+            If a coordinate is not uint32 or known to be off the raster.
+        """
+        x, y = self._checked(x, y)
+        return self._position(x, y)
+
+    def pixel(self, position: Array | int) -> tuple[Array, Array]:
+        """Return the pixels at positions of the curve: the inverse of :meth:`position`.
+
+        Parameters
+        ----------
+        position : uint32 Array, shape (...), or int
+            Below ``length``.
+
+        Returns
+        -------
+        x, y : uint32 Array, shape (...)
+            Column and row; off the image, but on the padded raster, where the curve leaves the image.
+
+        Raises
+        ------
+        ValueError
+            If ``position`` is not uint32 or known to be beyond the curve.
+        """
+        return self._pixel(checks.unsigned("position", position, self.length))
+
+    def _checked(self, x: Array | int, y: Array | int) -> tuple[Array, Array]:
+        columns, rows = self.raster
+        return checks.broadcast(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
+
+
+@dataclass(frozen=True)
+class SquareOrder(Order):
+    """An order whose curve fills a square with a power of two as side."""
+
+    @property
+    def log_side(self) -> int:
+        """Binary logarithm of the side of the padded raster."""
+        return log_side(self.width, self.height)
+
+    @property
+    def length(self) -> int:
+        """Number of positions on the padded curve, ``4**log_side``."""
+        return 4**self.log_side
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        """Width and height of the padded raster."""
+        return 2**self.log_side, 2**self.log_side
+
+
+def log_side(width: int, height: int) -> int:
+    """Return the binary logarithm of the smallest power of two that covers both."""
+    return (max(width, height) - 1).bit_length()
+
+
+def size(width: int, height: int) -> tuple[int, int]:
+    """Return width and height, or raise a ValueError unless both are in [1, 65536]."""
+    return checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)

@@ -1,0 +1,66 @@
+"""Morton order: the bits of both coordinates, interleaved."""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jax import Array
+
+from qmcjax.orders._base import SquareOrder, size
+
+_SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
+_GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))
+
+
+def _spread(word: Array) -> Array:
+    for shift, mask in _SPREADING:
+        word = (word | (word << shift)) & np.uint32(mask)
+    return word
+
+
+def _gather(word: Array) -> Array:
+    word = word & np.uint32(0x55555555)
+    for shift, mask in _GATHERING:
+        word = (word | (word >> shift)) & np.uint32(mask)
+    return word
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Morton(SquareOrder):
+    """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""
+
+    def _position(self, x: Array, y: Array) -> Array:
+        return _spread(x) | (_spread(y) << 1)
+
+    def _pixel(self, position: Array) -> tuple[Array, Array]:
+        return _gather(position), _gather(position >> 1)
+
+
+def morton(width: int, height: int) -> Morton:
+    """Make the Morton order (Z-order): x in the even bits of the position, y in the odd ones.
+
+    Parameters
+    ----------
+    width, height : int
+        In [1, 65536]. The curve fills the next square with a power of two as side.
+
+    Returns
+    -------
+    Morton
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Fig. 1.
+
+    Examples
+    --------
+    >>> print(morton(4, 4).position(2, 1), morton(4, 4).length)
+    6 16
+    """
+    return Morton(*size(width, height))

@@ -1,0 +1,56 @@
+"""Raster order: row by row."""
+
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jax import Array
+
+from qmcjax.orders._base import Order, size
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Raster(Order):
+    """Rows from top to bottom, each from left to right."""
+
+    @property
+    def length(self) -> int:
+        """Number of pixels."""
+        return self.width * self.height
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        """Width and height: nothing is padded."""
+        return self.width, self.height
+
+    def _position(self, x: Array, y: Array) -> Array:
+        return y * np.uint32(self.width) + x
+
+    def _pixel(self, position: Array) -> tuple[Array, Array]:
+        return position % np.uint32(self.width), position // np.uint32(self.width)
+
+
+def raster(width: int, height: int) -> Raster:
+    """Make the order of scan lines: position ``y * width + x``.
+
+    Parameters
+    ----------
+    width, height : int
+        In [1, 65536].
+
+    Returns
+    -------
+    Raster
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range.
+
+    Examples
+    --------
+    >>> print(raster(5, 3).position(1, 2))
+    11
+    """
+    return Raster(*size(width, height))

@@ -1,0 +1,158 @@
+"""From a scene and a sampler to an image."""
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+
+__all__ = ["render"]
+
+_MAX_SIDE = 2**16
+
+_BATCH = 8
+"""Samples that are added pairwise before they go into the compensated sum: memory traffic is what counts."""
+
+_CALL = 2**26
+"""Samples of the whole image in one call of the compiled program: progress is reported between calls."""
+
+
+def render(
+    scene: Any,
+    sampler: Any,
+    width: int,
+    height: int,
+    spp: int,
+    *,
+    dtype: DTypeLike = jnp.float32,
+    progress: Callable[[float], None] | None = None,
+) -> Array:
+    """Average the samples of each pixel (box filter).
+
+    Memory is proportional to the number of pixels, whatever the number of samples.
+
+    Parameters
+    ----------
+    scene : Scene
+        A function from points, shape (..., len(scene.needs)), to values, shape (...) or (..., 3).
+    sampler : Sampler
+        A function from pixel and sample to a point.
+    width, height : int
+        In [1, 65536].
+    spp : int
+        Samples per pixel, at least 1 and as many as the sampler allows.
+    dtype : float32 or float64
+        Of points, values and sums. Sums are compensated: they are as good as the values.
+    progress : callable, optional
+        Called with the finished part in (0, 1], several times in a long run.
+
+    Returns
+    -------
+    Array of ``dtype``, shape (height, width) or (height, width, 3)
+        ``image[y, x]`` is pixel (x, y), which covers [x, x+1)/width times [y, y+1)/height of the unit square.
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range, the sampler was made for another image or number of samples, or it
+        has fewer dimensions than the scene needs.
+
+    Examples
+    --------
+    >>> from qmcjax import orders, render, samplers, scenes, sequences
+    >>> sampler = samplers.contiguous(orders.hilbert(64, 64), sequences.sobol(2), spp=16)
+    >>> print(render(scenes.checkerboard(), sampler, 64, 64, spp=16).shape)
+    (64, 64)
+    """
+    width = checks.integer("width", width, 1, _MAX_SIDE)
+    height = checks.integer("height", height, 1, _MAX_SIDE)
+    spp = checks.integer("spp", spp, 1, 2**32 - 1)
+    dtype = checks.floating(dtype)
+    if sampler.dims < len(scene.needs):
+        raise ValueError(
+            f"sampler must have the {len(scene.needs)} dimensions that the scene needs {scene.needs}, got "
+            f"{sampler.dims}: {scene.needs[sampler.dims :]} are missing"
+        )
+    sampler.check(width, height, spp)
+
+    with jax.enable_x64(dtype == jnp.float64 or jax.config.jax_enable_x64):
+        state = _start(scene, width, height, dtype)
+        batch = math.gcd(spp, _BATCH)
+        per_call = max(1, _CALL // (width * height * batch)) * batch
+        for first in range(0, spp, per_call):
+            count = min(per_call, spp - first)
+            state = _accumulate(
+                scene, sampler, state, jnp.uint32(first), jnp.uint32(count // batch), width, height, batch
+            )
+            if progress is not None:
+                state[0].block_until_ready()
+                progress((first + count) / spp)
+        return _mean(state, jnp.asarray(spp, dtype))
+
+
+def _start(scene: Any, width: int, height: int, dtype: DTypeLike) -> tuple[Array, Array]:
+    """Return the sum and its compensation, both zero."""
+    point = jax.ShapeDtypeStruct((height, width, len(scene.needs)), dtype)
+    value = jax.eval_shape(scene, point)
+    return jnp.zeros(value.shape, dtype), jnp.zeros(value.shape, dtype)
+
+
+@partial(jax.jit, static_argnames=("width", "height", "batch"))
+def _accumulate(
+    scene: Any,
+    sampler: Any,
+    state: tuple[Array, Array],
+    first: Array,
+    batches: Array,
+    width: int,
+    height: int,
+    batch: int,
+) -> tuple[Array, Array]:
+    """Add ``batches * batch`` samples of every pixel to the compensated sum."""
+    dtype = state[0].dtype
+    x = jax.lax.broadcasted_iota(jnp.uint32, (height, width), 1)
+    y = jax.lax.broadcasted_iota(jnp.uint32, (height, width), 0)
+    dims = tuple(range(len(scene.needs)))
+    scale = np.array([1 / width, 1 / height], dtype)
+    below_one = np.nextafter(np.ones((), dtype), np.zeros((), dtype))
+
+    def value(sample: Array) -> Array:
+        drawn = sampler(x, y, jnp.broadcast_to(sample, x.shape), dims, dtype)
+        point = [
+            # The last pixel's sum may round up to 1.
+            jnp.minimum((pixel.astype(dtype) + drawn[..., j]) * scale[j], below_one)
+            for j, pixel in enumerate((x, y))
+        ]
+        return scene(jnp.stack([*point, *(drawn[..., j] for j in dims[2:])], axis=-1))
+
+    def body(step: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        start = first + step * np.uint32(batch)
+        total = _pairwise([value(start + np.uint32(k)) for k in range(batch)])
+        return _compensated(*state, total)
+
+    return jax.lax.fori_loop(np.uint32(0), batches, body, state)
+
+
+def _pairwise(terms: list[Array]) -> Array:
+    middle = len(terms) // 2
+    return terms[0] if middle == 0 else _pairwise(terms[:middle]) + _pairwise(terms[middle:])
+
+
+def _compensated(total: Array, lost: Array, term: Array) -> tuple[Array, Array]:
+    """Add a term, keeping what rounding loses for the next one (W. Kahan, 1965)."""
+    term = term - lost
+    new = total + term
+    return new, (new - total) - term
+
+
+@jax.jit
+def _mean(state: tuple[Array, Array], spp: Array) -> Array:
+    total, lost = state
+    return (total - lost) / spp

@@ -1,0 +1,10 @@
+"""Samplers: which point of a sequence goes to which sample of which pixel.
+
+Every sampler is called with ``(x, y, sample, dims)``. Coordinates 0 and 1 are the position inside the pixel
+(x, y), the rest are the scene's, in the order of ``scene.needs``.
+"""
+
+from qmcjax.samplers._base import Sampler as Sampler
+from qmcjax.samplers._contiguous import contiguous as contiguous
+from qmcjax.samplers._independent import independent as independent
+from qmcjax.samplers._screen import screen as screen

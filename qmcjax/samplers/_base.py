@@ -1,0 +1,77 @@
+"""The interface of a sampler: from a pixel and the number of a sample to a point."""
+
+import abc
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+
+
+class Sampler(abc.ABC):
+    """A function from pixel and sample to the point that the sample is taken at.
+
+    Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's.
+    Subclasses are frozen dataclass pytrees that implement ``dims``, :meth:`_values` and, where they are
+    made for one image or a number of samples, :meth:`check`.
+    """
+
+    @property
+    @abc.abstractmethod
+    def dims(self) -> int:
+        """Number of coordinates that can be asked for."""
+
+    @abc.abstractmethod
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the wanted coordinates, shape ``x.shape + (len(dims),)``."""
+
+    def __call__(
+        self,
+        x: Array | int,
+        y: Array | int,
+        sample: Array | int,
+        dims: tuple[int, ...] = (0, 1),
+        dtype: DTypeLike = jnp.float32,
+    ) -> Array:
+        """Return the points of the given pixels and samples.
+
+        Parameters
+        ----------
+        x, y, sample : uint32 Array, broadcastable, or int
+            Column, row, and number of the sample in the pixel.
+        dims : tuple of int
+            The wanted coordinates, static; only these are computed.
+        dtype : float32 or float64
+
+        Returns
+        -------
+        Array of ``dtype``, the broadcast shape + (len(dims),), in [0, 1)
+
+        Raises
+        ------
+        ValueError
+            If an argument is not uint32, or a coordinate is not there.
+        """
+        wanted = checks.dimensions(dims, self.dims)
+        names = ("x", "y", "sample")
+        words = [checks.unsigned(name, word) for name, word in zip(names, (x, y, sample), strict=True)]
+        return self._values(*checks.broadcast(*words), wanted, checks.floating(dtype))
+
+    @abc.abstractmethod
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless an image of this size and number of samples can be made."""
+
+
+def check_size(name: str, made_for: tuple[int, int], wanted: tuple[int, int]) -> None:
+    """Raise a ValueError if a sampler made for one image size is used for another."""
+    if made_for != wanted:
+        raise ValueError(
+            f"width, height must be the {name}'s {made_for[0]} x {made_for[1]}, got {wanted[0]} x {wanted[1]}"
+        )
+
+
+def check_count(spp: int, limit: int, why: str) -> None:
+    """Raise a ValueError if more samples are wanted than there are."""
+    if spp > limit:
+        raise ValueError(f"spp must be at most {limit} {why}, got {spp}")

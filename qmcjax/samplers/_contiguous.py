@@ -1,0 +1,77 @@
+"""Contiguous blocks of one sequence along a curve through the pixels."""
+
+from dataclasses import dataclass, field
+
+import jax
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.orders import Order
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.sequences import Sequence
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Contiguous(Sampler):
+    """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
+
+    order: Order
+    sequence: Sequence
+    spp: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        index = self.order.position(x, y) * np.uint32(self.spp) + sample
+        return self.sequence(index, dims, dtype)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the order's image and no pixel needs more than its block."""
+        check_size("order", (self.order.width, self.order.height), (width, height))
+        check_count(spp, self.spp, "samples in the block of a pixel")
+
+
+def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
+    """Sample the pixels along a curve with contiguous blocks of one sequence.
+
+    Parameters
+    ----------
+    order : Order
+        The curve, for one size of image.
+    sequence : Sequence
+    spp : int
+        Points in the block of a pixel, at least 1. Any number is allowed, powers of the sequence's base are best.
+
+    Returns
+    -------
+    Contiguous
+
+    Raises
+    ------
+    ValueError
+        If the sequence, or 2**32 indices, do not suffice for ``order.length * spp`` points.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.
+
+    Examples
+    --------
+    >>> from qmcjax import orders, samplers, sequences
+    >>> sampler = samplers.contiguous(orders.hilbert(512, 512), sequences.sobol(2), spp=4)
+    >>> print(sampler(1, 0, 0))  # position 1 or 3 on the curve: point 4 or 12 of the sequence
+    [0.1875 0.3125]
+    """
+    spp = checks.integer("spp", spp, 1, 2**32)
+    if order.length * spp > sequence.limit:
+        raise ValueError(
+            f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions and "
+            f"the sequence {sequence.limit} indices, got {spp}"
+        )
+    return Contiguous(order, sequence, spp)

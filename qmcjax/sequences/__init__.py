@@ -1,0 +1,21 @@
+"""Low discrepancy sequences and nets: functions from an index to a point, at random access.
+
+Every sequence ``seq`` has ``seq(index)``, ``seq.points(n, start)``, ``seq.dims`` and ``seq.size`` (None when
+unbounded); those in base 2 also have exact fixed-point coordinates, ``seq.bits(index)``. Indices are uint32.
+"""
+
+from qmcjax.sequences._base import BinarySequence as BinarySequence
+from qmcjax.sequences._base import Sequence as Sequence
+from qmcjax.sequences._digital import Digital as Digital
+from qmcjax.sequences._digital import digital as digital
+from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichshammer
+from qmcjax.sequences._digital import sobol as sobol
+from qmcjax.sequences._halton import halton as halton
+from qmcjax.sequences._halton import van_der_corput as van_der_corput
+from qmcjax.sequences._nets import Net as Net
+from qmcjax.sequences._nets import hammersley_net as hammersley_net
+from qmcjax.sequences._nets import larcher_pillichshammer_net as larcher_pillichshammer_net
+from qmcjax.sequences._nets import permutation_net as permutation_net
+from qmcjax.sequences._owen import owen as owen
+from qmcjax.sequences._random import jittered as jittered
+from qmcjax.sequences._random import uniform as uniform

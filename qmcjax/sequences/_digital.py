@@ -1,0 +1,211 @@
+"""Digital sequences in base 2: a coordinate is a matrix over F2 times the bits of the index."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax import checks
+from qmcjax.bits import gray_decode, pascal, reverse
+from qmcjax.sequences._base import BinarySequence
+
+SOBOL_DIMS = 21201
+"""Number of dimensions of Joe and Kuo's table."""
+
+_TABLE_FROM = 4096
+"""Number of indices from which it pays to tabulate the matrix products of all bytes."""
+
+
+def _identity(mirror: Array) -> Array:
+    return mirror
+
+
+def _larcher_sobol(mirror: Array) -> Array:
+    return pascal(gray_decode(mirror))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Digital(BinarySequence):
+    """Coordinate j of point i is C_j times the bits of i, over F2 (thesis Eq. 5.9)."""
+
+    matrices: Array
+    """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
+
+    steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
+    """Products with the first matrices in a few steps, on mirrors."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.matrices.shape[0]
+
+    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+        if all(j < len(self.steps) for j in dims):
+            return jnp.stack([self.steps[j](index) for j in dims], axis=-1)
+        return _product(reverse(self._columns(dims)), index)
+
+    def _bits(self, index: Array, dims: tuple[int, ...]) -> Array:
+        if all(j < len(self.steps) for j in dims):
+            return reverse(self._mirrors(index, dims))
+        return _product(self._columns(dims), index)
+
+    def _columns(self, dims: tuple[int, ...]) -> Array:
+        """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
+        if dims != tuple(range(self.dims)):
+            return self.matrices[np.array(dims)].T
+        return self.matrices.T
+
+
+def _product(columns: Array, index: Array) -> Array:
+    """Xor the columns that the bits of the index select: (32, dims), (...) -> (..., dims)."""
+    if math.prod(index.shape) < _TABLE_FROM:
+        return _selected(columns, index)
+    byte = jax.lax.iota(jnp.uint32, 256)
+    product = jnp.zeros((*index.shape, columns.shape[1]), jnp.uint32)
+    for shift in (0, 8, 16, 24):
+        table = _selected(columns[shift : shift + 8], byte)
+        product = product ^ table[(index >> shift) & np.uint32(255)]
+    return product
+
+
+def _selected(columns: Array, index: Array) -> Array:
+    product = jnp.zeros((*index.shape, columns.shape[1]), jnp.uint32)
+    for k in range(columns.shape[0]):
+        bit = (index >> k) & np.uint32(1)
+        # 0 - 1 wraps to all ones: a mask instead of a comparison and a select.
+        product = product ^ ((np.uint32(0) - bit)[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
+    return product
+
+
+def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:
+    unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
+    return jnp.stack([reverse(step(unit)) for step in steps])
+
+
+def _joe_kuo_matrices(dims: int) -> np.ndarray:
+    """Return the matrices of components 1 to dims - 1 (component 0 is the identity), by Eq. 5.13."""
+    source = resources.files("qmcjax.sequences") / "_data" / "joe_kuo.npz"
+    with source.open("rb") as stream, np.load(stream) as table:
+        polynomials, initial = table["polynomials"][: dims - 1], table["initial"][: dims - 1]
+    polynomials = polynomials.astype(np.uint64)
+    degrees = np.array([int(p).bit_length() - 1 for p in polynomials])
+    matrices = np.zeros((dims - 1, 32), np.uint32)
+    for degree in np.unique(degrees):
+        rows = degrees == degree
+        numbers = np.zeros((rows.sum(), 32), np.uint64)
+        numbers[:, :degree] = initial[rows, :degree]
+        for k in range(degree, 32):
+            oldest = numbers[:, k - degree]
+            number = oldest ^ (oldest << np.uint64(degree))
+            for i in range(1, degree):
+                coefficient = (polynomials[rows] >> np.uint64(degree - i)) & np.uint64(1)
+                number = number ^ (coefficient * (numbers[:, k - i] << np.uint64(i)))
+            numbers[:, k] = number
+        matrices[rows] = numbers << np.arange(31, -1, -1, dtype=np.uint64)
+    return matrices
+
+
+def sobol(dims: int = 2) -> Digital:
+    """Make the Sobol' sequence with the direction numbers of Joe and Kuo.
+
+    The first two components are the (0,2)-sequence of the identity and Pascal's matrix, computed
+    in log steps; the others are looked up in tables made on the fly from their matrices.
+
+    Parameters
+    ----------
+    dims : int
+        In [1, 21201].
+
+    Returns
+    -------
+    Digital
+        Points in the order of the index's binary digits, not in Gray code order.
+
+    Raises
+    ------
+    ValueError
+        If ``dims`` is out of range.
+
+    References
+    ----------
+    .. [1] S. Joe, F. Y. Kuo, "Constructing Sobol sequences with better two-dimensional
+       projections", SIAM J. Sci. Comput. 30, 2008.
+    .. [2] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.1.
+
+    Examples
+    --------
+    >>> print(sobol(3).points(4))
+    [[0.   0.   0.  ]
+     [0.5  0.5  0.5 ]
+     [0.25 0.75 0.75]
+     [0.75 0.25 0.25]]
+    """
+    dims = checks.integer("dims", dims, 1, SOBOL_DIMS)
+    steps = (_identity, pascal)[:dims]
+    matrices = _columns_of(steps)
+    if dims > 2:
+        matrices = jnp.concatenate([matrices, jnp.asarray(_joe_kuo_matrices(dims)[1:])])
+    return Digital(matrices, steps)
+
+
+def larcher_pillichshammer() -> Digital:
+    """Make the (0,2)-sequence of C'1, C'2, whose first component is Larcher and Pillichshammer's.
+
+    Returns
+    -------
+    Digital
+        Two dimensions. The same nets of 2**m first points as the Sobol' sequence, numbered
+        differently; with ``i / 2**m`` as third component a (0,m,3)-net of larger minimum distance.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 5.15 to 5.19.
+
+    Examples
+    --------
+    >>> print(larcher_pillichshammer().points(4))
+    [[0.   0.  ]
+     [0.5  0.5 ]
+     [0.75 0.25]
+     [0.25 0.75]]
+    """
+    steps = (gray_decode, _larcher_sobol)
+    return Digital(_columns_of(steps), steps)
+
+
+def digital(matrices: np.ndarray | Array) -> Digital:
+    """Make the digital sequence of any generator matrices over F2.
+
+    Parameters
+    ----------
+    matrices : uint32 array, shape (dims, 32)
+        Column k of C_j, its first row in bit 31 (thesis [1]_, Sect. 5.2.1).
+
+    Returns
+    -------
+    Digital
+
+    Raises
+    ------
+    ValueError
+        If ``matrices`` has another shape or dtype.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 5.9.
+
+    Examples
+    --------
+    >>> print(digital(sobol(5).matrices).points(2)[1])
+    [0.5 0.5 0.5 0.5 0.5]
+    """
+    if getattr(matrices, "dtype", None) != jnp.uint32 or matrices.ndim != 2 or matrices.shape[1] != 32:
+        found = f"{getattr(matrices, 'dtype', type(matrices).__name__)} {getattr(matrices, 'shape', '')}"
+        raise ValueError(f"matrices must be uint32 of shape (dims, 32), got {found}")
+    return Digital(jnp.asarray(matrices))

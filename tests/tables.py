@@ -1,0 +1,70 @@
+"""The objects that share tests."""
+
+import numpy as np
+
+from qmcjax import orders, samplers, sequences
+
+SEQUENCES = {
+    "van_der_corput(2)": sequences.van_der_corput(),
+    "van_der_corput(7)": sequences.van_der_corput(7),
+    "van_der_corput(65536)": sequences.van_der_corput(65536),
+    "sobol(1)": sequences.sobol(1),
+    "sobol(2)": sequences.sobol(2),
+    "sobol(9)": sequences.sobol(9),
+    "larcher_pillichshammer": sequences.larcher_pillichshammer(),
+    "digital": sequences.digital(sequences.sobol(4).matrices),
+    "halton(3)": sequences.halton(3),
+    "halton(12)": sequences.halton(12),
+    "uniform(3)": sequences.uniform(3, key=7),
+    "jittered(40)": sequences.jittered(40, 2, key=7),
+    "jittered(64)": sequences.jittered(64, 2, key=7),
+    "jittered(16, 3)": sequences.jittered(16, 3, key=7),
+    "hammersley_net(12)": sequences.hammersley_net(12),
+    "larcher_pillichshammer_net(12)": sequences.larcher_pillichshammer_net(12),
+    "permutation_net(11)": sequences.permutation_net(11),
+    "permutation_net(12)": sequences.permutation_net(12),
+    "owen(sobol(2))": sequences.owen(sequences.sobol(2), key=7),
+    "owen(sobol(9))": sequences.owen(sequences.sobol(9), key=7),
+    "owen(permutation_net(12))": sequences.owen(sequences.permutation_net(12), key=7),
+}
+
+ORDERS = {"raster": orders.raster, "morton": orders.morton, "hilbert": orders.hilbert}
+
+NETS = {
+    "hammersley": sequences.hammersley_net,
+    "larcher_pillichshammer": sequences.larcher_pillichshammer_net,
+    "permutation": sequences.permutation_net,
+}
+
+# Four samples in each of 32 x 32 pixels.
+SIDE, SPP = 32, 4
+SAMPLERS = {
+    "independent, owen": samplers.independent(sequences.sobol(2), key=3),
+    "independent, xor": samplers.independent(sequences.sobol(2), key=3, randomize="xor"),
+    "independent, uniform": samplers.independent(sequences.uniform(2, key=1), key=3),
+    "screen, hammersley": samplers.screen(sequences.hammersley_net(12), SIDE, SIDE),
+    "screen, larcher_pillichshammer": samplers.screen(sequences.larcher_pillichshammer_net(12), SIDE, SIDE),
+    "screen, permutation": samplers.screen(sequences.permutation_net(12), SIDE, SIDE),
+    "screen, jittered": samplers.screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
+    "contiguous, hilbert, sobol": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.sobol(2), SPP),
+    "contiguous, morton, owen": samplers.contiguous(
+        orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(3), key=3), SPP
+    ),
+    "contiguous, raster, halton": samplers.contiguous(orders.raster(SIDE, SIDE), sequences.halton(3), SPP),
+}
+
+
+def first(n: int) -> np.ndarray:
+    """Return the first n indices."""
+    return np.arange(n, dtype=np.uint32)
+
+
+def boxes(bits: np.ndarray, m: int, i: int) -> np.ndarray:
+    """Return the number of the elementary interval 2**-i x 2**-(m - i) that each point lies in."""
+    bits = bits.astype(np.uint64)
+    return (bits[:, 0] >> np.uint64(32 - i)) << np.uint64(m - i) | (bits[:, 1] >> np.uint64(32 - m + i))
+
+
+def is_net(bits: np.ndarray, m: int) -> bool:
+    """Tell whether each elementary interval of area 2**-m holds one of the 2**m points, t = 0."""
+    return all(np.all(np.bincount(boxes(bits, m, i).astype(np.int64), minlength=2**m) == 1) for i in range(m + 1))

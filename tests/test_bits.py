@@ -1,0 +1,90 @@
+"""Words: against strings of digits, matrices over F2, and the definition of a nested permutation."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from qmcjax import bits
+
+WORDS = np.random.default_rng(0).integers(0, 2**32, 500, dtype=np.uint32)
+CORNERS = np.array([0, 1, 2, 255, 256, 0x7FFFFFFF, 0x80000000, 0xFFFFFF00, 0xFFFFFF80, 0xFFFFFFFF], np.uint32)
+
+
+def digits(words):
+    """Bit k of each word in column k."""
+    return (words[:, None] >> np.arange(32, dtype=np.uint32)) & 1
+
+
+def words_of(digit_rows):
+    return (digit_rows.astype(np.uint64) << np.arange(32, dtype=np.uint64)).sum(axis=1).astype(np.uint32)
+
+
+def test_reverse_reads_the_digits_backwards():
+    assert bits.reverse(jnp.asarray(WORDS)).tolist() == [int(f"{w:032b}"[::-1], 2) for w in WORDS]
+
+
+PASCAL = np.array([[math.comb(j, i) % 2 for j in range(32)] for i in range(32)])
+
+
+@pytest.mark.parametrize(
+    ("product", "matrix"),
+    [(bits.pascal, PASCAL), (bits.gray_decode, np.triu(np.ones((32, 32), int)))],
+    ids=["pascal", "gray_decode"],
+)
+def test_log_steps_equal_the_matrix_over_f2(product, matrix):
+    expected = words_of(digits(WORDS) @ matrix.T % 2)
+    assert np.array_equal(product(jnp.asarray(WORDS)), expected)
+
+
+def test_gray_encode_inverts_gray_decode():
+    assert np.array_equal(bits.gray_encode(bits.gray_decode(jnp.asarray(WORDS))), WORDS)
+
+
+def test_hash_word_is_a_bijection_with_avalanche():
+    assert len(np.unique(bits.hash_word(jnp.arange(2**20, dtype=jnp.uint32)))) == 2**20
+    base = np.asarray(bits.hash_word(jnp.asarray(WORDS)))
+    for k in range(32):
+        flipped = np.asarray(bits.hash_word(jnp.asarray(WORDS ^ np.uint32(1 << k))))
+        rate = digits(base ^ flipped).mean(axis=0)
+        assert np.all(np.abs(rate - 0.5) < 5 * 0.5 / np.sqrt(len(WORDS)))
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(0, 31))
+def test_owen_hash_is_nested(word, seed, k):
+    """The first k digits of the result depend on the first k digits of the argument only, one to one."""
+    other = word ^ (1 << k)
+    a, b = (int(bits.owen_hash(jnp.uint32(w), jnp.uint32(seed))) for w in (word, other))
+    below = (1 << k) - 1
+    assert (a ^ b) & below == 0
+    assert (a ^ b) >> k & 1 == 1
+
+
+def test_owen_hash_flips_a_digit_by_the_digits_before_it():
+    """Digit 1 is flipped by a coin that depends on digit 0, unlike in a digital shift: half of the time both differ."""
+    seeds = jax.random.bits(jax.random.key(5), (4000,), jnp.uint32)
+    flips = [(bits.owen_hash(jnp.uint32(node), seeds) ^ jnp.uint32(node)) >> 1 & jnp.uint32(1) for node in (0, 1)]
+    coins = np.array(flips, float)
+    bound = 5 * 0.5 / np.sqrt(4000)
+    assert np.all(np.abs(coins.mean(axis=1) - 0.5) < bound)
+    assert abs((coins[0] != coins[1]).mean() - 0.5) < bound
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_to_unit_rounds_down_and_stays_below_one(dtype):
+    words = np.concatenate([WORDS, CORNERS])
+    values = np.asarray(bits.to_unit(jnp.asarray(words), dtype))
+    exact = words / 2.0**32
+    ulp = 2.0**-24 if dtype == jnp.float32 else 2.0**-53
+    assert values.dtype == dtype
+    assert values.max() < 1
+    assert np.all((values <= exact) & (exact - values < ulp))
+
+
+def test_to_unit_refuses_other_dtypes():
+    with pytest.raises(ValueError, match="dtype must be float32 or float64, got .*float16"):
+        bits.to_unit(jnp.uint32(1), jnp.float16)

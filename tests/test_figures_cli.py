@@ -1,0 +1,471 @@
+"""The command line of ``figures``, run as its user would, on small figures written for each test."""
+
+import errno
+import json
+import os
+import pty
+import re
+import signal
+import subprocess
+import sys
+import termios
+import time
+from pathlib import Path
+
+import pytest
+
+from figures import _store
+from figures.__main__ import main
+from figures._catalogue import CATALOGUE, Entry
+from figures._fingerprint import fingerprint, sources
+
+ROOT = Path(__file__).parents[1]
+HEAVY = {"jax", "numpy", "scipy", "matplotlib"}
+
+COMMAND = """
+import json, signal, sys
+from figures.__main__ import main
+from figures._catalogue import Entry
+signal.signal(signal.SIGINT, signal.default_int_handler)
+names = json.load(open("catalogue.json"))
+status = main(sys.argv[1:], {name: Entry(f"fakes.{name}", f"Title of {name}") for name in names})
+print("imported:", {"jax", "numpy", "scipy", "matplotlib"} & set(sys.modules))
+sys.exit(status)
+"""
+
+GOOD = """
+import os
+from pathlib import Path
+from matplotlib.figure import Figure
+from fakes._shared import VALUE
+
+def make(quality, progress):
+    with Path("calls").open("a") as calls:
+        print(__name__.removeprefix("fakes."), file=calls)
+    progress(0.5)
+    numbers = {"measured": VALUE, "printed": [1, 2.5, None], "note": quality}
+    numbers["process"] = [os.getpid(), os.environ["GLIBC_TUNABLES"], os.environ["MPLBACKEND"]]
+    return Figure(figsize=(1, 1)), numbers
+"""
+
+
+class Project:
+    """A folder with a package of figures and the command line on it."""
+
+    def __init__(self, folder, **modules):
+        self.folder = folder
+        self.out = folder / "out"
+        self.write("__init__", "")
+        self.write("_shared", "VALUE = 1")
+        for name, text in modules.items():
+            self.write(name, text)
+        (folder / "catalogue.json").write_text(json.dumps(list(modules)))
+
+    def write(self, module, text):
+        path = self.folder / "fakes" / f"{module}.py"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+
+    def start(self, *arguments, stderr=subprocess.PIPE, **environment):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+        return subprocess.Popen(
+            [sys.executable, "-c", COMMAND, *arguments],
+            cwd=self.folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+            start_new_session=True,
+        )
+
+    def run(self, *arguments, **environment):
+        process = self.start(*arguments, **environment)
+        stdout, stderr = process.communicate(timeout=60)
+        return process.returncode, stdout, stderr
+
+    def numbers(self):
+        return json.loads((self.out / "numbers.json").read_text())
+
+    def calls(self):
+        """Return which figures were made since the last time this was asked."""
+        path = self.folder / "calls"
+        names = path.read_text().split() if path.exists() else []
+        path.unlink(missing_ok=True)
+        return names
+
+    def files(self):
+        return sorted(path.name for path in self.out.iterdir())
+
+
+def wait_for(condition, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.02)
+
+
+def alive(pid):
+    """Whether a process runs; one that ended and was not yet waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize(
+    "arguments, status, said",
+    [
+        (["--list"], 0, "hilbert-1 "),
+        (["--list", "thesis-6.2"], 0, "thesis-6.2  "),
+        (["--help"], 0, "--quality {draft,paper}"),
+        (["thesis_5_21"], 2, "unknown figure 'thesis_5_21': did you mean 'thesis-5.21'?"),
+        (["HILBERT-1"], 2, "did you mean 'hilbert-1'?"),
+        (["thesis-6.1", "??"], 2, f"unknown figure '??': choose from {', '.join(CATALOGUE)}"),
+        (["--jobs", "0"], 2, "--jobs: must be an integer of at least 1, got '0'"),
+        (["--jobs", "-2"], 2, "got '-2'"),
+        (["--jobs", "1.5"], 2, "got '1.5'"),
+        (["--quality", "final"], 2, "invalid choice: 'final'"),
+        (["--out", "file/out"], 2, "--out 'file/out' cannot be written"),
+        (["--out", "file"], 2, "--out 'file' cannot be written"),
+        (["--nonsense"], 2, "--nonsense"),
+    ],
+)
+def test_usage_is_answered_without_numerics(tmp_path, arguments, status, said):
+    """Listings and errors of usage import neither JAX, NumPy, SciPy nor matplotlib, and write nothing."""
+    (tmp_path / "file").write_text("")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONPROFILEIMPORTTIME": "1", "COLUMNS": "200"}
+    command = [sys.executable, "-m", "figures", *arguments]
+    ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=20)
+    imported = set(re.findall(r"^import time:.*\| +(\w+)", ended.stderr, re.MULTILINE))
+    assert "figures" in imported
+    assert not imported & HEAVY
+    assert ended.returncode == status
+    assert said in (ended.stderr if status else ended.stdout)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_folder_that_cannot_be_written_is_found_before_anything_is_computed(tmp_path, monkeypatch, capsys):
+    def refuse(path, data):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(SystemExit, match="2"):
+        main(["--out", str(tmp_path)], {"one": Entry("fakes.missing", "Never imported")})
+    assert "Permission denied" in capsys.readouterr().err
+
+
+def test_only_what_is_missing_or_changed_is_made(tmp_path):
+    project = Project(tmp_path, one=GOOD, two=GOOD.replace("from fakes._shared import VALUE", "VALUE = 2"))
+
+    status, stdout, stderr = project.run()
+    assert (status, stderr) == (0, "")
+    assert re.fullmatch(r"one: \d+\.\d s\ntwo: \d+\.\d s\nimported: set\(\)\n", stdout)
+    assert project.calls() == ["one", "two"]
+    assert project.files() == ["numbers.json", "one.png", "two.png"]
+    first = project.numbers()
+    assert list(first) == ["one", "two"]
+    assert list(first["one"]) == ["title", "quality", "fingerprint", "seconds", "numbers"]
+    assert (first["one"]["title"], first["one"]["quality"]) == ("Title of one", "draft")
+    pid = first["one"]["numbers"].pop("process")
+    assert pid == first["two"]["numbers"]["process"], "one worker makes both"
+    assert pid[1:] == ["glibc.malloc.hugetlb=1", "Agg"]
+    assert first["one"]["numbers"] == {"measured": 1, "printed": [1, 2.5, None], "note": "draft"}
+    picture = (project.out / "one.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert int.from_bytes(picture[16:20], "big") == 150, "one inch at 150 dpi"
+    assert b"tIME" not in picture and b"tEXt" not in picture
+
+    before = (project.out / "numbers.json").read_bytes()
+    assert project.run()[1].startswith("one: up to date\ntwo: up to date\n")
+    assert project.calls() == []
+    assert (project.out / "numbers.json").read_bytes() == before
+
+    (project.out / "one.png").unlink()
+    assert re.match(r"two: up to date\none: \d", project.run()[1])
+    assert project.calls() == ["one"]
+    assert (project.out / "one.png").read_bytes() == picture, "a picture does not depend on when it is made"
+
+    project.write("_shared", "VALUE = 3")
+    assert project.run(GLIBC_TUNABLES="glibc.malloc.check=0")[0] == 0
+    assert project.calls() == ["one"], "two does not import what changed"
+    assert project.numbers()["two"] == first["two"]
+    assert project.numbers()["one"]["numbers"]["measured"] == 3
+    assert project.numbers()["one"]["numbers"]["process"][1] == "glibc.malloc.check=0", "the user's word"
+
+    project.run("two", "two", "--quality", "paper")
+    assert project.calls() == ["two"]
+    assert project.numbers()["two"]["numbers"]["note"] == "paper"
+    assert "one" in project.numbers(), "a subset keeps the others' entries"
+
+    (project.out / "numbers.json").write_text('{"one": {')
+    status, _, stderr = project.run("one")
+    assert status == 0
+    assert re.fullmatch(r"warning: out/numbers.json is taken as empty: .*\n", stderr)
+    assert list(project.numbers()) == ["one"]
+
+    (project.out / "numbers.json").unlink()
+    status, _, stderr = project.run("one")
+    assert status == 0
+    assert re.fullmatch(r"warning: out/numbers.json is taken as empty: .*No such file.*\n", stderr)
+
+
+def test_a_failure_is_told_and_stops_nothing_else(tmp_path):
+    project = Project(
+        tmp_path,
+        broken="def make(quality, progress):\n    raise RuntimeError('the sky fell')",
+        syntax="def make(:",
+        infinite=GOOD.replace("[1, 2.5, None]", "{'m': [0, float('inf')]}"),
+        wrong="def make(quality, progress):\n    return None, {}",
+        dead="import os\ndef make(quality, progress):\n    os._exit(3)",
+        blocked=GOOD,
+        one=GOOD,
+    )
+    (project.out / "blocked.png").mkdir(parents=True)
+    status, stdout, stderr = project.run("--jobs", "2")
+    assert status == 1
+    assert "one: failed" not in stdout and stdout.count(": failed") == 6
+    assert "RuntimeError: the sky fell" in stderr
+    assert "SyntaxError" in stderr
+    assert "ValueError: numbers['printed']['m'][1] must be finite, got inf" in stderr
+    assert "fakes.wrong.make must return a matplotlib Figure and a dict, got (NoneType, dict)" in stderr
+    assert "dead: its process ended with exit status 3" in stderr
+    assert "blocked: cannot be written: [Errno 21] Is a directory" in stderr
+    summary = re.fullmatch("6 of 7 figures failed: (.*)", stderr.splitlines()[-1])
+    assert summary
+    assert set(summary[1].split(", ")) == {"broken", "syntax", "infinite", "wrong", "dead", "blocked"}
+    assert project.files() == ["blocked.png", "numbers.json", "one.png"]
+    assert list(project.numbers()) == ["one"]
+
+
+SLEEPING = """
+import os, time
+from pathlib import Path
+from fakes import one
+
+def make(quality, progress):
+    if Path("slow").exists():
+        Path("started.part").write_text(str(os.getpid()))
+        os.replace("started.part", "started")
+        time.sleep(60)
+    return one.make(quality, progress)
+"""
+
+
+def test_interrupt_keeps_what_is_finished(tmp_path):
+    """Ctrl-C reaches the command and its workers; a second run makes only what was not finished."""
+    project = Project(tmp_path, one=GOOD, two=SLEEPING)
+    (tmp_path / "slow").touch()
+    process = project.start()
+    wait_for((tmp_path / "started").exists)
+    begin = time.monotonic()
+    os.killpg(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=30)
+    assert time.monotonic() - begin < 5
+    assert process.returncode == 130
+    assert stderr == "interrupted: what was finished stays in out\n"
+    assert not alive((tmp_path / "started").read_text())
+    assert project.files() == ["numbers.json", "one.png"]
+    assert list(project.numbers()) == ["one"]
+
+    (tmp_path / "slow").unlink()
+    project.calls()
+    status, stdout, _ = project.run()
+    assert status == 0
+    assert project.calls() == ["one"], "two calls one's make, one itself was up to date"
+    assert re.match(r"one: up to date\ntwo: \d", stdout)
+    assert project.files() == ["numbers.json", "one.png", "two.png"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+def test_workers_end_with_a_killed_command(tmp_path):
+    project = Project(tmp_path, one=GOOD, two=SLEEPING)
+    (tmp_path / "slow").touch()
+    process = project.start("two")
+    wait_for((tmp_path / "started").exists)
+    process.kill()
+    process.communicate(timeout=5)  # until nobody holds its output open
+    assert not alive((tmp_path / "started").read_text())
+
+
+def test_jobs_run_side_by_side(tmp_path):
+    """Each of two figures waits for the other to begin."""
+    meeting = """
+import time
+from pathlib import Path
+from matplotlib.figure import Figure
+
+def make(quality, progress):
+    Path(__name__).touch()
+    end = time.monotonic() + 20
+    while not (Path("fakes.one").exists() and Path("fakes.two").exists()):
+        if time.monotonic() > end:
+            raise RuntimeError("alone")
+        time.sleep(0.02)
+    return Figure(figsize=(1, 1)), {}
+"""
+    project = Project(tmp_path, one=meeting, two=meeting)
+    assert project.run("--jobs", "2")[0] == 0
+    assert project.files() == ["numbers.json", "one.png", "two.png"]
+
+
+def test_progress_moves_within_a_figure_on_a_terminal(tmp_path):
+    slow = """
+import time
+import matplotlib
+from matplotlib.figure import Figure
+
+def make(quality, progress):
+    before = matplotlib.rcParams["lines.linewidth"]
+    matplotlib.rcParams["lines.linewidth"] = 7.0
+    for percent in (0, 20, 60):
+        progress(percent / 100)
+        time.sleep(0.15)
+    return Figure(figsize=(1, 1)), {"width": before}
+"""
+    project = Project(tmp_path, one=slow, two=slow)
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    process = project.start(stderr=theirs)
+    os.close(theirs)
+    shown = b""
+    try:
+        while chunk := os.read(ours, 4096):
+            shown += chunk
+    except OSError as error:  # how a terminal says that nobody writes to it any more
+        assert error.errno == errno.EIO
+    finally:
+        os.close(ours)
+    stdout, _ = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert re.findall(r"^(\w+): \d", stdout, re.MULTILINE) == ["one", "two"]
+    percentages = [int(text) for text in re.findall(rb"(\d+)%\|", shown)]
+    assert percentages == sorted(percentages)
+    assert {10, 30, 50, 60, 80} <= set(percentages)
+    assert b"two" in shown
+    widths = {entry["numbers"]["width"] for entry in project.numbers().values()}
+    assert len(widths) == 1 and 7.0 not in widths, "a figure's parameters are its own"
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """Write a package whose figure reaches modules in several ways, and other files not at all."""
+    files = {
+        "__init__.py": "from tree import _top",
+        "_top.py": "",
+        "figure.py": "import tree.leaf\nfrom tree.sub import name, deep\nfrom . import beside",
+        "leaf.py": "def f():\n    from tree import late",
+        "late.py": "",
+        "beside.py": "from .sub.deeper import x",
+        "other.py": "",
+        "sub/__init__.py": "from ._inner import name",
+        "sub/_inner.py": "name = 1",
+        "sub/deep.py": "from tree import figure",
+        "sub/deeper.py": "x = 1\nfrom ..... import beyond",
+        "sub/table.npz": "1",
+        "sub/data/table.csv": "1",
+        "sub/README.md": "1",
+        "sub/.swap": "1",
+        "sub/out/numbers.json": "{}",
+        "sub/out/figure.png": "1",
+        "sub/unused/__init__.py": "",
+        "sub/unused/table.npz": "1",
+    }
+    for name, text in files.items():
+        path = tmp_path / "tree" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path / "tree"
+
+
+@pytest.mark.parametrize(
+    "file, matters",
+    [
+        ("figure.py", True),
+        ("__init__.py", True),
+        ("_top.py", True),
+        ("leaf.py", True),
+        ("late.py", True),
+        ("beside.py", True),
+        ("sub/__init__.py", True),
+        ("sub/_inner.py", True),
+        ("sub/deep.py", True),
+        ("sub/deeper.py", True),
+        ("sub/table.npz", True),
+        ("sub/data/table.csv", True),
+        ("other.py", False),
+        ("sub/README.md", False),
+        ("sub/.swap", False),
+        ("sub/out/numbers.json", False),
+        ("sub/out/figure.png", False),
+        ("sub/unused/__init__.py", False),
+        ("sub/unused/table.npz", False),
+    ],
+)
+def test_fingerprint_sees_what_is_imported(package, file, matters):
+    before = fingerprint("tree.figure", "draft")
+    assert fingerprint("tree.figure", "draft") == before
+    with (package / file).open("a") as opened:
+        opened.write("\n# changed")
+    assert (fingerprint("tree.figure", "draft") != before) == matters
+    assert "tree" not in sys.modules
+
+
+def test_fingerprint_sees_quality_and_versions(package, monkeypatch):
+    before = fingerprint("tree.figure", "draft")
+    assert fingerprint("tree.figure", "paper") != before
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "0")
+    assert fingerprint("tree.figure", "draft") != before
+
+
+def test_the_command_line_is_no_source_of_a_figure():
+    """What every figure imports, its package, brings in nothing of the machinery."""
+    assert set(sources("figures")) == {"figures"}
+    assert {"qmcjax", "qmcjax.checks"} <= set(sources("qmcjax.checks"))
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"one": 1}', '{"one": {"x": NaN}}', b"\xff"])
+def test_a_damaged_numbers_file_is_recognised_and_replaced(tmp_path, text):
+    path = tmp_path / "numbers.json"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(ValueError):
+        _store.read_numbers(tmp_path)
+    entry = {"numbers": {"π": [1.5, True, None, "Sobol'"]}}
+    _store.record(tmp_path, "two", entry)
+    _store.record(tmp_path, "one", {})
+    assert _store.read_numbers(tmp_path) == {"one": {}, "two": entry}
+
+
+def test_writing_is_all_or_nothing(tmp_path, monkeypatch):
+    path = tmp_path / "one.png"
+    _store.write(path, b"old")
+
+    def interrupt(*paths):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        _store.write(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    "numbers, said",
+    [
+        ({"a": float("nan")}, r"numbers\['a'\] must be finite, got nan"),
+        ({"a": {"b": (0, -float("inf"))}}, r"numbers\['a'\]\['b'\]\[1\] must be finite, got -inf"),
+        ({"a": {2: 1}}, r"the keys of numbers\['a'\] must be strings, got 2"),
+        ({"a": {1}}, r"numbers\['a'\] must be a plain Python value, got \{1\} of type set"),
+        ({"a": 1j}, r"of type complex"),
+    ],
+)
+def test_numbers_that_json_cannot_say_are_named(numbers, said):
+    with pytest.raises(ValueError, match=said):
+        _store.check_numbers(numbers)
+
+
+def test_catalogue_names_figures_of_this_package():
+    for name, entry in CATALOGUE.items():
+        assert entry.module == "figures." + re.sub(r"[-.]", "_", name)
+        assert entry.title == entry.title.strip() and "\n" not in entry.title

@@ -1,0 +1,104 @@
+"""(0,m,2)-nets: elementary intervals, minimum distances in print, and the way back from pixel to index."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import NETS, first, is_net
+
+from qmcjax import sequences
+
+each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
+
+
+@each_net
+@pytest.mark.parametrize("m", range(1, 13))
+def test_elementary_intervals(net, m):
+    """Each of the 2**m dyadic boxes of area 2**-m holds exactly one point, for every shape of box."""
+    bits = np.asarray(net(m).bits(jnp.asarray(first(2**m))))
+    assert is_net(bits, m)
+    assert np.array_equal(bits[:, 0] >> np.uint32(32 - m), first(2**m))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("m", range(14, 23, 2))
+def test_permutation_nets_of_even_m(m):
+    """The thesis reports t = 0 for all even m up to 22."""
+    assert is_net(np.asarray(sequences.permutation_net(m).bits(jnp.asarray(first(2**m)))), m)
+
+
+def printed_permutation_net(m):
+    """Class GenDiag0m2 of the thesis, in Python."""
+    half, n = m // 2, 2**m
+    reverse = [int(f"{k:0{half}b}"[::-1], 2) if half else 0 for k in range(2**half)]
+    if m % 2:
+        dx, starts = half, [(reverse[k] << (m - half)) + k for k in range(2**half)]
+    else:
+        dx = half - 2
+        starts = [(reverse[k] << (m - half)) + (k >> 2) + (1 << dx) for k in range(2**half)]
+    return {((start + (j << dx)) % n, k + (j << half)) for k, start in enumerate(starts) for j in range(2 ** (m - half))}
+
+
+@pytest.mark.parametrize("m", [1, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+def test_permutation_net_equals_the_printed_program(m):
+    points = np.asarray(sequences.permutation_net(m).bits(jnp.asarray(first(2**m)))) >> np.uint32(32 - m)
+    assert set(map(tuple, points.tolist())) == printed_permutation_net(m)
+
+
+def test_permutation_net_of_32_bits():
+    """m = 32 uses every bit of the index: some points of the printed program, inverted by hand."""
+    net = sequences.permutation_net(32)
+    rng = np.random.default_rng(0)
+    k, j = (rng.integers(0, 2**16, 100, dtype=np.uint64) for _ in range(2))
+    reverse = np.array([int(f"{v:016b}"[::-1], 2) for v in k], np.uint64)
+    x = ((reverse << np.uint64(16)) + (k >> np.uint64(2)) + np.uint64(2**14) + (j << np.uint64(14))) % np.uint64(2**32)
+    y = k + (j << np.uint64(16))
+    points = net.bits(jnp.asarray(x.astype(np.uint32)))
+    assert np.array_equal(points, np.stack([x, y], axis=1).astype(np.uint32))
+
+
+@each_net
+@pytest.mark.parametrize("log_side", [0, 1, 3, 5])
+@pytest.mark.parametrize("extra", range(1, 7))
+def test_index_in_cell_inverts_the_net(net, log_side, extra):
+    """All points, once each, in the cells they are asked for in."""
+    m = 2 * log_side + extra
+    points = net(m)
+    assert points.points_per_cell(log_side) == 2**extra
+    side = np.arange(2**log_side, dtype=np.uint32)
+    x, y, sample = (a.ravel() for a in np.meshgrid(side, side, first(2**extra)))
+    index = np.asarray(points.index_in_cell(jnp.asarray(x), jnp.asarray(y), log_side, jnp.asarray(sample)))
+    assert np.array_equal(np.sort(index), first(2**m))
+    cells = np.asarray(points.bits(jnp.asarray(index))).astype(np.uint64) >> np.uint64(32 - log_side)
+    assert np.array_equal(cells, np.stack([x, y], axis=1))
+
+
+@each_net
+@pytest.mark.parametrize("log_side", [1, 2, 5])
+def test_index_in_cell_with_one_point_per_cell(net, log_side):
+    side = np.arange(2**log_side, dtype=np.uint32)
+    x, y = (jnp.asarray(a.ravel()) for a in np.meshgrid(side, side))
+    index = net(2 * log_side).index_in_cell(x, y, log_side, jnp.zeros_like(x))
+    cells = np.asarray(net(2 * log_side).bits(index)).astype(np.uint64) >> np.uint64(32 - log_side)
+    assert np.array_equal(cells, np.stack([x, y], axis=1))
+
+
+@each_net
+def test_index_in_cell_at_the_largest_size(net):
+    """4096 x 4096 cells with 256 points each: all 32 bits."""
+    rng = np.random.default_rng(1)
+    x, y = (jnp.asarray(rng.integers(0, 4096, 1000, dtype=np.uint32)) for _ in range(2))
+    sample = jnp.asarray(rng.integers(0, 256, 1000, dtype=np.uint32))
+    bits = net(32).bits(net(32).index_in_cell(x, y, 12, sample))
+    assert np.array_equal(bits >> 20, jnp.stack([x, y], axis=1))
+
+
+def test_jit_with_the_net_as_argument_keeps_m_static():
+    bits = jax.jit(lambda net: net.bits(jnp.arange(8, dtype=jnp.uint32)))
+    assert np.array_equal(bits(sequences.permutation_net(3)), sequences.permutation_net(3).bits(first(8)))
+
+
+@each_net
+def test_more_cells_than_points_is_an_error(net):
+    with pytest.raises(ValueError, match="m must be at least 8 for one point in each of 16 x 16 cells, got m=7"):
+        net(7).points_per_cell(4)

@@ -1,12 +1,14 @@
 """Errors for mistakes that are known before tracing: each names the argument and its value."""
 
 import operator
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import DTypeLike
 
 INDEX_LIMIT = 2**32
@@ -26,7 +28,7 @@ def integer(name: str, value: Any, low: int, high: int) -> int:
 
 def positive(name: str, value: Any) -> None:
     """Raise a ValueError if ``value`` is known and is not a positive finite number."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         return
     if not np.all(np.isfinite(np.asarray(value))) or not np.all(np.asarray(value) > 0):
         raise ValueError(f"{name} must be positive and finite, got {value!r}")
@@ -45,7 +47,7 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
         found = type(value).__name__ if dtype is None else str(dtype)
         raise ValueError(f"{name} must be uint32, got {found}: cast it, e.g. jnp.arange(n, dtype=jnp.uint32)")
     array = jnp.asarray(value)
-    if limit < INDEX_LIMIT and not isinstance(array, jax.core.Tracer) and array.size:
+    if limit < INDEX_LIMIT and not isinstance(array, Tracer) and array.size:
         largest = int(array.max())
         if largest >= limit:
             raise ValueError(f"{name} must be below {limit}, got {largest}")
@@ -84,3 +86,8 @@ def floating(dtype: DTypeLike) -> np.dtype:
 def broadcast(*arrays: Array) -> tuple[Array, ...]:
     """Broadcast arrays of any ranks together."""
     return tuple(jnp.broadcast_arrays(*arrays))
+
+
+def precision(dtype: DTypeLike) -> AbstractContextManager:
+    """Return the context in which arrays of ``dtype`` can be made, whatever the global x64 flag."""
+    return jax.enable_x64(True) if dtype == jnp.float64 else nullcontext()

@@ -82,7 +82,7 @@ def render(
         )
     sampler.check(width, height, spp)
 
-    with jax.enable_x64(dtype == jnp.float64 or jax.config.jax_enable_x64):
+    with checks.precision(dtype):
         state = _start(scene, width, height, dtype)
         batch = math.gcd(spp, _BATCH)
         per_call = max(1, _CALL // (width * height * batch)) * batch

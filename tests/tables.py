@@ -67,4 +67,6 @@ def boxes(bits: np.ndarray, m: int, i: int) -> np.ndarray:
 
 def is_net(bits: np.ndarray, m: int) -> bool:
     """Tell whether each elementary interval of area 2**-m holds one of the 2**m points, t = 0."""
-    return all(np.all(np.bincount(boxes(bits, m, i).astype(np.int64), minlength=2**m) == 1) for i in range(m + 1))
+    return all(
+        np.all(np.bincount(boxes(bits, m, i).astype(np.int64), minlength=2**m) == 1) for i in range(m + 1)
+    )

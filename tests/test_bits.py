@@ -65,9 +65,11 @@ def test_owen_hash_is_nested(word, seed, k):
 
 
 def test_owen_hash_flips_a_digit_by_the_digits_before_it():
-    """Digit 1 is flipped by a coin that depends on digit 0, unlike in a digital shift: half of the time both differ."""
+    """Digit 1 is flipped by a coin that depends on digit 0, unlike in a digital shift."""
     seeds = jax.random.bits(jax.random.key(5), (4000,), jnp.uint32)
-    flips = [(bits.owen_hash(jnp.uint32(node), seeds) ^ jnp.uint32(node)) >> 1 & jnp.uint32(1) for node in (0, 1)]
+    flips = [
+        (bits.owen_hash(jnp.uint32(node), seeds) ^ jnp.uint32(node)) >> 1 & jnp.uint32(1) for node in (0, 1)
+    ]
     coins = np.array(flips, float)
     bound = 5 * 0.5 / np.sqrt(4000)
     assert np.all(np.abs(coins.mean(axis=1) - 0.5) < bound)
@@ -86,5 +88,5 @@ def test_to_unit_rounds_down_and_stays_below_one(dtype):
 
 
 def test_to_unit_refuses_other_dtypes():
-    with pytest.raises(ValueError, match="dtype must be float32 or float64, got .*float16"):
+    with pytest.raises(ValueError, match=r"dtype must be float32 or float64, got .*float16"):
         bits.to_unit(jnp.uint32(1), jnp.float16)

@@ -36,7 +36,11 @@ def printed_permutation_net(m):
     else:
         dx = half - 2
         starts = [(reverse[k] << (m - half)) + (k >> 2) + (1 << dx) for k in range(2**half)]
-    return {((start + (j << dx)) % n, k + (j << half)) for k, start in enumerate(starts) for j in range(2 ** (m - half))}
+    return {
+        ((start + (j << dx)) % n, k + (j << half))
+        for k, start in enumerate(starts)
+        for j in range(2 ** (m - half))
+    }
 
 
 @pytest.mark.parametrize("m", [1, 3, 4, 5, 6, 7, 8, 9, 10, 11])
@@ -46,12 +50,14 @@ def test_permutation_net_equals_the_printed_program(m):
 
 
 def test_permutation_net_of_32_bits():
-    """m = 32 uses every bit of the index: some points of the printed program, inverted by hand."""
+    """With m = 32 the net uses every bit of the index: some points of the printed program."""
     net = sequences.permutation_net(32)
     rng = np.random.default_rng(0)
     k, j = (rng.integers(0, 2**16, 100, dtype=np.uint64) for _ in range(2))
     reverse = np.array([int(f"{v:016b}"[::-1], 2) for v in k], np.uint64)
-    x = ((reverse << np.uint64(16)) + (k >> np.uint64(2)) + np.uint64(2**14) + (j << np.uint64(14))) % np.uint64(2**32)
+    x = (
+        (reverse << np.uint64(16)) + (k >> np.uint64(2)) + np.uint64(2**14) + (j << np.uint64(14))
+    ) % np.uint64(2**32)
     y = k + (j << np.uint64(16))
     points = net.bits(jnp.asarray(x.astype(np.uint32)))
     assert np.array_equal(points, np.stack([x, y], axis=1).astype(np.uint32))
@@ -100,5 +106,7 @@ def test_jit_with_the_net_as_argument_keeps_m_static():
 
 @each_net
 def test_more_cells_than_points_is_an_error(net):
-    with pytest.raises(ValueError, match="m must be at least 8 for one point in each of 16 x 16 cells, got m=7"):
+    with pytest.raises(
+        ValueError, match="m must be at least 8 for one point in each of 16 x 16 cells, got m=7"
+    ):
         net(7).points_per_cell(4)

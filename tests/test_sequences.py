@@ -53,7 +53,9 @@ def test_random_access_equals_points(seq):
     points = np.asarray(seq.points(N))
     shuffled = np.random.default_rng(1).permutation(first(N))
     assert np.array_equal(seq(jnp.asarray(shuffled)), points[shuffled])
-    assert np.array_equal(seq(jnp.asarray(shuffled.reshape(4, -1))), points[shuffled].reshape(4, -1, seq.dims))
+    assert np.array_equal(
+        seq(jnp.asarray(shuffled.reshape(4, -1))), points[shuffled].reshape(4, -1, seq.dims)
+    )
     assert np.array_equal(seq.points(100, start=1300), points[1300:1400])
     assert np.array_equal(seq(1234), points[1234])
 
@@ -86,7 +88,9 @@ def test_bits_are_the_points(seq):
     exact = np.asarray(seq.bits(index)) / 2.0**32
     assert np.array_equal(exact, seq.points(N, dtype=jnp.float64))
     mirrors = np.asarray(seq.mirrors(index))
-    assert [int(f"{w:032b}"[::-1], 2) for w in mirrors[:9].ravel()] == np.asarray(seq.bits(index))[:9].ravel().tolist()
+    assert [int(f"{w:032b}"[::-1], 2) for w in mirrors[:9].ravel()] == np.asarray(seq.bits(index))[
+        :9
+    ].ravel().tolist()
 
 
 @each_keyed
@@ -137,7 +141,7 @@ def test_neighbouring_indices_are_uncorrelated_in_the_random_part(make):
 
 @pytest.mark.parametrize("dims", [1, 2, 9, 300])
 def test_sobol_equals_scipy_as_sets(dims):
-    """scipy runs through each block of 2**k points in Gray code order."""
+    """In scipy, the sequence runs through each block of 2**k points in Gray code order."""
     ours = np.asarray(sequences.sobol(dims).points(2**10, dtype=jnp.float64))
     gray = first(2**10) ^ (first(2**10) >> 1)
     assert np.array_equal(ours[gray], qmc.Sobol(dims, scramble=False, bits=32).random_base2(10))
@@ -183,7 +187,9 @@ def test_radical_inverse_is_the_exact_fraction_rounded_once(base, dtype):
     if dtype == jnp.float64:
         assert values.tolist() == [float(v) for v in exact]
     else:
-        assert all(abs(Fraction(float(v)) - e) <= Fraction(1, 2**24) for v, e in zip(values, exact, strict=True))
+        assert all(
+            abs(Fraction(float(v)) - e) <= Fraction(1, 2**24) for v, e in zip(values, exact, strict=True)
+        )
     assert values.max() < 1
 
 
@@ -260,9 +266,15 @@ SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
         (lambda: sequences.uniform(2, -1), "key must be an integer .* got -1"),
         (lambda: sequences.uniform(2, "seed"), "key must be one jax.random.key.* got 'seed'"),
         (lambda: sequences.owen(SOBOL, jax.random.split(jax.random.key(0))), "key must be one"),
-        (lambda: sequences.owen(sequences.halton(2), 0), "sequence must be a sequence in base 2 .* got Radical"),
+        (
+            lambda: sequences.owen(sequences.halton(2), 0),
+            "sequence must be a sequence in base 2 .* got Radical",
+        ),
         (lambda: sequences.jittered(0, 2, 0), "side .* got 0"),
-        (lambda: sequences.jittered(65536, 3, 0), r"side\*\*dims must be at most 2\*\*32, got side=65536, dims=3"),
+        (
+            lambda: sequences.jittered(65536, 3, 0),
+            r"side\*\*dims must be at most 2\*\*32, got side=65536, dims=3",
+        ),
         (lambda: sequences.hammersley_net(33), "m .* got 33"),
         (lambda: sequences.larcher_pillichshammer_net(-1), "m .* got -1"),
         (lambda: sequences.permutation_net(0), "m .* got 0"),

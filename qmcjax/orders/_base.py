@@ -3,6 +3,7 @@
 import abc
 from dataclasses import dataclass, field
 
+import jax.numpy as jnp
 from jax import Array
 
 from qmcjax import checks
@@ -76,7 +77,8 @@ class Order(abc.ABC):
 
     def _checked(self, x: Array | int, y: Array | int) -> tuple[Array, Array]:
         columns, rows = self.raster
-        return checks.broadcast(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
+        x, y = jnp.broadcast_arrays(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
+        return x, y
 
 
 @dataclass(frozen=True)

@@ -54,9 +54,10 @@ class Sampler(abc.ABC):
             If an argument is not uint32, or a coordinate is not there.
         """
         wanted = checks.dimensions(dims, self.dims)
-        names = ("x", "y", "sample")
-        words = [checks.unsigned(name, word) for name, word in zip(names, (x, y, sample), strict=True)]
-        return self._values(*checks.broadcast(*words), wanted, checks.floating(dtype))
+        x, y, sample = jnp.broadcast_arrays(
+            checks.unsigned("x", x), checks.unsigned("y", y), checks.unsigned("sample", sample)
+        )
+        return self._values(x, y, sample, wanted, checks.floating(dtype))
 
     @abc.abstractmethod
     def check(self, width: int, height: int, spp: int) -> None:

@@ -46,7 +46,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
         The curve, for one size of image.
     sequence : Sequence
     spp : int
-        Points in the block of a pixel, at least 1. Any number is allowed, powers of the sequence's base are best.
+        Points in the block of a pixel, at least 1. Powers of the sequence's base are best.
 
     Returns
     -------
@@ -71,7 +71,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     spp = checks.integer("spp", spp, 1, 2**32)
     if order.length * spp > sequence.limit:
         raise ValueError(
-            f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions and "
-            f"the sequence {sequence.limit} indices, got {spp}"
+            f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions "
+            f"and the sequence {sequence.limit} indices, got {spp}"
         )
     return Contiguous(order, sequence, spp)

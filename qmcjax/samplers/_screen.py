@@ -106,7 +106,7 @@ def screen(net: Invertible, width: int, height: int) -> Screen:
     >>> from qmcjax import samplers, sequences
     >>> sampler = samplers.screen(sequences.larcher_pillichshammer_net(20), 256, 256)
     >>> print(sampler.spp, sampler(255, 255, 15))
-    16 [0.05859375 0.76953125]
+    16 [0.96875    0.33325195]
     """
     width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
     if not isinstance(net, Invertible):

@@ -11,7 +11,6 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.bits import reverse, to_unit
 
-
 _FEW = 8
 """Up to so many coordinates are computed one by one and stacked last: the compiler then sees one elementwise
 program and fuses it with whatever consumes a coordinate."""
@@ -97,7 +96,7 @@ class Sequence(abc.ABC):
         if start + n > self.limit:
             raise ValueError(f"start + n must be at most {self.limit}, got {start} + {n}")
         dtype = checks.floating(dtype)
-        with jax.enable_x64(dtype == jnp.float64 or jax.config.jax_enable_x64):
+        with checks.precision(dtype):
             return _points(self, jnp.uint32(start), n, dtype)
 
 

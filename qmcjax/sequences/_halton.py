@@ -29,7 +29,7 @@ class RadicalInverses(Sequence):
         return len(self.bases)
 
     def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        with jax.enable_x64(dtype == jnp.float64 or jax.config.jax_enable_x64):
+        with checks.precision(dtype):
             return jnp.stack([radical_inverse(index, self.bases[j], dtype) for j in dims], axis=-1)
 
 

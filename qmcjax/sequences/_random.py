@@ -96,7 +96,7 @@ def _divided(cell: Array, fraction: Array, side: int) -> Array:
     return cell * np.uint32(quotient % 2**32) + carried // divisor + fraction // divisor + lower
 
 
-def _seeds(key: Array, dims: int) -> Array:
+def _seeds(key: Array | int, dims: int) -> Array:
     return jax.random.bits(checks.prng_key("key", key), (dims, 2), jnp.uint32)
 
 

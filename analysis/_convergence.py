@@ -1,0 +1,186 @@
+"""Error and run time of samplers against the number of samples."""
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax import checks
+from qmcjax.render import render
+
+__all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
+
+
+@dataclass(frozen=True)
+class ConvergenceRow:
+    """One image: its error in each region, and the time that it took."""
+
+    sampler: str
+    spp: int
+    errors: dict[str, float]
+    """Root mean square error of each region."""
+    seconds: float
+    """Median of the repeated renderings."""
+    first_seconds: float
+    """The first rendering, with the compilation of what was not compiled before."""
+
+
+@dataclass(frozen=True)
+class ConvergenceTable:
+    """The images of all samplers, in the order of samplers and then of samples per pixel."""
+
+    rows: tuple[ConvergenceRow, ...]
+    bound: float
+    """Of the reference's own error: errors near it are not to be trusted."""
+
+    def errors(self, sampler: str, region: str = "whole") -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Return the numbers of samples per pixel, and the errors, of one sampler in one region."""
+        rows = [row for row in self.rows if row.sampler == sampler]
+        if not rows:
+            known = list(dict.fromkeys(row.sampler for row in self.rows))
+            raise ValueError(f"sampler must be one of {known}, got {sampler!r}")
+        if region not in rows[0].errors:
+            raise ValueError(f"region must be one of {list(rows[0].errors)}, got {region!r}")
+        return np.array([row.spp for row in rows]), np.array([row.errors[region] for row in rows])
+
+    def slope(self, sampler: str, region: str = "whole") -> float:
+        """Return the exponent a of the least-squares fit of error = c * spp^a, in logarithms."""
+        spps, errors = self.errors(sampler, region)
+        if len(spps) < 2 or not np.all(errors > 0):
+            raise ValueError(
+                f"the slope of sampler {sampler!r} needs two or more errors, none zero, got {errors}"
+            )
+        x, y = np.log(spps), np.log(errors)
+        x = x - x.mean()
+        return float((x * y).sum() / (x * x).sum())
+
+
+def convergence(
+    scene: Any,
+    samplers: Mapping[str, Any],
+    spps: Iterable[int],
+    *,
+    width: int = 128,
+    height: int = 128,
+    regions: Mapping[str, Any] | None = None,
+    repeats: int = 3,
+    progress: Callable[[float], None] | None = None,
+) -> ConvergenceTable:
+    """Render a scene with each sampler and number of samples, and measure error and time.
+
+    The error is ``sqrt(mean((I - I_ref)**2))`` over the values of a region: the norm of [1]_,
+    ``||I - I_ref||_2``, divided by the square root of their number, so that it does not depend on
+    the resolution. The reference is computed once.
+
+    Parameters
+    ----------
+    scene : Scene
+        One with a ``reference(width, height)``.
+    samplers : mapping of names to samplers
+        Each is a Sampler, or a function from the samples per pixel to one: nets and contiguous
+        samplers are made for one number of samples.
+    spps : iterable of int
+        Different numbers of samples per pixel, at least 1.
+    width, height : int
+        In [1, 65536].
+    regions : mapping of names to numpy indices, optional
+        What to select from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a
+        mask. Without, the whole image, and its "upper" and "lower" half: the first ``height // 2``
+        rows and the others.
+    repeats : int
+        Renderings to take the median time of, after the first one.
+    progress : callable, optional
+        Called with the finished part in (0, 1] after each image.
+
+    Returns
+    -------
+    ConvergenceTable
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, a region is empty, or a sampler refuses the image size or a
+        number of samples: before anything is computed.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 6.1.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, scenes, sequences
+    >>> jittered = samplers.independent(sequences.sobol(2), key=1)
+    >>> table = convergence(scenes.checkerboard(), {"Owen": jittered}, [4, 16], width=32, height=32)
+    >>> print(table.slope("Owen") < -0.5)
+    True
+    """
+    width = checks.integer("width", width, 1, 2**16)
+    height = checks.integer("height", height, 1, 2**16)
+    repeats = checks.integer("repeats", repeats, 1, 2**16)
+    wanted = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in spps]
+    if not wanted or len(set(wanted)) < len(wanted):
+        raise ValueError(f"spps must be one or more different numbers, got {wanted}")
+    if not samplers:
+        raise ValueError(f"samplers must be one or more, got {samplers!r}")
+    if regions is None:
+        regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
+    _check_regions(regions, width, height)
+    plan = [(name, spp, _sampler(name, made, spp)) for name, made in samplers.items() for spp in wanted]
+    for _, spp, sampler in plan:
+        sampler.check(width, height, spp)
+
+    reference, bound = scene.reference(width, height)
+    rows = []
+    for done, (name, spp, sampler) in enumerate(plan, start=1):
+        first_seconds, image = _timed(scene, sampler, width, height, spp)
+        seconds = statistics.median(_timed(scene, sampler, width, height, spp)[0] for _ in range(repeats))
+        rows.append(ConvergenceRow(name, spp, _errors(image, reference, regions), seconds, first_seconds))
+        if progress is not None:
+            progress(done / len(plan))
+    return ConvergenceTable(tuple(rows), float(np.max(bound)))
+
+
+def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
+    """Raise a ValueError unless there are regions and each selects pixels, without making an image."""
+    if not regions:
+        raise ValueError(f"regions must be one or more, got {regions!r}")
+    pixels = np.broadcast_to(np.bool_(True), (height, width))
+    for name, region in regions.items():
+        try:
+            empty = pixels[region].size == 0
+        except IndexError as error:
+            raise ValueError(f"regions[{name!r}] must select pixels of {width} x {height}: {error}") from None
+        if empty:
+            raise ValueError(f"regions[{name!r}] must select pixels of {width} x {height}, got {region!r}")
+
+
+def _sampler(name: str, made: Any, spp: int) -> Any:
+    """Return a sampler as it is, or make it for this number of samples per pixel."""
+    sampler = made if hasattr(made, "dims") else made(spp)
+    if not hasattr(sampler, "dims"):
+        raise ValueError(
+            f"samplers[{name!r}] must be a sampler or a function that returns one, got {sampler!r}"
+        )
+    return sampler
+
+
+def _timed(scene: Any, sampler: Any, width: int, height: int, spp: int) -> tuple[float, Array]:
+    start = time.perf_counter()
+    image = render(scene, sampler, width, height, spp).block_until_ready()
+    return time.perf_counter() - start, image
+
+
+def _errors(image: Array, reference: NDArray, regions: Mapping[str, Any]) -> dict[str, float]:
+    """Return the root mean square error of each region."""
+    if image.shape != reference.shape:
+        raise ValueError(
+            f"scene must have a reference of the image's shape {image.shape}, got {reference.shape}"
+        )
+    square = np.square(np.asarray(image, np.float64) - reference)
+    return {name: math.sqrt(square[region].mean()) for name, region in regions.items()}

@@ -1,0 +1,88 @@
+"""Thesis Fig. 5.21 and Table 5.1: minimum distances of (0,m,2)-nets in base 2."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+import analysis
+from qmcjax import sequences
+
+# The radicands as printed; some decimals beside them are misprints (the one of sqrt(2) / 2**7, for example).
+PRINTED = {
+    "Hammersley": [2] * 15,
+    "Larcher-Pillichshammer": [2, 5, 8, 18, 32, 72, 128, 265, 512, 1060, 2048, 4153, 8192, 16612, 32768],
+    "permutation": [2, 8, 13, 32, 53, 128, 241, 512, 964, 2048, 3856, 8192, 15424, 32768, 61696],
+}
+NETS = {
+    "Hammersley": sequences.hammersley_net,
+    "Larcher-Pillichshammer": sequences.larcher_pillichshammer_net,
+    "permutation": sequences.permutation_net,
+}
+SIZES = range(2, 17)
+NOTE = (
+    "Squared distances on the integer grid. Permutation nets of even m: with the sheared tiling, whose "
+    "rows are shifted by 2**(m - 2); the plain torus gives the column 'permutation, not sheared'. m = 2 is the "
+    "Hammersley net: the construction starts at m = 4. The column of optimised matrices is not reproduced."
+)
+
+
+def _squared(name: str, m: int, sheared: bool) -> int:
+    index = jnp.arange(2**m, dtype=jnp.uint32)
+    points = np.asarray(NETS[name](m).bits(index)) >> np.uint32(32 - m)
+    return analysis.squared_min_distance(points, side=2**m, shear=2 ** (m - 2) if sheared else 0)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure the nets and plot the distances over m, with the table below."""
+    del quality  # Exact, and quick at full size.
+    measured: dict[str, list[int]] = {name: [] for name in (*NETS, "permutation, not sheared")}
+    for m in SIZES:
+        for name in NETS:
+            measured[name].append(_squared(name, m, sheared=name == "permutation" and m % 2 == 0 and m > 2))
+        measured["permutation, not sheared"].append(_squared("permutation", m, sheared=False))
+        progress((m - 1) / len(SIZES))
+
+    figure = Figure(figsize=(10, 10.5), layout="constrained")
+    upper, lower = figure.subplots(2, 1, height_ratios=[1.2, 1])
+    for (name, values), marker in zip(measured.items(), "ov^x", strict=True):
+        style = ":" if "not" in name else "-"
+        upper.semilogy(SIZES, np.sqrt(values) / 2.0 ** np.array(SIZES), style, marker=marker, label=name)
+    upper.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance on the unit square")
+    upper.set_title("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21)")
+    upper.grid(alpha=0.3)
+    upper.legend()
+    _draw_table(lower, measured)
+    numbers = {
+        "measured": {
+            name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in measured.items()
+        },
+        "printed": {
+            name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in PRINTED.items()
+        },
+        "equal": {name: measured[name] == PRINTED[name] for name in PRINTED},
+        "note": NOTE,
+    }
+    return figure, numbers
+
+
+def _draw_table(axes, measured: dict[str, list[int]]) -> None:
+    axes.axis("off")
+    rows = []
+    for k, m in enumerate(SIZES):
+        row = [str(m)]
+        for name, values in measured.items():
+            printed = PRINTED[name][k] if name in PRINTED else values[k]
+            agrees = "" if printed == values[k] else f"  (printed: {printed})"
+            row.append(rf"$\sqrt{{{values[k]}}}/2^{{{m}}} = {np.sqrt(values[k]) / 2**m:.8f}${agrees}")
+        rows.append(row)
+    table = axes.table(
+        rows, colLabels=["m", *measured], colWidths=[0.05, 0.22, 0.25, 0.24, 0.24], loc="center"
+    )
+    table.auto_set_font_size(False)
+    table.set_fontsize(8)
+    table.scale(1, 1.05)
+    axes.set_title(
+        "Table 5.1, measured (where it differs from print, the printed radicand follows)", fontsize=10
+    )

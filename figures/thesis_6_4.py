@@ -1,0 +1,30 @@
+"""Thesis Fig. 6.4: convergence on the zone plate."""
+
+from collections.abc import Callable
+
+from matplotlib.figure import Figure
+
+from figures import _screens
+from qmcjax import scenes
+
+
+def _claims(errors: dict) -> dict[str, bool]:
+    whole = {name: of_region["whole"] for name, of_region in errors.items()}
+    last = range(5, len(whole["permutation"]))  # Beyond 256 = 4**4 samples per pixel.
+    return {
+        "Larcher-Pillichshammer best up to 256 samples per pixel": all(
+            min(whole, key=lambda name: whole[name][k]) == "Larcher-Pillichshammer" for k in range(5)
+        ),
+        "permutation net best beyond 256 samples per pixel": all(
+            min(whole, key=lambda name: whole[name][k]) == "permutation" for k in last
+        ),
+        "Hammersley in parts worse than the jittered grid": any(
+            a > b for a, b in zip(whole["Hammersley"], whole["jittered grid"], strict=True)
+        ),
+    }
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
+    title = "Convergence on the zone plate (thesis Fig. 6.4)"
+    return _screens.convergence(scenes.zone_plate(), title, _claims, quality, progress)

@@ -1,0 +1,128 @@
+"""Orders: bijections of the padded raster, their locality, and independent definitions."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import ORDERS, first
+
+from qmcjax import orders
+
+each_order = pytest.mark.parametrize("make", ORDERS.values(), ids=ORDERS.keys())
+
+
+def pixels(order):
+    """Pixels along the curve, one row each."""
+    return np.stack(order.pixel(jnp.asarray(first(order.length))), axis=1).astype(np.int64)
+
+
+@each_order
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (5, 3), (3, 5), (64, 64), (512, 512)])
+def test_bijection(make, size):
+    """Every pixel of the padded raster has one position; ``pixel`` and ``position`` invert each other."""
+    order = make(*size)
+    curve = pixels(order)
+    columns, rows = order.raster
+    assert columns >= size[0] and rows >= size[1]
+    assert order.length == columns * rows == len(np.unique(curve[:, 0] + columns * curve[:, 1]))
+    assert np.array_equal(
+        order.position(*(jnp.asarray(c.astype(np.uint32)) for c in curve.T)), first(order.length)
+    )
+
+
+@each_order
+def test_bijection_at_the_largest_size(make):
+    order = make(2**16, 2**16)
+    assert order.length == 2**32
+    rng = np.random.default_rng(0)
+    position = jnp.asarray(rng.integers(0, 2**32, 10**5, dtype=np.uint32))
+    assert np.array_equal(order.position(*order.pixel(position)), position)
+    x, y = (jnp.asarray(rng.integers(0, 2**16, 10**5, dtype=np.uint32)) for _ in range(2))
+    assert np.array_equal(jnp.stack(order.pixel(order.position(x, y))), jnp.stack([x, y]))
+
+
+@pytest.mark.parametrize("k", range(1, 10))
+def test_hilbert_takes_unit_steps_between_two_corners(k):
+    curve = pixels(orders.hilbert(2**k, 2**k))
+    assert np.all(np.abs(np.diff(curve, axis=0)).sum(axis=1) == 1)
+    assert curve[0].tolist() == [0, 0]
+    assert curve[-1].tolist() == [2**k - 1, 0]
+
+
+def test_hilbert_takes_unit_steps_at_the_largest_size():
+    order = orders.hilbert(2**16, 2**16)
+    start = np.random.default_rng(1).integers(0, 2**32 - 1, 10**5, dtype=np.uint32)
+    here, there = (
+        np.stack(order.pixel(jnp.asarray(p))).astype(np.int64) for p in (start, start + np.uint32(1))
+    )
+    assert np.all(np.abs(here - there).sum(axis=0) == 1)
+
+
+def test_hilbert_equals_its_grammar():
+    """Four copies of the smaller curve: transposed, twice as it is, transposed about the other diagonal."""
+    curve = np.array([[0, 0]])
+    for k in range(6):
+        side, (x, y) = 2**k, curve.T
+        parts = [(y, x), (x, y + side), (x + side, y + side), (2 * side - 1 - y, side - 1 - x)]
+        curve = np.concatenate([np.stack(part, axis=1) for part in parts])
+        assert np.array_equal(pixels(orders.hilbert(2 * side, 2 * side)), curve)
+
+
+def test_morton_interleaves_digits():
+    x, y = first(64), first(64)[::-1]
+    expected = [
+        int("".join(b + a for a, b in zip(f"{u:06b}", f"{v:06b}", strict=True)), 2)
+        for u, v in zip(x, y, strict=True)
+    ]
+    assert orders.morton(64, 64).position(jnp.asarray(x), jnp.asarray(y.copy())).tolist() == expected
+
+
+@pytest.mark.parametrize("make", [orders.morton, orders.hilbert], ids=["morton", "hilbert"])
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_aligned_blocks_hold_aligned_runs(make, k):
+    """The quadtree property; raster order does not have it."""
+    y, x = np.mgrid[0:32, 0:32].astype(np.uint32)
+    position = np.asarray(make(32, 32).position(jnp.asarray(x), jnp.asarray(y)))
+    blocks = (position >> np.uint32(2 * k)).reshape(32 >> k, 2**k, 32 >> k, 2**k)
+    assert np.all(blocks == blocks[:, :1, :, :1])
+
+
+@each_order
+def test_any_shape_broadcasts_and_jit_and_vmap_agree(make):
+    order = make(20, 12)
+    row, column = jnp.arange(12, dtype=jnp.uint32), jnp.arange(20, dtype=jnp.uint32)
+    table = order.position(column[None, :], row[:, None])
+    assert table.shape == (12, 20)
+    assert np.array_equal(
+        jax.jit(lambda o, x, y: o.position(x, y))(order, column[None, :], row[:, None]), table
+    )
+    assert np.array_equal(jax.vmap(lambda y: order.position(column, y))(row), table)
+    assert order.position(3, 2) == table[2, 3]
+
+
+@each_order
+@pytest.mark.parametrize(
+    ("size", "message"),
+    [
+        ((0, 4), r"width must be an integer in \[1, 65536\], got 0"),
+        ((4, -1), "height .* got -1"),
+        ((65537, 4), "width .* got 65537"),
+        ((4.0, 4), "width .* got 4.0"),
+    ],
+)
+def test_bad_sizes_are_named(make, size, message):
+    with pytest.raises(ValueError, match=message):
+        make(*size)
+
+
+@each_order
+def test_bad_pixels_and_positions_are_named(make):
+    order = make(4, 4)
+    with pytest.raises(ValueError, match=r"x must be an integer .* got 4"):
+        order.position(4, 0)
+    with pytest.raises(ValueError, match="y must be below 4, got 9"):
+        order.position(0, np.array([1, 9], np.uint32))
+    with pytest.raises(ValueError, match=r"position must be an integer .* got 16"):
+        order.pixel(16)
+    with pytest.raises(ValueError, match="position must be uint32, got int64"):
+        order.pixel(np.arange(3))

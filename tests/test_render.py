@@ -1,0 +1,174 @@
+"""The way from scene and sampler to image."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import SAMPLERS, SIDE, SPP, first
+
+import qmcjax as qj
+from qmcjax import orders, samplers, sequences
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Plane:
+    """A plug-in scene, linear in the pixel and in time, in three channels."""
+
+    slope: jax.Array
+    needs = ("x", "y", "time")
+
+    def __call__(self, point):
+        x, y, time = point[..., 0], point[..., 1], point[..., 2]
+        return jnp.stack([self.slope * x, y, time], axis=-1)
+
+
+PLANE = Plane(jnp.float32(0.5))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Tenth:
+    """A value that no binary fraction sums exactly."""
+
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return jnp.full(point.shape[:-1], 0.1, point.dtype)
+
+
+def brute_force(scene, sampler, width, height, spp):
+    """Return the mean over the samples, in float64, point by point as in the design."""
+    y, x, sample = np.meshgrid(first(height), first(width), first(spp), indexing="ij")
+    x, y, sample = (jnp.asarray(a) for a in (x, y, sample))
+    drawn = np.asarray(sampler(x, y, sample, tuple(range(len(scene.needs)))), np.float32)
+    drawn[..., 0] = (np.asarray(x) + drawn[..., 0]) * np.float32(1 / width)
+    drawn[..., 1] = (np.asarray(y) + drawn[..., 1]) * np.float32(1 / height)
+    return np.asarray(scene(jnp.asarray(drawn)), np.float64).mean(axis=2)
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS.values(), ids=SAMPLERS.keys())
+def test_image_is_the_mean_of_the_samples(sampler):
+    scene = qj.scenes.zone_plate(30.0)
+    image = qj.render(scene, sampler, SIDE, SIDE, SPP)
+    assert image.shape == (SIDE, SIDE)
+    assert image.dtype == jnp.float32
+    np.testing.assert_allclose(image, brute_force(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize("size", [(32, 32), (20, 9), (1, 7)])
+@pytest.mark.parametrize("spp", [1, 3, 4, 6, 16])
+def test_colours_more_dimensions_and_any_size_and_count(size, spp):
+    width, height = size
+    sampler = samplers.contiguous(orders.hilbert(width, height), sequences.halton(5), spp)
+    image = qj.render(PLANE, sampler, width, height, spp)
+    assert image.shape == (height, width, 3)
+    np.testing.assert_allclose(image, brute_force(PLANE, sampler, width, height, spp), rtol=0, atol=1e-6)
+
+
+def test_image_y_x_is_pixel_x_y():
+    sampler = samplers.contiguous(orders.raster(8, 4), sequences.halton(3), 64)
+    image = np.asarray(qj.render(PLANE, sampler, 8, 4, 64))
+    np.testing.assert_allclose(image[0, :, 0], 0.5 * (np.arange(8) + 0.5) / 8, atol=2e-3)
+    np.testing.assert_allclose(image[:, 0, 1], (np.arange(4) + 0.5) / 4, atol=4e-3)
+
+
+def test_sums_are_compensated():
+    """2**17 additions of 0.1: plain float32 sums lose four digits."""
+    spp = 2**17
+    sampler = samplers.independent(sequences.sobol(2), key=0)
+    image = np.asarray(qj.render(Tenth(), sampler, 2, 1, spp))
+    np.testing.assert_array_max_ulp(image, np.full((1, 2), 0.1, np.float32), maxulp=1)
+    naive = np.float32(0)
+    for partial in np.full(spp, 0.1, np.float32):
+        naive += partial
+    assert abs(naive / spp - 0.1) > 1e-5
+
+
+def test_float64_on_request():
+    scene = qj.scenes.zone_plate()
+    sampler = SAMPLERS["contiguous, hilbert, sobol"]
+    double = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=jnp.float64)
+    assert double.dtype == jnp.float64
+    assert not jax.config.jax_enable_x64
+    single = qj.render(scene, sampler, SIDE, SIDE, SPP)
+    assert 0 < np.max(np.abs(np.asarray(single) - np.asarray(double))) < 1e-3
+
+
+def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
+    from importlib import import_module
+
+    scene, sampler, parts = qj.scenes.zone_plate(), samplers.independent(sequences.sobol(2), key=0), []
+    whole = qj.render(scene, sampler, 16, 16, 48)
+    monkeypatch.setattr(import_module("qmcjax.render"), "_CALL", 16 * 16 * 16)
+    split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
+    assert parts == [16 / 48, 32 / 48, 1.0]
+    assert np.array_equal(whole, split)
+
+
+def test_one_trace_per_shape():
+    """New keys, new scene parameters and more samples with the same divisors do not compile again."""
+    traces = []
+
+    @jax.tree_util.register_dataclass
+    @dataclass(frozen=True)
+    class Counted:
+        level: jax.Array
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            traces.append(1)
+            return point[..., 0] * self.level
+
+    def run(key, level, spp):
+        qj.render(Counted(jnp.float32(level)), samplers.independent(sequences.sobol(2), key), 8, 8, spp)
+
+    run(0, 1.0, 8)
+    once = len(traces)
+    run(1, 2.0, 8)
+    run(2, 3.0, 64)
+    shape_only = 2  # each further call asks for the shape of the values once
+    assert len(traces) == once + shape_only
+
+
+def test_gradient_through_scene_parameters():
+    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(3), 4)
+    slope = jax.grad(lambda a: qj.render(Plane(a), sampler, 8, 8, 4)[..., 0].sum())(jnp.float32(0.5))
+    points = brute_force(Plane(jnp.float32(1)), sampler, 8, 8, 4)[..., 0]
+    assert float(slope) == pytest.approx(points.sum(), rel=1e-5)
+
+
+SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]
+SCENE = qj.scenes.zone_plate()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: qj.render(SCENE, SAMPLER, 0, 32, 4), r"width must be an integer in \[1, 65536\], got 0"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, -2, 4), "height .* got -2"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 0), "spp must be an integer .* got 0"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 2.5), "spp must be an integer .* got 2.5"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 5), "spp must be at most 4 .* got 5"),
+        (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the order's 32 x 32, got 16 x 16"),
+        (lambda: qj.render(SCENE, SAMPLERS["screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
+        (
+            lambda: qj.render(SCENE, SAMPLERS["screen, hammersley"], 32, 16, 4),
+            "must be the net's 32 x 32, got 32 x 16",
+        ),
+        (
+            lambda: qj.render(PLANE, SAMPLER, 32, 32, 4),
+            r"must have the 3 dimensions .* got 2: \('time',\) are missing",
+        ),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 4, dtype=jnp.float16), "dtype must be .* got .*float16"),
+        (
+            lambda: qj.render(SCENE, samplers.independent(sequences.hammersley_net(3), 0), 4, 4, 9),
+            "spp must be at most 8 for this sequence, got 9",
+        ),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

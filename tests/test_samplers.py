@@ -1,0 +1,205 @@
+"""Samplers: which point goes to which sample of which pixel."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import NETS, SAMPLERS, SIDE, SPP, first, is_net
+
+from qmcjax import orders, samplers, sequences
+
+each_sampler = pytest.mark.parametrize("sampler", SAMPLERS.values(), ids=SAMPLERS.keys())
+each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
+
+
+def all_samples(side=SIDE, spp=SPP):
+    """Every x, y, sample of a square image, flat."""
+    y, x, sample = np.meshgrid(first(side), first(side), first(spp), indexing="ij")
+    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
+
+
+@each_sampler
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_points_are_in_the_half_open_square(sampler, dtype):
+    points = np.asarray(sampler(*all_samples(), dtype=dtype))
+    assert points.shape == (SIDE * SIDE * SPP, 2)
+    assert points.dtype == dtype
+    assert points.min() >= 0
+    assert points.max() < 1
+
+
+@each_sampler
+def test_any_pixel_any_sample_on_its_own(sampler):
+    """Backwards, one by one, under jit and vmap: the same points."""
+    x, y, sample = all_samples()
+    points = np.asarray(sampler(x, y, sample))
+    assert np.array_equal(sampler(x[::-1], y[::-1], sample[::-1]), points[::-1])
+    assert np.array_equal(sampler(int(x[77]), int(y[77]), int(sample[77])), points[77])
+    assert np.array_equal(jax.jit(lambda s, *a: s(*a))(sampler, x, y, sample), points)
+    assert np.array_equal(jax.vmap(sampler)(x[:200], y[:200], sample[:200]), points[:200])
+
+
+@each_sampler
+def test_arguments_broadcast(sampler):
+    side, sample = jnp.asarray(first(SIDE)), jnp.asarray(first(SPP))
+    points = sampler(side[None, :, None], side[:, None, None], sample)
+    assert points.shape == (SIDE, SIDE, SPP, 2)
+    assert np.array_equal(points.reshape(-1, 2), sampler(*all_samples()))
+
+
+@each_sampler
+def test_wanted_dimensions_are_columns(sampler):
+    both = np.asarray(sampler(*all_samples()))
+    assert np.array_equal(sampler(*all_samples(), dims=(1,)), both[:, 1:])
+    assert np.array_equal(sampler(*all_samples(), dims=(1, 0)), both[:, ::-1])
+
+
+def test_only_wanted_dimensions_are_computed():
+    """The program for 2 of 9 dimensions is no larger than that of a sampler that has only 2."""
+
+    def operations(dims):
+        sampler = samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.halton(dims), SPP)
+        jaxpr = jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*all_samples())
+        return len(jaxpr.eqns)
+
+    assert operations(9) == operations(2)
+
+
+@each_net
+@pytest.mark.parametrize("spp", [1, 2, 4, 8, 16])
+def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
+    """All points of the net, spp in each pixel, with pixel and offset put together again on integers."""
+    log_side = 4
+    points = net(2 * log_side + spp.bit_length() - 1)
+    sampler = samplers.screen(points, 16, 16)
+    assert sampler.spp == spp
+    x, y, sample = all_samples(16, spp)
+    inside = np.asarray(sampler(x, y, sample, dtype=jnp.float64))
+    whole = (np.stack([x, y], axis=1) + inside) / 16
+    assert sorted(map(tuple, whole.tolist())) == sorted(
+        map(tuple, points.points(points.size, dtype=jnp.float64).tolist())
+    )
+
+
+@each_net
+def test_screen_keeps_full_precision_at_4096(net):
+    """32-bit coordinates: 20 bits inside the pixel. In float32 the sum would keep 12 (thesis 5.2.4)."""
+    sampler = samplers.screen(net(32), 4096, 4096)
+    rng = np.random.default_rng(5)
+    x, y = (jnp.asarray(rng.integers(0, 4096, 2000, dtype=np.uint32)) for _ in range(2))
+    sample = jnp.asarray(rng.integers(0, 256, 2000, dtype=np.uint32))
+    index = net(32).index_in_cell(x, y, 12, sample)
+    exact = np.asarray(net(32).bits(index)).astype(object) - np.stack([x, y], axis=1).astype(object) * 2**20
+    assert exact.min() >= 0
+    assert exact.max() < 2**20
+    assert np.array_equal(np.asarray(sampler(x, y, sample), np.float64) * 2**20, exact.astype(np.float64))
+
+
+def test_screen_covers_an_image_of_any_size_by_the_next_square():
+    sampler = samplers.screen(sequences.hammersley_net(12), 20, 9)
+    assert sampler.spp == 4
+    whole = samplers.screen(sequences.hammersley_net(12), 32, 32)
+    assert np.array_equal(sampler(19, 8, 3), whole(19, 8, 3))
+
+
+def test_screen_of_a_jittered_grid_jitters_every_pixel():
+    sampler = SAMPLERS["screen, jittered"]
+    points = np.asarray(sampler(*all_samples())).reshape(-1, SPP, 2)
+    cells = (points * 2).astype(int)
+    assert np.array_equal(
+        np.sort(cells[..., 0] + 2 * cells[..., 1], axis=1), np.tile(np.arange(4), (SIDE**2, 1))
+    )
+    within = (points * 2 - cells).reshape(-1)
+    assert abs(within.mean() - 0.5) < 5 / np.sqrt(12 * within.size)
+    assert len(np.unique(within)) > 0.99 * within.size
+
+
+@pytest.mark.parametrize(
+    "name", ["contiguous, hilbert, sobol", "contiguous, morton, owen", "contiguous, raster, halton"]
+)
+def test_contiguous_blocks_follow_the_curve(name):
+    sampler = SAMPLERS[name]
+    x, y, sample = all_samples()
+    index = np.asarray(sampler.order.position(x, y)) * SPP + np.asarray(sample)
+    points = np.asarray(sampler.sequence.points(SIDE * SIDE * SPP))
+    assert np.array_equal(sampler(x, y, sample), points[index, :2])
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["contiguous, hilbert, sobol", "contiguous, morton, owen", "independent, owen", "independent, xor"],
+)
+def test_the_points_of_each_pixel_are_a_net(name):
+    bits = np.asarray(SAMPLERS[name](*all_samples(), dtype=jnp.float64)) * 2.0**32
+    for pixel in bits.astype(np.uint32).reshape(-1, SPP, 2)[:100]:
+        assert is_net(pixel, 2)
+
+
+@pytest.mark.parametrize("randomize", ["owen", "xor"])
+def test_independent_pixels_are_uniform_and_uncorrelated(randomize):
+    sampler = samplers.independent(sequences.sobol(2), key=2, randomize=randomize)
+    side = jnp.asarray(first(64))
+    points = np.asarray(sampler(side[None, :], side[:, None], jnp.uint32(1)), np.float64) - 0.5
+    sigma = 1 / 12 / 64
+    for other in (
+        points[..., ::-1],
+        np.roll(points, 1, axis=0),
+        np.roll(points, 1, axis=1),
+        points.swapaxes(0, 1),
+    ):
+        shared = points * other
+        if other is points.swapaxes(0, 1):
+            shared = shared[~np.eye(64, dtype=bool)]
+        assert np.all(np.abs(shared.mean(axis=(0, 1))) < 5 * sigma * np.sqrt(2))
+    assert np.all(np.abs(points.mean(axis=(0, 1))) < 5 / np.sqrt(12) / 64)
+
+
+def test_a_new_key_gives_new_points_without_a_new_trace():
+    traces = []
+
+    @jax.jit
+    def points(sampler):
+        traces.append(1)
+        return sampler(*all_samples())
+
+    make = lambda key: samplers.independent(sequences.sobol(2), key)  # noqa: E731
+    a, b = points(make(0)), points(make(jax.random.key(1)))
+    assert len(traces) == 1
+    assert np.mean(a == b) < 0.01
+
+
+HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: samplers.contiguous(HILBERT, SOBOL, 0), "spp must be an integer .* got 0"),
+        (lambda: samplers.contiguous(HILBERT, SOBOL, 257), "spp must be at most 256: .* got 257"),
+        (
+            lambda: samplers.contiguous(orders.raster(4, 4), sequences.hammersley_net(6), 5),
+            "spp must be at most 4: the curve has 16 positions and the sequence 64 indices, got 5",
+        ),
+        (lambda: samplers.screen(sequences.hammersley_net(7), 16, 16), "m must be at least 8 .* got m=7"),
+        (lambda: samplers.screen(sequences.hammersley_net(8), 17, 2), "m must be at least 10 .* got m=8"),
+        (lambda: samplers.screen(sequences.hammersley_net(8), 0, 2), "width .* got 0"),
+        (lambda: samplers.screen(SOBOL, 2, 2), "net must be invertible .* got Digital"),
+        (
+            lambda: samplers.screen(sequences.jittered(40, 2, 0), 16, 16),
+            "side must be a multiple of 16 and dims 2 .* got side=40, dims=2",
+        ),
+        (lambda: samplers.independent(sequences.halton(2), 0), "sequence must be .* base 2 .* got Radical"),
+        (
+            lambda: samplers.independent(SOBOL, 0, "scramble"),
+            r"randomize must be one of \['owen', 'xor'\], got 'scramble'",
+        ),
+        (lambda: samplers.independent(SOBOL, None), "key must be one .* got None"),
+        (lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)), r"dims must be .* got \[2\]"),
+        (lambda: samplers.independent(SOBOL, 0)(0, 0, np.arange(3)), "sample must be uint32, got int64"),
+        (lambda: samplers.independent(SOBOL, 0)(0.5, 0, 0), "x must be uint32, got float"),
+        (lambda: samplers.independent(SOBOL, 0)(0, -1, 0), "y must be an integer .* got -1"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -23,8 +23,9 @@ NETS = {
 SIZES = range(2, 17)
 NOTE = (
     "Squared distances on the integer grid. Permutation nets of even m: with the sheared tiling, whose "
-    "rows are shifted by 2**(m - 2); the plain torus gives the column 'permutation, not sheared'. m = 2 is the "
-    "Hammersley net: the construction starts at m = 4. The column of optimised matrices is not reproduced."
+    "rows are shifted by 2**(m - 2); the plain torus gives the column 'permutation, not sheared'. For m = 2 "
+    "it is the Hammersley net: the construction starts at m = 4. The column of optimised matrices is not "
+    "reproduced."
 )
 
 

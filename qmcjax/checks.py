@@ -83,11 +83,6 @@ def floating(dtype: DTypeLike) -> np.dtype:
     return np.dtype(dtype)
 
 
-def broadcast(*arrays: Array) -> tuple[Array, ...]:
-    """Broadcast arrays of any ranks together."""
-    return tuple(jnp.broadcast_arrays(*arrays))
-
-
 def precision(dtype: DTypeLike) -> AbstractContextManager:
     """Return the context in which arrays of ``dtype`` can be made, whatever the global x64 flag."""
     return jax.enable_x64(True) if dtype == jnp.float64 else nullcontext()

@@ -87,10 +87,8 @@ def test_bits_are_the_points(seq):
     index = jnp.asarray(first(N))
     exact = np.asarray(seq.bits(index)) / 2.0**32
     assert np.array_equal(exact, seq.points(N, dtype=jnp.float64))
-    mirrors = np.asarray(seq.mirrors(index))
-    assert [int(f"{w:032b}"[::-1], 2) for w in mirrors[:9].ravel()] == np.asarray(seq.bits(index))[
-        :9
-    ].ravel().tolist()
+    mirror = np.asarray(seq.mirror(index[:20], 0))
+    assert [int(f"{w:032b}"[::-1], 2) for w in mirror] == np.asarray(seq.bits(index))[:20, 0].tolist()
 
 
 @each_keyed

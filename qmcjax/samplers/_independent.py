@@ -41,7 +41,7 @@ class Independent(Sampler):
         return jnp.stack([self._coordinate(x, y, sample, j, dtype) for j in dims], axis=-1)
 
     def _coordinate(self, x: Array, y: Array, sample: Array, dim: int, dtype: DTypeLike) -> Array:
-        mirror = self.sequence.mirrors(sample, (dim,))[..., 0]
+        mirror = self.sequence.mirror(sample, dim)
         seed = hash_word(hash_word(x ^ self.seeds[dim, 0]) + y ^ self.seeds[dim, 1])
         return to_unit(reverse(self.randomizer(mirror, seed)), dtype)
 

@@ -23,8 +23,8 @@ class Invertible(Protocol):
         """Number of coordinates."""
         ...
 
-    def bits(self, index: Array, dims: tuple[int, ...]) -> Array:
-        """Return exact 32-bit fractions."""
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
         ...
 
     def points_per_cell(self, log_side: int) -> int:
@@ -64,8 +64,8 @@ class Screen(Sampler):
         index = self.net.index_in_cell(x, y, self.log_side, sample)
         # The leading bits of the first two coordinates are the pixel: shifted out, what is left has
         # its full precision at any resolution.
-        bits = [self.net.bits(index, (j,))[..., 0] << (self.log_side if j < 2 else 0) for j in dims]
-        return jnp.stack([to_unit(word, dtype) for word in bits], axis=-1)
+        words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]
+        return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the image, and the number of samples, of the net."""

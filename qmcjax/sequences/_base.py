@@ -11,15 +11,15 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.bits import reverse, to_unit
 
-_FEW = 8
-"""Up to so many coordinates are computed one by one and stacked last: the compiler then sees one elementwise
-program and fuses it with whatever consumes a coordinate."""
+FEW = 8
+"""Up to so many coordinates are computed one by one and stacked last: the compiler then sees elementwise
+programs without a short last axis, and fuses them with whatever consumes a coordinate."""
 
 
 class Sequence(abc.ABC):
     """A function from an index to a point of the unit cube.
 
-    Subclasses are frozen dataclass pytrees that implement ``dims``, ``size`` and :meth:`_values`.
+    Subclasses are frozen dataclass pytrees that implement ``dims``, ``size`` and :meth:`coordinate`.
     """
 
     @property
@@ -38,8 +38,11 @@ class Sequence(abc.ABC):
         return checks.INDEX_LIMIT if self.size is None else self.size
 
     @abc.abstractmethod
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices, in their shape: for samplers, without checks."""
+
     def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the wanted coordinates of valid indices, shape ``index.shape + (len(dims),)``."""
+        return jnp.stack([self.coordinate(index, j, dtype) for j in dims], axis=-1)
 
     def __call__(
         self, index: Array | int, dims: tuple[int, ...] | None = None, dtype: DTypeLike = jnp.float32
@@ -63,12 +66,7 @@ class Sequence(abc.ABC):
             If ``index`` is not uint32 or known to be beyond ``size``, or a dimension is not there.
         """
         wanted = checks.dimensions(dims, self.dims)
-        return self._joined(checks.unsigned("index", index, self.limit), wanted, checks.floating(dtype))
-
-    def _joined(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        if len(dims) > _FEW:
-            return self._values(index, dims, dtype)
-        return jnp.stack([self._values(index, (j,), dtype)[..., 0] for j in dims], axis=-1)
+        return self._values(checks.unsigned("index", index, self.limit), wanted, checks.floating(dtype))
 
     def points(self, n: int, start: int = 0, dtype: DTypeLike = jnp.float32) -> Array:
         """Return the points ``start, ..., start + n - 1``.
@@ -103,21 +101,34 @@ class Sequence(abc.ABC):
 @partial(jax.jit, static_argnames=("n", "dtype"))
 def _points(sequence: Sequence, start: Array, n: int, dtype: DTypeLike) -> Array:
     index = start + jax.lax.iota(jnp.uint32, n)
-    return sequence._joined(index, tuple(range(sequence.dims)), dtype)
+    return sequence._values(index, tuple(range(sequence.dims)), dtype)
 
 
 class BinarySequence(Sequence):
     """A sequence in base 2: coordinates are 32-bit fractions, exact until the last step."""
 
     @abc.abstractmethod
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        """Return the wanted fractions with the first digit in bit 0, shape ``(..., len(dims))``."""
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate of valid indices with its first digit in bit 0, as scramblers want it."""
 
-    def _bits(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return reverse(self._mirrors(index, dims))
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate of valid indices as a 32-bit fraction, its first digit in bit 31."""
+        return reverse(self.mirror(index, dim))
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices, in their shape: for samplers, without checks."""
+        return to_unit(self.word(index, dim), dtype)
 
     def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return to_unit(self._bits(index, dims), dtype)
+        if len(dims) <= FEW:
+            return super()._values(index, dims, dtype)
+        return to_unit(self._words(index, dims), dtype)
+
+    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return jnp.stack([self.mirror(index, j) for j in dims], axis=-1)
+
+    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return reverse(self._mirrors(index, dims))
 
     def bits(self, index: Array | int, dims: tuple[int, ...] | None = None) -> Array:
         """Return the points of the given indices as exact 32-bit fractions.
@@ -139,12 +150,7 @@ class BinarySequence(Sequence):
             As for calling the sequence.
         """
         wanted = checks.dimensions(dims, self.dims)
-        return self._bits(checks.unsigned("index", index, self.limit), wanted)
-
-    def mirrors(self, index: Array | int, dims: tuple[int, ...] | None = None) -> Array:
-        """Return :meth:`bits` with the order of the bits reversed, as scramblers want them."""
-        wanted = checks.dimensions(dims, self.dims)
-        return self._mirrors(checks.unsigned("index", index, self.limit), wanted)
+        return self._words(checks.unsigned("index", index, self.limit), wanted)
 
 
 def binary(name: str, sequence: object) -> BinarySequence:

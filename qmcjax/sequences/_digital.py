@@ -12,7 +12,7 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import gray_decode, pascal, reverse
-from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._base import FEW, BinarySequence
 
 SOBOL_DIMS = 21201
 """Number of dimensions of Joe and Kuo's table."""
@@ -45,14 +45,26 @@ class Digital(BinarySequence):
         """Number of coordinates."""
         return self.matrices.shape[0]
 
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        if dim < len(self.steps):
+            return self.steps[dim](index)
+        return _product(reverse(self._columns((dim,))), index)[..., 0]
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        if dim < len(self.steps):
+            return reverse(self.steps[dim](index))
+        return _product(self._columns((dim,)), index)[..., 0]
+
     def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        if all(j < len(self.steps) for j in dims):
-            return jnp.stack([self.steps[j](index) for j in dims], axis=-1)
+        if len(dims) <= FEW:
+            return super()._mirrors(index, dims)
         return _product(reverse(self._columns(dims)), index)
 
-    def _bits(self, index: Array, dims: tuple[int, ...]) -> Array:
-        if all(j < len(self.steps) for j in dims):
-            return reverse(self._mirrors(index, dims))
+    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
+        if len(dims) <= FEW:
+            return super()._words(index, dims)
         return _product(self._columns(dims), index)
 
     def _columns(self, dims: tuple[int, ...]) -> Array:

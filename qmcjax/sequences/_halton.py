@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 
 import jax
-import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
@@ -28,9 +27,9 @@ class RadicalInverses(Sequence):
         """Number of coordinates."""
         return len(self.bases)
 
-    def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        with checks.precision(dtype):
-            return jnp.stack([radical_inverse(index, self.bases[j], dtype) for j in dims], axis=-1)
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices, in their shape."""
+        return radical_inverse(index, self.bases[dim], dtype)
 
 
 def van_der_corput(base: int = 2) -> RadicalInverses | Digital:

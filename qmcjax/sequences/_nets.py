@@ -35,15 +35,13 @@ class Net(BinarySequence):
     @abc.abstractmethod
     def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array: ...
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return jnp.stack(
-            [reverse(_fraction(index, self.m)) if j == 0 else self._second(index) for j in dims], axis=-1
-        )
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        return self._second(index) if dim else reverse(_fraction(index, self.m))
 
-    def _bits(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return jnp.stack(
-            [_fraction(index, self.m) if j == 0 else reverse(self._second(index)) for j in dims], axis=-1
-        )
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        return reverse(self._second(index)) if dim else _fraction(index, self.m)
 
     def points_per_cell(self, log_side: int) -> int:
         """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side.

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from qmcjax import checks
@@ -30,8 +31,12 @@ class Owen(BinarySequence):
         """Number of points."""
         return self.sequence.size
 
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        return owen_hash(self.sequence.mirror(index, dim), self.seeds[dim])
+
     def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        seeds = jnp.stack([self.seeds[j] for j in dims]).reshape((1,) * index.ndim + (-1,))
+        seeds = self.seeds[np.array(dims)].reshape((1,) * index.ndim + (-1,))
         return owen_hash(self.sequence._mirrors(index, dims), seeds)
 
 

@@ -12,11 +12,9 @@ from qmcjax.bits import hash_word, reverse
 from qmcjax.sequences._base import BinarySequence
 
 
-def _draws(index: Array, seeds: Array) -> Array:
-    """Return one random word per index and pair of seeds, shape ``(..., len(seeds))``."""
-    first, second = seeds[:, 0], seeds[:, 1]
-    shape = (1,) * index.ndim + first.shape
-    return hash_word(hash_word(index[..., None] ^ first.reshape(shape)) + second.reshape(shape))
+def _draw(index: Array, seeds: Array) -> Array:
+    """Return one random word per index, by a bijection that a pair of seeds selects."""
+    return hash_word(hash_word(index ^ seeds[0]) + seeds[1])
 
 
 @jax.tree_util.register_dataclass
@@ -32,11 +30,9 @@ class Uniform(BinarySequence):
         """Number of coordinates."""
         return self.seeds.shape[0]
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return reverse(self._bits(index, dims))
-
-    def _bits(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return _draws(index, self.seeds[np.array(dims)])
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate: the digits of a random word may as well be read backwards."""
+        return _draw(index, self.seeds[dim])
 
 
 @jax.tree_util.register_dataclass
@@ -58,12 +54,14 @@ class Jittered(BinarySequence):
         """Number of points, side**dims."""
         return self.side**self.dims
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return reverse(self._bits(index, dims))
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        return reverse(self.word(index, dim))
 
-    def _bits(self, index: Array, dims: tuple[int, ...]) -> Array:
-        cells = jnp.stack([(index // np.uint32(self.side**j)) % np.uint32(self.side) for j in dims], axis=-1)
-        return _divided(cells, _draws(index, self.seeds[np.array(dims)]), self.side)
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        cell = index // np.uint32(self.side**dim) % np.uint32(self.side)
+        return _divided(cell, _draw(index, self.seeds[dim]), self.side)
 
     def points_per_cell(self, log_side: int) -> int:
         """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side.

@@ -1,0 +1,218 @@
+import itertools
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from analysis import min_distance, squared_min_distance
+
+RAW_BITS = 32
+
+
+def brute_force(points, side, torus, shear):
+    """Take the minimum over all pairs and all translations that could matter, in Python integers."""
+    points = [tuple(int(c) for c in p) for p in points]
+    dims = len(points[0])
+    steps = list(itertools.product((-2, -1, 0, 1, 2), repeat=dims)) if torus else [(0,) * dims]
+    best = None
+    for p, q in itertools.combinations(points, 2):
+        for step in steps:
+            delta = [a - b + side * k for a, b, k in zip(p, q, step, strict=True)]
+            if dims == 2:
+                delta[0] += shear * step[1]
+            square = sum(c * c for c in delta)
+            best = square if best is None else min(best, square)
+    return best
+
+
+@st.composite
+def grids(draw):
+    """Integer point sets: spread, in clusters, on lattices, with duplicates, and on the boundary."""
+    dims = draw(st.integers(1, 3))
+    side = draw(st.sampled_from([1, 2, 3, 7, 16, 1000, 2**16, 2**24, 2**31 - 1, 2**32]))
+    near = st.integers(0, min(3, side - 1))
+    coordinate = st.one_of(st.integers(0, side - 1), near, near.map(lambda c: side - 1 - c))
+    count = draw(st.integers(2, 10))
+    if draw(st.booleans()):
+        generator = draw(st.lists(coordinate, min_size=dims, max_size=dims))
+        points = [[i * g % side for g in generator] for i in range(count)]
+    else:
+        points = draw(
+            st.lists(st.lists(coordinate, min_size=dims, max_size=dims), min_size=count, max_size=count)
+        )
+    torus = draw(st.booleans())
+    shear = draw(st.integers(-side, side)) if dims == 2 and torus else 0
+    return np.array(points, np.int64), side, torus, shear
+
+
+@settings(max_examples=300, deadline=None)
+@given(grids())
+def test_integers_equal_brute_force(grid):
+    points, side, torus, shear = grid
+    measured = squared_min_distance(points, side, torus, shear)
+    assert type(measured) is int
+    assert measured == brute_force(points, side, torus, shear)
+
+
+@settings(max_examples=200, deadline=None)
+@given(grids())
+def test_floats_equal_brute_force(grid):
+    """Points k/side, at most 24 bits each, have distance sqrt(integer)/side: to rounding errors of 1."""
+    points, side, torus, shear = grid
+    points, side, shear = points % 2**24, min(side, 2**24), math.fmod(shear, 2**24)
+    measured = min_distance(points / side, torus, shear / side)
+    assert type(measured) is float
+    expected = math.sqrt(brute_force(points, side, torus, int(shear))) / side
+    assert measured == pytest.approx(expected, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("dims", [1, 2, 3, 5])
+@pytest.mark.parametrize("side", [100, 2**32])
+def test_larger_sets_against_all_pairs(dims, side):
+    """Random sets with a cluster, in any order, against a matrix of all distances."""
+    rng = np.random.default_rng(dims)
+    points = rng.integers(0, side, (400, dims), dtype=np.int64)
+    points[:50] = (points[0] + rng.integers(0, 2, (50, dims)) * (side // 50)) % side
+    points = np.unique(points, axis=0)
+    points = rng.permutation(points)
+    delta = np.abs(points[:, None] - points[None])
+    for torus in (True, False):
+        one = np.minimum(delta, side - delta) if torus else delta
+        square = (one.astype(object) ** 2).sum(axis=-1)[np.triu_indices(len(points), 1)].min()
+        assert squared_min_distance(points, side, torus) == square
+        assert min_distance(points / side, torus) == pytest.approx(math.sqrt(square) / side, rel=1e-12)
+
+
+def test_exact_beyond_double_precision():
+    """The squares 2^60 + 2^31 + 1 and 2^60 + 2^31 + 2 are one number in float64; the smaller is found."""
+    far = 2**30
+    points = np.array([[0, 0], [far + 1, 0], [2**31 + 5, 0], [2**31 + 5, far + 1]], np.int64)
+    points[1, 1] = 1
+    assert float((far + 1) ** 2) == float((far + 1) ** 2 + 1)
+    assert squared_min_distance(points, 2**32) == brute_force(points, 2**32, True, 0) == (far + 1) ** 2
+
+
+def test_square_beyond_64_bits():
+    """Opposite corners of the plane, 2 (2^32 - 1)^2, and of the torus in four dimensions, 2^64."""
+    assert squared_min_distance([[0, 0], [2**32 - 1] * 2], 2**32, torus=False) == 2 * (2**32 - 1) ** 2
+    assert squared_min_distance([[0] * 4, [2**31] * 4], 2**32) == 2**64
+
+
+def test_wraps():
+    """A pair across the corner is close on the torus, and only there."""
+    points = np.array([[0.0, 0.0], [0.875, 0.9375]])
+    assert min_distance(points) == math.hypot(0.125, 0.0625)
+    assert min_distance(points, torus=False) == math.hypot(0.875, 0.9375)
+
+
+def test_direction_of_shear():
+    """The row above is shifted to the right: the copy of (0, 0) above is (1/4, 1)."""
+    points = np.array([[0.0, 0.0], [0.25, 0.9375]])
+    assert min_distance(points, shear=0.25) == 0.0625
+    assert min_distance(points, shear=-0.75) == 0.0625
+    assert min_distance(points, shear=-0.25) == pytest.approx(math.hypot(0.5, 0.0625), rel=1e-15)
+    assert squared_min_distance((points * 16).astype(np.uint32), 16, shear=4) == 1
+
+
+def test_whole_shear_is_none():
+    points = np.random.default_rng(1).integers(0, 1000, (50, 2))
+    plain = squared_min_distance(points, 1000)
+    assert (
+        squared_min_distance(points, 1000, shear=1000)
+        == squared_min_distance(points, 1000, shear=-1000)
+        == plain
+    )
+
+
+@pytest.mark.parametrize("n", [2, 70000])
+def test_duplicates(n):
+    """All points equal, which no tree can separate, or one pair of many."""
+    assert min_distance(np.full((n, 2), 0.3)) == 0.0
+    assert squared_min_distance(np.full((n, 3), 5), 8) == 0
+    distinct = np.stack([np.arange(n)] * 2, axis=1)
+    distinct[0] = distinct[-1]
+    assert squared_min_distance(distinct, n) == 0
+
+
+def radical_inverse(index, m):
+    return sum(((index >> k) & 1) << (m - 1 - k) for k in range(m))
+
+
+def even_permutation_net(m):
+    """Thesis 5.3.1, direct construction for even m, from its text."""
+    half = 2 ** (m // 2)
+    k, j = np.divmod(np.arange(2**m), half)
+    x = (radical_inverse(k, m) + k // 4 + half // 4 + j * (half // 4)) % 2**m
+    return np.stack([x, k + j * half], axis=1)
+
+
+PERMUTATION_SQUARES = {4: 13, 6: 53, 8: 241, 10: 964, 12: 3856, 14: 15424}
+"""Table 5.1, with the sheared tiling."""
+
+
+@pytest.mark.parametrize("m", PERMUTATION_SQUARES)
+def test_table_5_1_with_shear(m):
+    points = even_permutation_net(m).astype(np.uint32)
+    assert squared_min_distance(points, 2**m, shear=2 ** (m - 2)) == PERMUTATION_SQUARES[m]
+    exact = math.sqrt(PERMUTATION_SQUARES[m]) / 2**m
+    for dtype in (jnp.float32, np.float64):
+        scaled = jnp.asarray(points / 2**m, dtype) if dtype is jnp.float32 else points / 2**m
+        assert min_distance(scaled, shear=0.25) == pytest.approx(exact, rel=1e-14)
+
+
+@pytest.mark.parametrize(("m", "square"), [(4, 2), (6, 29), (8, 185), (10, 905)])
+def test_permutation_nets_without_shear(m, square):
+    assert squared_min_distance(even_permutation_net(m), 2**m) == square
+
+
+def test_hammersley_in_the_table():
+    """Squared distance 2 for all m; any dtype of integers, and 32-bit fractions."""
+    m = 16
+    index = np.arange(2**m)
+    points = np.stack([index, radical_inverse(index, m)], axis=1)
+    fractions = points.astype(np.uint32) << np.uint32(RAW_BITS - m)
+    assert squared_min_distance(points.astype(np.uint16), 2**m) == 2
+    assert squared_min_distance(jnp.asarray(fractions), 2**RAW_BITS) == 2 * 4 ** (RAW_BITS - m)
+
+
+BAD_FLOATS = [
+    (dict(points=np.zeros((1, 2))), "n >= 2"),
+    (dict(points=np.zeros(4)), r"shape.*\(4,\)"),
+    (dict(points=np.zeros((4, 0))), r"d >= 1.*\(4, 0\)"),
+    (dict(points=np.zeros((4, 2), np.uint32)), "uint32.*squared_min_distance"),
+    (dict(points=[[0.0, 0.5], [1.0, 0.0]]), r"\[0, 1\).*1.0"),
+    (dict(points=[[0.0, 0.5], [-0.1, 0.0]]), r"\[0, 1\).*-0.1"),
+    (dict(points=[[0.0, 0.5], [math.nan, 0.0]]), "nan"),
+    (dict(points=np.zeros((2, 3)), shear=0.25), "shear.*0.25.*d=3"),
+    (dict(points=np.zeros((2, 2)), torus=False, shear=0.25), "shear.*torus=False"),
+    (dict(points=np.zeros((2, 2)), shear=math.inf), "shear.*inf"),
+    (dict(points=np.zeros((2, 2)), shear="quarter"), "shear.*quarter"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD_FLOATS)
+def test_bad_floats(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        min_distance(**arguments)
+
+
+BAD_INTEGERS = [
+    (dict(points=np.zeros((1, 2), int), side=4), "n >= 2"),
+    (dict(points=np.zeros((2, 2)), side=4), "float64.*min_distance"),
+    (dict(points=[[0, 4], [1, 1]], side=4), r"\[0, 4\).*4"),
+    (dict(points=[[0, -1], [1, 1]], side=4), r"\[0, 4\).*-1"),
+    (dict(points=[[0, 1], [1, 1]], side=0), "side.*0"),
+    (dict(points=[[0, 1], [1, 1]], side=2**33), "side.*8589934592"),
+    (dict(points=[[0, 1], [1, 1]], side=4, shear=0.25), "shear.*0.25"),
+    (dict(points=[[0, 1], [1, 1]], side=4, shear=5), "shear.*5"),
+    (dict(points=[[0], [1]], side=4, shear=1), "shear.*d=1"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD_INTEGERS)
+def test_bad_integers(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        squared_min_distance(**arguments)

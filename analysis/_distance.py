@@ -37,6 +37,7 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     -------
     float
         Distances of a point to its own copies do not count: the minimum is over pairs i < j.
+        Squares are taken on the way: what is below 1e-154 may come out as 0.
 
     Raises
     ------
@@ -58,11 +59,7 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
             f"points must be floats, got {given.dtype}: squared_min_distance measures integer coordinates"
         )
     array = _checked(given, 1).astype(np.float64)
-    if (
-        isinstance(shear, bool)
-        or not isinstance(shear, int | float | np.floating)
-        or not math.isfinite(shear)
-    ):
+    if not isinstance(shear, int | float | np.floating) or not math.isfinite(shear):
         raise ValueError(f"shear must be a finite number, got {shear!r}")
     _check_tiling(array.shape[1], torus, float(shear))
     if _has_duplicates(array):

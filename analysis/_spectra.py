@@ -9,8 +9,8 @@ __all__ = ["error_spectrum", "radial_average"]
 def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
     """Return the power spectrum of the error e of an image, |FFT(e - mean e)|^2 / (N var e).
 
-    The mean over all frequencies is 1, whatever the size of the error, and white noise is 1 at each
-    of them in expectation. The image is taken as periodic: there is no window.
+    The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
+    each of them if the error is white noise. The image is taken as periodic: there is no window.
 
     Parameters
     ----------
@@ -86,12 +86,14 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
         raise ValueError(f"spectrum must have shape (height, width), more than one value, got {array.shape}")
     height, width = array.shape
     longer = max(height, width)
-    radius = np.hypot(
-        np.fft.fftfreq(height, 1 / longer)[:, None],
-        np.fft.fftfreq(width, 1 / longer)[None, :],
-    )
+    radius = np.hypot(_frequencies(height, longer)[:, None], _frequencies(width, longer)[None, :])
     annulus = np.floor(radius + 0.5).astype(np.int64)
     count = np.bincount(annulus.ravel())
     total = np.bincount(annulus.ravel(), weights=array.ravel())
     wanted = slice(1, longer // 2 + 1)
     return np.arange(1.0, longer // 2 + 1), total[wanted] / count[wanted]
+
+
+def _frequencies(size: int, longer: int) -> NDArray[np.float64]:
+    """Return the frequencies of one axis, in cycles per ``longer`` pixels."""
+    return np.rint(np.fft.fftfreq(size) * size) * longer / size

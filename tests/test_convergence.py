@@ -1,0 +1,227 @@
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import analysis._convergence
+from analysis import ConvergenceTable, convergence
+from qmcjax import samplers, sequences
+
+
+@dataclass(frozen=True)
+class Fake:
+    """Predicts its error: factor * spp^exponent, and ten times as much from row 4 on."""
+
+    factor: float
+    exponent: float
+    made_for: int | None = None
+
+    dims = 2
+
+    def check(self, width, height, spp):
+        if self.made_for not in (None, spp):
+            raise ValueError(f"spp must be {self.made_for}, got {spp}")
+
+
+class Scene:
+    """Its reference is a ramp; references that were asked for are counted."""
+
+    needs = ("x", "y")
+
+    def __init__(self):
+        self.asked = []
+
+    def reference(self, width, height):
+        self.asked.append((width, height))
+        return np.linspace(0, 1, width * height).reshape(height, width), 1e-10
+
+
+@pytest.fixture
+def rendered(monkeypatch):
+    """Replace the renderer by an error of alternating sign, and the clock by one of steps 10, 1, 2, 9."""
+    calls = []
+    clock = [0.0]
+
+    def render(scene, sampler, width, height, spp):
+        clock[0] += [10.0, 1.0, 2.0, 9.0][len(calls) % 4]
+        calls.append((sampler, width, height, spp))
+        sign = 1 - 2 * (np.indices((height, width)).sum(axis=0) % 2)
+        size = np.where(np.arange(height) < 4, 1.0, 10.0)[:, None]
+        reference, _ = Scene().reference(width, height)
+        with jax.enable_x64(True):
+            return jnp.asarray(reference + sign * size * sampler.factor * spp**sampler.exponent)
+
+    monkeypatch.setattr(analysis._convergence, "render", render)
+    monkeypatch.setattr(analysis._convergence.time, "perf_counter", lambda: clock[0])
+    return calls
+
+
+SAMPLERS = {"slow": Fake(0.5, -0.5), "fast": lambda spp: Fake(2.0, -1.5, made_for=spp)}
+
+
+def test_table(rendered):
+    """Rows in order, errors of the regions as they were put, exponents as slopes."""
+    scene = Scene()
+    table = convergence(scene, SAMPLERS, [1, 4, 16], width=6, height=8)
+    assert [(row.sampler, row.spp) for row in table.rows] == [(n, s) for n in SAMPLERS for s in (1, 4, 16)]
+    assert scene.asked == [(6, 8)]
+    assert table.bound == 1e-10
+    for name, factor, exponent in [("slow", 0.5, -0.5), ("fast", 2.0, -1.5)]:
+        for region, more in [("upper", 1.0), ("lower", 10.0), ("whole", math.sqrt(50.5))]:
+            spps, errors = table.errors(name, region)
+            np.testing.assert_array_equal(spps, [1, 4, 16])
+            np.testing.assert_allclose(errors, more * factor * spps.astype(float) ** exponent, rtol=1e-12)
+            assert table.slope(name, region) == pytest.approx(exponent, rel=1e-12)
+
+
+def test_times(rendered):
+    """The first of four renderings is kept apart; the median of 1, 2, 9 is 2."""
+    table = convergence(Scene(), SAMPLERS, [1, 2], width=6, height=8, repeats=3)
+    assert all((row.first_seconds, row.seconds) == (10.0, 2.0) for row in table.rows)
+    assert len(rendered) == 4 * 4
+    assert all(call[1:3] == (6, 8) for call in rendered)
+
+
+def test_regions(rendered):
+    """Any index of numpy: rows and columns, a mask; and the halves of an odd height."""
+    mask = np.zeros((8, 6), bool)
+    mask[3:5, 2] = True
+    regions = {"corner": np.s_[:2, :3], "mask": mask}
+    table = convergence(Scene(), {"a": Fake(1.0, 0.0)}, [1], width=6, height=8, regions=regions)
+    assert table.rows[0].errors == pytest.approx({"corner": 1.0, "mask": math.sqrt(50.5)})
+    odd = convergence(Scene(), {"a": Fake(1.0, 0.0)}, [1], width=6, height=9)
+    assert odd.rows[0].errors["upper"] == pytest.approx(1.0)
+    assert odd.rows[0].errors["lower"] == pytest.approx(10.0)
+
+
+def test_progress(rendered):
+    parts = []
+    convergence(Scene(), SAMPLERS, [1, 2], width=4, height=4, progress=parts.append)
+    assert parts == [0.25, 0.5, 0.75, 1.0]
+
+
+GOOD = {"samplers": SAMPLERS, "spps": [1, 4], "width": 8, "height": 8}
+BAD = [
+    (dict(spps=[]), r"spps.*\[\]"),
+    (dict(spps=[1, 0]), "spps.*0"),
+    (dict(spps=[1, -4]), "spps.*-4"),
+    (dict(spps=[1.0]), "spps.*1.0"),
+    (dict(spps=[4, 1, 4]), r"different.*\[4, 1, 4\]"),
+    (dict(samplers={}), "samplers"),
+    (dict(samplers={"net": Fake(1.0, 0.0, made_for=4)}), "spp must be 4, got 1"),
+    (dict(samplers={"good": SAMPLERS["slow"], "none": lambda spp: None}), r"samplers\['none'\].*None"),
+    (dict(width=0), "width.*0"),
+    (dict(height=2**17), "height.*131072"),
+    (dict(repeats=0), "repeats.*0"),
+    (dict(regions={}), "regions"),
+    (dict(regions={"nothing": np.s_[8:]}), r"regions\['nothing'\]"),
+    (dict(regions={"other mask": np.ones((4, 4), bool)}), r"regions\['other mask'\]"),
+    (dict(height=1), r"regions\['upper'\]"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), BAD)
+def test_refused_before_anything_is_computed(rendered, change, message):
+    scene = Scene()
+    with pytest.raises(ValueError, match=message):
+        convergence(scene, **{**GOOD, **change})
+    assert not rendered and not scene.asked
+
+
+def refuse(spp):
+    raise ValueError(f"spp must be a power of four, got {spp}")
+
+
+def test_a_function_that_refuses(rendered):
+    with pytest.raises(ValueError, match="power of four, got 1"):
+        convergence(Scene(), {"slow": SAMPLERS["slow"], "net": refuse}, [1], width=8, height=8)
+    assert not rendered
+
+
+def test_reference_of_another_shape(rendered):
+    class Colour(Scene):
+        def reference(self, width, height):
+            return np.zeros((height, width, 3)), 0.0
+
+    with pytest.raises(ValueError, match=r"shape \(8, 8\), got \(8, 8, 3\)"):
+        convergence(Colour(), {"slow": SAMPLERS["slow"]}, [1], width=8, height=8)
+
+
+def table_of(errors):
+    row = analysis.ConvergenceRow("a", 1, {"whole": 0.0}, 1.0, 1.0)
+    rows = [dataclasses.replace(row, spp=4**i, errors={"whole": e}) for i, e in enumerate(errors)]
+    return ConvergenceTable(tuple(rows), 0.0)
+
+
+def test_slope_is_least_squares():
+    errors = [1.0, 0.3, 0.2, 0.01]
+    expected = np.polyfit(np.log([1, 4, 16, 64]), np.log(errors), 1)[0]
+    assert table_of(errors).slope("a") == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("errors", [[1.0], [1.0, 0.0]])
+def test_no_slope(errors):
+    with pytest.raises(ValueError, match="'a'"):
+        table_of(errors).slope("a")
+
+
+def test_unknown_names():
+    with pytest.raises(ValueError, match=r"sampler must be one of \['a'\], got 'b'"):
+        table_of([1.0]).errors("b")
+    with pytest.raises(ValueError, match=r"region must be one of \['whole'\], got 'left'"):
+        table_of([1.0]).errors("a", "left")
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Product:
+    """The function x y, whose pixel integrals are the products of the centres."""
+
+    needs = ("x", "y")
+
+    def __call__(self, points):
+        return points[..., 0] * points[..., 1]
+
+    def reference(self, width, height):
+        x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
+        return np.multiply.outer(y, x), 0.0
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Random:
+    """Independent points: the least that renders."""
+
+    key: jax.Array
+
+    dims = 2
+
+    def check(self, width, height, spp):
+        pass
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return jax.random.uniform(jax.random.fold_in(self.key, sample[0, 0]), (*x.shape, len(dims)), dtype)
+
+
+def test_real_renderer():
+    """Random samples of x y in a pixel have a known variance and slope -1/2; Owen-scrambled nets better."""
+    size = 64
+    methods = {
+        "random": Random(jax.random.key(1)),
+        "owen": samplers.independent(sequences.sobol(2), 2),
+    }
+    table = convergence(Product(), methods, [1, 4, 16], width=size, height=size, repeats=1)
+    x = (np.arange(size) + 0.5) / size
+    # In the pixel with centre (a, b) and side h it is (a^2 + b^2) h^2/12 + h^4/144.
+    h = 1 / size
+    variance = 2 * (x**2).mean() * h**2 / 12 + h**4 / 144
+    spps, errors = table.errors("random")
+    # The squared error is an average over 4096 pixels, of a distribution with kurtosis below 5.
+    np.testing.assert_allclose(errors**2, variance / spps, rtol=5 * math.sqrt(4 / size**2))
+    assert table.slope("random") == pytest.approx(-0.5, abs=0.05)
+    assert table.slope("owen") < -1
+    assert all(row.seconds > 0 and row.first_seconds > 0 for row in table.rows)

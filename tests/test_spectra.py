@@ -1,0 +1,141 @@
+import itertools
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from analysis import error_spectrum, radial_average
+
+SIZES = [(8, 8), (7, 7), (6, 9), (10, 4), (1, 12), (5, 1), (2, 2)]
+
+
+def noise(*shape, seed=1):
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def direct_spectrum(error):
+    """Follow the definition, frequency by frequency."""
+    height, width = error.shape
+    y, x = np.mgrid[:height, :width]
+    centred = error - error.mean()
+    power = np.empty((height, width))
+    for v, u in itertools.product(range(height), range(width)):
+        power[v, u] = abs(np.sum(centred * np.exp(-2j * np.pi * (u * x / width + v * y / height)))) ** 2
+    return power / (error.size * error.var())
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_definition(size):
+    image, reference = noise(*size), noise(*size, seed=2)
+    spectrum = error_spectrum(image, reference)
+    assert spectrum.dtype == np.float64
+    np.testing.assert_allclose(spectrum, direct_spectrum(image - reference), rtol=1e-10, atol=1e-12)
+    assert spectrum.mean() == pytest.approx(1, rel=1e-12)
+    assert spectrum[0, 0] == 0
+
+
+def test_size_and_mean_of_the_error_do_not_matter():
+    error = noise(9, 12)
+    zero = np.zeros_like(error)
+    np.testing.assert_allclose(
+        error_spectrum(5 - 1e-3 * error, zero), error_spectrum(error, zero), rtol=1e-8, atol=1e-12
+    )
+
+
+def test_waves():
+    """A cosine of 3 periods in x and 2 in y is at (2, 3) and (-2, -3), half of N at each."""
+    y, x = np.mgrid[:16, :24]
+    image = 0.5 + 0.1 * np.cos(2 * np.pi * (3 * x / 24 + 2 * y / 16) + 1)
+    spectrum = error_spectrum(jnp.asarray(image, jnp.float32), np.zeros((16, 24)))
+    expected = np.zeros((16, 24))
+    expected[2, 3] = expected[-2, -3] = 16 * 24 / 2
+    np.testing.assert_allclose(spectrum, expected, atol=1e-4)
+
+
+def test_white_noise_is_one():
+    """Power is exponential with mean 1, independent in one half plane: 5 sigma in each annulus."""
+    frequency, power = radial_average(error_spectrum(noise(128, 128), np.zeros((128, 128))))
+    count = radial_counts(128, 128)
+    sigma = np.sqrt(2 / count)
+    assert len(frequency) == 64
+    assert np.all(np.abs(power - 1) < 5 * sigma)
+
+
+def test_channels_are_weighted_by_their_power():
+    red, green, zero = noise(6, 8), 3 * noise(6, 8, seed=2), np.zeros((6, 8))
+    image = np.stack([red, green, zero + 0.25], axis=-1)
+    spectrum = error_spectrum(image, np.zeros_like(image))
+    weighted = red.var() * error_spectrum(red, zero) + green.var() * error_spectrum(green, zero)
+    np.testing.assert_allclose(spectrum, weighted / (red.var() + green.var()), rtol=1e-10, atol=1e-12)
+    assert spectrum.shape == (6, 8)
+
+
+def annuli(height, width):
+    """Sort frequencies into annuli by comparing squares, times (2 h w)^2, in integers."""
+    longer = max(height, width)
+    table = {}
+    for v, u in itertools.product(range(height), range(width)):
+        fy, fx = min(v, height - v), min(u, width - u)
+        square = (2 * longer) ** 2 * ((fy * width) ** 2 + (fx * height) ** 2)
+        scale = height * width
+        k = next(k for k in itertools.count() if square < ((2 * k + 1) * scale) ** 2)
+        table.setdefault(k, []).append((v, u))
+    return table
+
+
+def radial_counts(height, width):
+    table = annuli(height, width)
+    return np.array([len(table[k]) for k in range(1, max(height, width) // 2 + 1)])
+
+
+@pytest.mark.parametrize("size", [*SIZES, (64, 64), (49, 49), (49, 30)])
+def test_radial_average_by_exact_annuli(size):
+    spectrum = noise(*size) ** 2
+    frequency, power = radial_average(spectrum)
+    table = annuli(*size)
+    np.testing.assert_array_equal(frequency, np.arange(1, max(size) // 2 + 1))
+    expected = [math.fsum(spectrum[place] for place in table[k]) / len(table[k]) for k in frequency]
+    np.testing.assert_allclose(power, expected, rtol=1e-12)
+    assert frequency.dtype == power.dtype == np.float64
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_constant_spectrum_and_its_mean(size):
+    """The radial average of a constant is the constant; the element of the mean does not count."""
+    spectrum = np.full(size, 2.5)
+    spectrum[0, 0] = 1e6
+    np.testing.assert_allclose(radial_average(spectrum)[1], 2.5, rtol=1e-14)
+
+
+def test_frequencies_of_an_oblong_image_are_those_of_space():
+    """Stripes 4 pixels wide are one frequency in either direction, 16 cycles per 64 pixels."""
+    y, x = np.mgrid[:32, :64]
+    for across in (x, y):
+        frequency, power = radial_average(error_spectrum(np.cos(2 * np.pi * across / 4), np.zeros((32, 64))))
+        assert frequency[np.argmax(power)] == 16
+        assert np.sort(power)[-2] < 1e-20
+
+
+BAD_ERRORS = [
+    (np.zeros((4, 4)), np.zeros((4, 5)), r"one shape.*\(4, 4\).*\(4, 5\)"),
+    (np.zeros(4), np.zeros(4), r"shape.*\(4,\)"),
+    (np.zeros((0, 4)), np.zeros((0, 4)), r"shape.*\(0, 4\)"),
+    (np.eye(4), np.eye(4), "more than a constant"),
+    (np.full((4, 4), 0.1), np.zeros((4, 4)), "more than a constant.*0.1"),
+    (np.full((4, 4, 3), [0.1, 0.2, 0.3]), np.zeros((4, 4, 3)), "more than a constant.*0.3"),
+    (np.full((4, 4), np.nan), np.zeros((4, 4)), "finite"),
+    (np.zeros((4, 4)), np.diag([np.inf, 0, 0, 0]), "finite"),
+]
+
+
+@pytest.mark.parametrize(("image", "reference", "message"), BAD_ERRORS)
+def test_bad_errors(image, reference, message):
+    with pytest.raises(ValueError, match=message):
+        error_spectrum(image, reference)
+
+
+@pytest.mark.parametrize("shape", [(4,), (1, 1), (0, 3), (2, 2, 3)])
+def test_bad_spectra(shape):
+    with pytest.raises(ValueError, match="spectrum"):
+        radial_average(np.ones(shape))

@@ -11,7 +11,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
+from qmcjax import _summation, checks
+from qmcjax._summation import State
 
 __all__ = ["render"]
 
@@ -36,7 +37,8 @@ def render(
 ) -> Array:
     """Average the samples of each pixel (box filter).
 
-    Memory is proportional to the number of pixels, whatever the number of samples.
+    Memory is proportional to the number of pixels, whatever the number of samples; so it is for
+    gradients with respect to the parameters of the scene (``jax.grad``, reverse mode).
 
     Parameters
     ----------
@@ -83,76 +85,49 @@ def render(
     sampler.check(width, height, spp)
 
     with checks.precision(dtype):
-        state = _start(scene, width, height, dtype)
+        point = jax.ShapeDtypeStruct((height, width, len(scene.needs)), dtype)
+        state = _summation.zeros(jax.eval_shape(scene, point))
         batch = math.gcd(spp, _BATCH)
         per_call = max(1, _CALL // (width * height * batch)) * batch
         for first in range(0, spp, per_call):
             count = min(per_call, spp - first)
-            state = _accumulate(
-                scene, sampler, state, jnp.uint32(first), jnp.uint32(count // batch), width, height, batch
-            )
+            first_batch, batches = jnp.uint32(first // batch), jnp.uint32(count // batch)
+            state = _accumulate((scene, sampler), state, first_batch, batches, width, height, batch)
             if progress is not None:
                 state[0].block_until_ready()
                 progress((first + count) / spp)
         return _mean(state, jnp.asarray(spp, dtype))
 
 
-def _start(scene: Any, width: int, height: int, dtype: DTypeLike) -> tuple[Array, Array]:
-    """Return the sum and its compensation, both zero."""
-    point = jax.ShapeDtypeStruct((height, width, len(scene.needs)), dtype)
-    value = jax.eval_shape(scene, point)
-    return jnp.zeros(value.shape, dtype), jnp.zeros(value.shape, dtype)
-
-
 @partial(jax.jit, static_argnames=("width", "height", "batch"))
 def _accumulate(
-    scene: Any,
-    sampler: Any,
-    state: tuple[Array, Array],
-    first: Array,
-    batches: Array,
-    width: int,
-    height: int,
-    batch: int,
-) -> tuple[Array, Array]:
-    """Add ``batches * batch`` samples of every pixel to the compensated sum."""
-    dtype = state[0].dtype
+    pair: tuple[Any, Any], state: State, first: Array, batches: Array, width: int, height: int, batch: int
+) -> State:
+    """Add ``batches`` times ``batch`` samples of every pixel."""
+
+    def batch_sum(pair: tuple[Any, Any], k: Array) -> Array:
+        start = k * np.uint32(batch)
+        samples = [_sample(*pair, start + np.uint32(i), width, height, state[0].dtype) for i in range(batch)]
+        return _summation.pairwise(samples)
+
+    return _summation.add_terms(batch_sum, pair, state, first, batches)
+
+
+def _sample(scene: Any, sampler: Any, sample: Array, width: int, height: int, dtype: np.dtype) -> Array:
+    """Return the value of one sample of every pixel."""
     x = jax.lax.broadcasted_iota(jnp.uint32, (height, width), 1)
     y = jax.lax.broadcasted_iota(jnp.uint32, (height, width), 0)
     dims = tuple(range(len(scene.needs)))
-    scale = np.array([1 / width, 1 / height], dtype)
+    drawn = sampler(x, y, jnp.broadcast_to(sample, x.shape), dims, dtype)
     below_one = np.nextafter(np.ones((), dtype), np.zeros((), dtype))
-
-    def value(sample: Array) -> Array:
-        drawn = sampler(x, y, jnp.broadcast_to(sample, x.shape), dims, dtype)
-        point = [
-            # The last pixel's sum may round up to 1.
-            jnp.minimum((pixel.astype(dtype) + drawn[..., j]) * scale[j], below_one)
-            for j, pixel in enumerate((x, y))
-        ]
-        return scene(jnp.stack([*point, *(drawn[..., j] for j in dims[2:])], axis=-1))
-
-    def body(step: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
-        start = first + step * np.uint32(batch)
-        total = _pairwise([value(start + np.uint32(k)) for k in range(batch)])
-        return _compensated(*state, total)
-
-    return jax.lax.fori_loop(np.uint32(0), batches, body, state)
-
-
-def _pairwise(terms: list[Array]) -> Array:
-    middle = len(terms) // 2
-    return terms[0] if middle == 0 else _pairwise(terms[:middle]) + _pairwise(terms[middle:])
-
-
-def _compensated(total: Array, lost: Array, term: Array) -> tuple[Array, Array]:
-    """Add a term, keeping what rounding loses for the next one (W. Kahan, 1965)."""
-    term = term - lost
-    new = total + term
-    return new, (new - total) - term
+    on_screen = [
+        # The last pixel's sum may round up to 1.
+        jnp.minimum((pixel.astype(dtype) + drawn[..., j]) * np.asarray(1 / side, dtype), below_one)
+        for j, (pixel, side) in enumerate(((x, width), (y, height)))
+    ]
+    return scene(jnp.stack([*on_screen, *(drawn[..., j] for j in dims[2:])], axis=-1))
 
 
 @jax.jit
-def _mean(state: tuple[Array, Array], spp: Array) -> Array:
-    total, lost = state
-    return (total - lost) / spp
+def _mean(state: State, spp: Array) -> Array:
+    return _summation.value(state) / spp

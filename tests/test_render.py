@@ -43,7 +43,7 @@ def brute_force(scene, sampler, width, height, spp):
     """Return the mean over the samples, in float64, point by point as in the design."""
     y, x, sample = np.meshgrid(first(height), first(width), first(spp), indexing="ij")
     x, y, sample = (jnp.asarray(a) for a in (x, y, sample))
-    drawn = np.asarray(sampler(x, y, sample, tuple(range(len(scene.needs)))), np.float32)
+    drawn = np.array(sampler(x, y, sample, tuple(range(len(scene.needs)))), np.float32)
     drawn[..., 0] = (np.asarray(x) + drawn[..., 0]) * np.float32(1 / width)
     drawn[..., 1] = (np.asarray(y) + drawn[..., 1]) * np.float32(1 / height)
     return np.asarray(scene(jnp.asarray(drawn)), np.float64).mean(axis=2)
@@ -71,8 +71,8 @@ def test_colours_more_dimensions_and_any_size_and_count(size, spp):
 def test_image_y_x_is_pixel_x_y():
     sampler = samplers.contiguous(orders.raster(8, 4), sequences.halton(3), 64)
     image = np.asarray(qj.render(PLANE, sampler, 8, 4, 64))
-    np.testing.assert_allclose(image[0, :, 0], 0.5 * (np.arange(8) + 0.5) / 8, atol=2e-3)
-    np.testing.assert_allclose(image[:, 0, 1], (np.arange(4) + 0.5) / 4, atol=4e-3)
+    np.testing.assert_allclose(image[0, :, 0], 0.5 * (np.arange(8) + 0.5) / 8, atol=8e-3)
+    np.testing.assert_allclose(image[:, 0, 1], (np.arange(4) + 0.5) / 4, atol=1e-2)
 
 
 def test_sums_are_compensated():
@@ -133,11 +133,40 @@ def test_one_trace_per_shape():
     assert len(traces) == once + shape_only
 
 
-def test_gradient_through_scene_parameters():
-    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(3), 4)
-    slope = jax.grad(lambda a: qj.render(Plane(a), sampler, 8, 8, 4)[..., 0].sum())(jnp.float32(0.5))
-    points = brute_force(Plane(jnp.float32(1)), sampler, 8, 8, 4)[..., 0]
-    assert float(slope) == pytest.approx(points.sum(), rel=1e-5)
+@pytest.mark.parametrize("spp", [1, 4, 24])
+def test_gradient_through_scene_parameters(spp):
+    """Against the closed form of a linear scene, and against finite differences of the zone plate."""
+    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(3), spp)
+    slope = jax.grad(lambda a: qj.render(Plane(a), sampler, 8, 8, spp)[..., 0].sum())(jnp.float32(0.5))
+    assert float(slope) == pytest.approx(
+        brute_force(Plane(jnp.float32(1)), sampler, 8, 8, spp)[..., 0].sum(), rel=1e-5
+    )
+
+    def brightness(frequency):
+        return (qj.render(qj.scenes.zone_plate(frequency), sampler, 8, 8, spp, dtype=jnp.float64) ** 2).sum()
+
+    with jax.enable_x64(True):
+        f, h = jnp.float64(40), 1e-5
+        expected = (brightness(f + h) - brightness(f - h)) / (2 * h)
+        assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_gradient_takes_no_memory_for_samples():
+    """The compiled backward pass of 64 times as many samples needs no more."""
+
+    def temporary(spp):
+        sampler = samplers.independent(sequences.sobol(2), key=0)
+        loss = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 32, 32, spp).sum()  # noqa: E731
+        return jax.jit(jax.grad(loss)).lower(jnp.float32(40)).compile().memory_analysis().temp_size_in_bytes
+
+    assert temporary(1024) == temporary(16)
+
+
+def test_vmap_over_scene_parameters_equals_a_loop():
+    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
+    draw = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 8, 8, 4)  # noqa: E731
+    frequencies = jnp.array([10.0, 20.0, 30.0], jnp.float32)
+    np.testing.assert_allclose(jax.vmap(draw)(frequencies), [draw(f) for f in frequencies], rtol=0, atol=1e-6)
 
 
 SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]

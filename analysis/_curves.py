@@ -67,7 +67,7 @@ def segment_counts(order: _Order, radius: int = 1) -> NDArray[np.int64]:
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     pixels = _extent(y, radius, height) * _extent(x, radius, width)
 
-    position = np.asarray(order.position(x.astype(np.uint32), y.astype(np.uint32))).astype(np.int64)
+    position = np.asarray(order.position(x.astype(np.uint32), y.astype(np.uint32)))
     along = np.argsort(position, axis=None)
     is_step = np.diff(position.ravel()[along]) == 1
     rows, columns = np.divmod(along, width)

@@ -89,7 +89,7 @@ def radial_counts(height, width):
     return np.array([len(table[k]) for k in range(1, max(height, width) // 2 + 1)])
 
 
-@pytest.mark.parametrize("size", [*SIZES, (64, 64), (49, 49), (49, 30)])
+@pytest.mark.parametrize("size", [*SIZES, (64, 64), (49, 49), (49, 30), (12, 18)])
 def test_radial_average_by_exact_annuli(size):
     spectrum = noise(*size) ** 2
     frequency, power = radial_average(spectrum)

@@ -1,6 +1,6 @@
 """What a scene is: a function on the unit cube, with names for its dimensions."""
 
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,10 +15,8 @@ class Scene(Protocol):
     ``(x, y)`` covers ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
     """
 
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The name of each dimension, in the order of the point's coordinates."""
-        ...
+    needs: ClassVar[tuple[str, ...]]
+    """The name of each dimension, in the order of the point's coordinates."""
 
     def __call__(self, point: Array) -> Array:
         """Evaluate the scene.

@@ -80,8 +80,8 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
 
     Notes
     -----
-    Section 6.1.1 shows the scene without a formula. The camera here is ours: it looks along the ground plane with
-    the horizon at the upper edge of the image, and squares as deep as they are wide.
+    Section 6.1.1 shows the scene without a formula. The camera here is ours: it looks along the ground
+    plane with the horizon at the upper edge of the image, and the squares are as deep as they are wide.
 
     References
     ----------

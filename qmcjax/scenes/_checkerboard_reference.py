@@ -1,8 +1,8 @@
 r"""Exact pixel means of the checkerboard seen in perspective.
 
-With ``S(t) = (-1)**floor(t)`` the scene is ``(1 + S(X) S(Z)) / 2``, ``Z = s/y``, ``X = c Z``, ``c = x - 1/2``.
-Write ``v = y/s = 1/Z``. Along a scan line ``S`` integrates to ``T``, the distance to the nearest even
-integer, so that the mean over a pixel between the column edges ``c0 < c1`` is
+With ``S(t) = (-1)**floor(t)`` the scene is ``(1 + S(X) S(Z)) / 2`` at depth ``Z = s/y``, ``X = c Z``,
+``c = x - 1/2``. Write ``v = y/s = 1/Z``. Along a scan line ``S`` integrates to ``T``, the distance to the
+nearest even integer, so that the mean over a pixel between the column edges ``c0 < c1`` is
 
     1/2 + width height / 2 (G(c1) - G(c0)),    G(c) = s \int S(1/v) v T(c/v) dv
 
@@ -40,7 +40,8 @@ def pixel_means(
 ) -> tuple[NDArray[np.float64], float]:
     """Return the means over all pixels, shape (height, width), and a bound on their errors.
 
-    ``horizon`` is the least ``u`` from which on the pattern is summed by periods; the result does not depend on it.
+    ``horizon`` is the least ``u`` from which on the pattern is summed by periods; the result does not
+    depend on it.
     """
     period = (2 if width % 2 == 0 else 4) * width
     if squares * height > 2.0**52:  # then |mean - 1/2| <= the bound, by the second mean value theorem
@@ -134,9 +135,9 @@ def _to_horizon(distances: NDArray[np.int64], width: int, period: int, first: in
 def _bound(squares: float, width: int, height: int, first: float) -> float:
     """Bound the truncation of the Taylor series and the rounding.
 
-    The first left-out term is at most ``15 n**-7 x**4`` on the square from ``n`` on; summed over all squares it is
-    below ``0.04 first**-6``, for each of two column edges and two row edges. Of the rounding, ``G(c1) - G(c0)``
-    cancels to ``1/width`` of its terms, which have relative errors of a few units each.
+    The first left-out term is at most ``15 n**-7 x**4`` on the square from ``n`` on; integrated over all
+    squares it is below ``0.04 first**-6``, for each of two column edges and at most two row edges. Rounding:
+    the means are ``width`` times differences of terms that have relative errors of a few units each.
     """
     truncation = 0.08 * width * height * squares * first**-6
     return truncation + 16 * width * float(np.finfo(float).eps)

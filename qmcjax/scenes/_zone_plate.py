@@ -17,7 +17,7 @@ from qmcjax.scenes._base import coordinates
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ZonePlate:
-    """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: circles about a corner, ever finer outward."""
+    """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: circles, ever finer away from a corner."""
 
     frequency: Array | float
     """The phase in radians at distance 1 from the corner."""
@@ -54,12 +54,12 @@ class ZonePlate:
         across, across_bound = _chirp_means(frequency, width)
         down, down_bound = _chirp_means(frequency, height)
         waves = np.outer(down.imag, across.real) + np.outer(down.real, across.imag)
-        # An error e in one factor, of modulus at most 1, moves the imaginary part of the product by at most |e|.
+        # The factors have modulus at most 1, so an error in one moves the product by no more.
         return 0.5 + 0.5 * waves, 0.5 * (across_bound + down_bound) + float(np.finfo(float).eps)
 
 
 def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], float]:
-    """Return the mean of ``exp(i frequency x**2)`` over each of ``count`` intervals of [0, 1], and an error bound.
+    """Return the means of ``exp(i frequency x**2)`` over ``count`` equal parts of [0, 1], and an error bound.
 
     Differences of Fresnel integrals lose digits in proportion to ``count``. Where an interval sees little of
     a wave, Gauss-Legendre quadrature is exact but for the rounding of the phase.
@@ -69,14 +69,17 @@ def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], 
         # 12 nodes integrate a wave of up to 4 radians to below 1e-18.
         nodes, weights = np.polynomial.legendre.leggauss(12)
         x = (np.arange(count)[:, None] + 0.5 * (1 + nodes)) / count
-        return np.exp(1j * frequency * x * x) @ (0.5 * weights), eps * (4 * frequency + 8)
+        phase = frequency * x * x
+        means = np.cos(phase) @ (0.5 * weights) + 1j * (np.sin(phase) @ (0.5 * weights))
+        return means, eps * (4 * frequency + 8)
 
     from scipy.special import fresnel
 
     sine, cosine = fresnel(np.arange(count + 1) / count * math.sqrt(2 * frequency / math.pi))
     unit = math.sqrt(math.pi / (2 * frequency))
-    # Rounding of the argument moves each of two ends by x eps; the integrals have relative errors of 2e-15 (Cephes).
-    return count * unit * np.diff(cosine + 1j * sine), eps * count * (4 + 20 * unit)
+    # Rounding of the arguments moves both ends by about x eps; Cephes states a relative error of 2e-15.
+    means = (count * unit) * (np.diff(cosine) + 1j * np.diff(sine))
+    return means, eps * count * (4 + 20 * unit)
 
 
 def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
@@ -98,8 +101,8 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
 
     Notes
     -----
-    Eq. 6.1 as scanned reads ``(1 + 1600 sin(x**2 + y**2)) / 2``, which leaves [0, 1] and shows no zones: the factor
-    belongs inside the sine.
+    Eq. 6.1 as scanned reads ``(1 + 1600 sin(x**2 + y**2)) / 2``, which leaves [0, 1] and shows no zones:
+    the factor belongs inside the sine.
 
     References
     ----------

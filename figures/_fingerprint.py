@@ -17,7 +17,7 @@ from figures._store import NUMBERS
 
 PROJECT = ("qmcjax", "analysis", "figures")
 LIBRARIES = ("jax", "numpy", "scipy", "matplotlib")
-NOT_DATA = (".py", ".pyc", ".ipynb", ".md")
+NOT_DATA = (".py", ".pyc", ".ipynb", ".md", ".png")
 
 
 def fingerprint(module: str, quality: str) -> str:

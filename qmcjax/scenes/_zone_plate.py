@@ -27,7 +27,7 @@ class ZonePlate:
     def __call__(self, point: Array) -> Array:
         """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         x, y, frequency = coordinates(point, self.frequency)
-        return 0.5 + 0.5 * jnp.sin(frequency * (x * x + y * y))
+        return 0.5 + 0.5 * _sine(frequency / (2 * math.pi) * (x * x + y * y))
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel, the imaginary part of a product of two Fresnel integrals.
@@ -56,6 +56,21 @@ class ZonePlate:
         waves = np.outer(down.imag, across.real) + np.outer(down.real, across.imag)
         # The factors have modulus at most 1, so an error in one moves the product by no more.
         return 0.5 + 0.5 * waves, 0.5 * (across_bound + down_bound) + float(np.finfo(float).eps)
+
+
+# sin(2 pi t) / t in powers of t**2, interpolated at Chebyshev points of |t| <= 1/4: off by 7e-9.
+_SINE = (6.283185280154407, -41.341680613346504, 81.60247636892487, -76.58117264429453, 39.759827085654166)
+
+
+def _sine(turns: Array) -> Array:
+    """Return ``sin(2 pi turns)``, to 2e-7 in float32: several times faster than a sine of any argument in radians."""
+    if turns.dtype != jnp.float32:
+        return jnp.sin(2 * math.pi * turns)
+    half_turns = jnp.round(2 * turns)
+    t = turns - 0.5 * half_turns
+    half = 0.5 * half_turns
+    sign = 1 - 4 * (half - jnp.floor(half))
+    return sign * t * jnp.polyval(jnp.asarray(_SINE[::-1], turns.dtype), t * t)
 
 
 def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], float]:

@@ -133,6 +133,38 @@ def test_one_trace_per_shape():
     assert len(traces) == once + shape_only
 
 
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class LastCorner:
+    """A plug-in sampler without a base class: the largest offset there is."""
+
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return jnp.full((*x.shape, len(dims)), 1 - jnp.finfo(dtype).epsneg, dtype)
+
+    def check(self, width, height, spp):
+        pass
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Outside:
+    """One where a point is not in the half-open square."""
+
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return jnp.any((point < 0) | (point >= 1), axis=-1).astype(point.dtype)
+
+
+@pytest.mark.parametrize("width", [1, 3, 512, 65536])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_points_stay_in_the_half_open_square(width, dtype):
+    """The last pixel plus its largest offset rounds up to the width, which would be 1."""
+    assert not np.any(qj.render(Outside(), LastCorner(), width, 1, 1, dtype=dtype))
+
+
 @pytest.mark.parametrize("spp", [1, 4, 24])
 def test_gradient_through_scene_parameters(spp):
     """Against the closed form of a linear scene, and against finite differences of the zone plate."""
@@ -149,6 +181,16 @@ def test_gradient_through_scene_parameters(spp):
         f, h = jnp.float64(40), 1e-5
         expected = (brightness(f + h) - brightness(f - h)) / (2 * h)
         assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
+
+
+def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
+    from importlib import import_module
+
+    sampler = samplers.independent(sequences.sobol(2), key=0)
+    slope = jax.grad(lambda f: (qj.render(qj.scenes.zone_plate(f), sampler, 16, 16, 48) ** 2).sum())
+    whole = slope(jnp.float32(20))
+    monkeypatch.setattr(import_module("qmcjax.render"), "_CALL", 16 * 16 * 16)
+    assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
 
 
 def test_gradient_takes_no_memory_for_samples():

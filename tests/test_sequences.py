@@ -245,6 +245,14 @@ def test_uniform_is_uniform():
     assert abs(chi2 - 255) < 5 * np.sqrt(2 * 255)
 
 
+def test_uniform_coordinates_are_no_shuffled_copies_of_each_other():
+    """Hashing index ^ seed once would give the same column, its indices shifted by the xor of two seeds."""
+    seq = sequences.uniform(2, key=5)
+    index = jnp.asarray(first(1000))
+    shifted = index ^ seq.seeds[0, 0] ^ seq.seeds[1, 0]
+    assert not np.any(seq.word(index, 0) == seq.word(shifted, 1))
+
+
 SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
 
 

@@ -102,6 +102,25 @@ def test_screen_covers_an_image_of_any_size_by_the_next_square():
     assert np.array_equal(sampler(19, 8, 3), whole(19, 8, 3))
 
 
+@pytest.mark.parametrize("make", [sequences.sobol, sequences.larcher_pillichshammer])
+def test_screen_of_a_sequence_takes_one_frame_after_the_other(make):
+    """The samples s of all pixels are the block s of the sequence, for any number of samples."""
+    seq = make()
+    sampler = samplers.screen(seq, 16, 16)
+    x, y, sample = all_samples(16, 3)
+    whole = (np.stack([x, y], axis=1) + np.asarray(sampler(x, y, sample, dtype=jnp.float64))) / 16
+    for s in range(3):
+        frame = np.asarray(seq.points(256, start=256 * s, dtype=jnp.float64))
+        assert sorted(map(tuple, whole[np.asarray(sample) == s].tolist())) == sorted(
+            map(tuple, frame.tolist())
+        )
+    sampler.check(16, 16, 3)
+    with pytest.raises(
+        ValueError, match=r"spp must be at most 16777216 for this sequence and image, got 16777217"
+    ):
+        sampler.check(16, 16, 2**24 + 1)
+
+
 def test_screen_of_a_jittered_grid_jitters_every_pixel():
     sampler = SAMPLERS["screen, jittered"]
     points = np.asarray(sampler(*all_samples())).reshape(-1, SPP, 2)
@@ -183,7 +202,7 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
         (lambda: samplers.screen(sequences.hammersley_net(7), 16, 16), "m must be at least 8 .* got m=7"),
         (lambda: samplers.screen(sequences.hammersley_net(8), 17, 2), "m must be at least 10 .* got m=8"),
         (lambda: samplers.screen(sequences.hammersley_net(8), 0, 2), "width .* got 0"),
-        (lambda: samplers.screen(SOBOL, 2, 2), "net must be invertible .* got Digital"),
+        (lambda: samplers.screen(sequences.uniform(2, 0), 2, 2), "net must be invertible .* got Uniform"),
         (
             lambda: samplers.screen(sequences.jittered(40, 2, 0), 16, 16),
             "side must be a multiple of 16 and dims 2 .* got side=40, dims=2",

@@ -11,7 +11,8 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.bits import to_unit
 from qmcjax.orders import MAX_SIDE, log_side
-from qmcjax.samplers._base import Sampler, check_size
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.sequences import Digital, framed
 
 
 @runtime_checkable
@@ -21,6 +22,11 @@ class Invertible(Protocol):
     @property
     def dims(self) -> int:
         """Number of coordinates."""
+        ...
+
+    @property
+    def size(self) -> int | None:
+        """Number of points, None if each further sample takes a further frame of a sequence."""
         ...
 
     def word(self, index: Array, dim: int) -> Array:
@@ -70,11 +76,13 @@ class Screen(Sampler):
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the image, and the number of samples, of the net."""
         check_size("net", (self.width, self.height), (width, height))
-        if spp != self.spp:
+        if self.net.size is None:
+            check_count(spp, self.spp, "for this sequence and image")
+        elif spp != self.spp:
             raise ValueError(f"spp must be {self.spp}, the net's points in a pixel of this image, got {spp}")
 
 
-def screen(net: Invertible, width: int, height: int) -> Screen:
+def screen(net: Invertible | Digital, width: int, height: int) -> Screen:
     """Sample the whole screen with one net, each pixel with the points that fall into it.
 
     The index of a point follows from its pixel by inverting the net on integers, without tables.
@@ -82,15 +90,17 @@ def screen(net: Invertible, width: int, height: int) -> Screen:
     Parameters
     ----------
     net : sequence in base 2
-        One that can be inverted: has ``index_in_cell``. With ``2**k`` the smallest power of two
-        that covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into every pixel.
+        One that can be inverted: a digital sequence, or one that has ``index_in_cell``. With ``2**k`` the
+        smallest power of two that covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into
+        every pixel, and a digital (0,2)-sequence one point in each frame of ``4**k`` points.
     width, height : int
         In [1, 65536].
 
     Returns
     -------
     Screen
-        ``spp`` is the number of points in a pixel, the only number of samples that it can be rendered with.
+        ``spp`` is the number of points in a pixel: of a net the only number of samples that it can be
+        rendered with, of a sequence the largest.
 
     Raises
     ------
@@ -99,7 +109,7 @@ def screen(net: Invertible, width: int, height: int) -> Screen:
 
     References
     ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4.
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4 and 5.2.5.
 
     Examples
     --------
@@ -109,6 +119,8 @@ def screen(net: Invertible, width: int, height: int) -> Screen:
     16 [0.96875    0.33325195]
     """
     width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
+    if isinstance(net, Digital):
+        net = framed(net, log_side(width, height))
     if not isinstance(net, Invertible):
         raise ValueError(f"net must be invertible (have index_in_cell), got {net!r}")
     net.points_per_cell(log_side(width, height))

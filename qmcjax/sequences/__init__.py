@@ -6,6 +6,7 @@ unbounded); those in base 2 also have exact fixed-point coordinates, ``seq.bits(
 
 from qmcjax.sequences._base import BinarySequence as BinarySequence
 from qmcjax.sequences._base import Sequence as Sequence
+from qmcjax.sequences._cells import framed as framed
 from qmcjax.sequences._digital import Digital as Digital
 from qmcjax.sequences._digital import digital as digital
 from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichshammer

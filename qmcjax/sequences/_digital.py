@@ -49,23 +49,23 @@ class Digital(BinarySequence):
         """Return one coordinate with its first digit in bit 0."""
         if dim < len(self.steps):
             return self.steps[dim](index)
-        return _product(reverse(self._columns((dim,))), index)[..., 0]
+        return product(reverse(self.matrices[dim]), index)
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
         if dim < len(self.steps):
             return reverse(self.steps[dim](index))
-        return _product(self._columns((dim,)), index)[..., 0]
+        return product(self.matrices[dim], index)
 
     def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
         if len(dims) <= FEW:
             return super()._mirrors(index, dims)
-        return _product(reverse(self._columns(dims)), index)
+        return product(reverse(self._columns(dims)), index)
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
         if len(dims) <= FEW:
             return super()._words(index, dims)
-        return _product(self._columns(dims), index)
+        return product(self._columns(dims), index)
 
     def _columns(self, dims: tuple[int, ...]) -> Array:
         """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
@@ -74,24 +74,28 @@ class Digital(BinarySequence):
         return self.matrices.T
 
 
-def _product(columns: Array, index: Array) -> Array:
-    """Xor the columns that the bits of the index select: (32, dims), (...) -> (..., dims)."""
+def product(columns: Array, index: Array) -> Array:
+    """Xor the columns that the bits of the index select: (32[, dims]), (...) -> (...[, dims])."""
     if math.prod(index.shape) < _TABLE_FROM:
-        return _selected(columns, index)
+        return selected(columns, index)
     byte = jax.lax.iota(jnp.uint32, 256)
-    product = jnp.zeros((*index.shape, columns.shape[1]), jnp.uint32)
+    product = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for shift in (0, 8, 16, 24):
-        table = _selected(columns[shift : shift + 8], byte)
+        table = selected(columns[shift : shift + 8], byte)
         product = product ^ table[(index >> shift) & np.uint32(255)]
     return product
 
 
-def _selected(columns: Array, index: Array) -> Array:
-    product = jnp.zeros((*index.shape, columns.shape[1]), jnp.uint32)
+def selected(columns: Array, index: Array) -> Array:
+    """Xor the columns that the bits of the index select, one by one."""
+    product = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for k in range(columns.shape[0]):
-        bit = (index >> k) & np.uint32(1)
         # 0 - 1 wraps to all ones: a mask instead of a comparison and a select.
-        product = product ^ ((np.uint32(0) - bit)[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
+        mask = np.uint32(0) - ((index >> k) & np.uint32(1))
+        if columns.ndim == 1:
+            product = product ^ (mask & columns[k])
+        else:
+            product = product ^ (mask[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
     return product
 
 

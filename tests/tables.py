@@ -26,6 +26,18 @@ SEQUENCES = {
     "owen(sobol(2))": sequences.owen(sequences.sobol(2), key=7),
     "owen(sobol(9))": sequences.owen(sequences.sobol(9), key=7),
     "owen(permutation_net(12))": sequences.owen(sequences.permutation_net(12), key=7),
+    "sobol_net_3d(12)": sequences.sobol_net_3d(12),
+    "larcher_pillichshammer_net_3d(12)": sequences.larcher_pillichshammer_net_3d(12),
+    "permutation_net_3d(11)": sequences.permutation_net_3d(11),
+    "xor(sobol(2))": sequences.xor(sequences.sobol(2), key=7),
+    "matousek(sobol(9))": sequences.matousek(sequences.sobol(9), key=7),
+    "matousek(permutation_net(12))": sequences.matousek(sequences.permutation_net(12), key=7),
+    "owen_exact(sobol(2))": sequences.owen_exact(sequences.sobol(2), key=7),
+    "owen_exact(sobol(9))": sequences.owen_exact(sequences.sobol(9), key=7),
+    "shift(sobol(9))": sequences.shift(sequences.sobol(9), np.linspace(0.05, 0.95, 9)),
+    "shift(halton(12))": sequences.shift(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
+    "gray(sobol(2))": sequences.gray(sequences.sobol(2)),
+    "gray(sobol(9))": sequences.gray(sequences.sobol(9)),
 }
 
 ORDERS = {"raster": orders.raster, "morton": orders.morton, "hilbert": orders.hilbert}

@@ -108,7 +108,7 @@ def framed(sequence: Digital, log_side: int) -> Framed:
     >>> frames = framed(sequences.sobol(2), 3)
     >>> index = frames.index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
     >>> print(sequences.sobol(2)(index) * 8)
-    [5. 2.]
+    [5.75 2.75]
     """
     log_side = checks.integer("log_side", log_side, 0, 16)
     if sequence.dims < 2:

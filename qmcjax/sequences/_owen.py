@@ -4,40 +4,29 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import owen_hash
 from qmcjax.sequences._base import BinarySequence, binary
+from qmcjax.sequences._scrambled import Scrambled, along_last
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Owen(BinarySequence):
+class Owen(Scrambled):
     """A sequence whose coordinates go through nested random permutations, one each."""
 
     sequence: BinarySequence
     seeds: Array
     """uint32 (dims,)."""
 
-    @property
-    def dims(self) -> int:
-        """Number of coordinates."""
-        return self.sequence.dims
-
-    @property
-    def size(self) -> int | None:
-        """Number of points."""
-        return self.sequence.size
-
     def mirror(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return owen_hash(self.sequence.mirror(index, dim), self.seeds[dim])
 
     def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        seeds = self.seeds[np.array(dims)].reshape((1,) * index.ndim + (-1,))
-        return owen_hash(self.sequence._mirrors(index, dims), seeds)
+        return owen_hash(self.sequence._mirrors(index, dims), along_last(self.seeds, dims, index))
 
 
 def owen(sequence: BinarySequence, key: Array | int) -> Owen:

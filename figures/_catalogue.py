@@ -9,7 +9,15 @@ class Entry(NamedTuple):
 
 
 CATALOGUE = {
+    "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
+    "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
+    "thesis-5.5": Entry("figures.thesis_5_5", "Minimum distances of (0,m,3)-nets"),
+    "thesis-5.12": Entry("figures.thesis_5_12", "Frames of the Sobol' sequence, Fig. 5.10 and 5.12"),
+    "thesis-5.16": Entry("figures.thesis_5_16", "Permutation nets, Fig. 5.13 and 5.16"),
+    "thesis-5.20": Entry("figures.thesis_5_20", "The sheared tiling, Fig. 5.18 to 5.20"),
     "thesis-5.21": Entry("figures.thesis_5_21", "Minimum distances of (0,m,2)-nets, with Table 5.1"),
+    "thesis-5.23": Entry("figures.thesis_5_23", "Owen scramblings of a permutation net"),
+    "thesis-5.3.2": Entry("figures.thesis_5_3_2", "Permutation nets in three dimensions, P_2 to P_5"),
     "thesis-6.1": Entry("figures.thesis_6_1", "The checkerboard at 64 samples per pixel"),
     "thesis-6.2": Entry("figures.thesis_6_2", "Convergence on the checkerboard"),
     "thesis-6.3": Entry("figures.thesis_6_3", "The zone plate at 64 samples per pixel"),

@@ -1,0 +1,50 @@
+"""Point sets in the unit square, drawn with the boxes that stratify them."""
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from qmcjax.sequences import Sequence
+
+
+def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a row, or rows, of square panels."""
+    columns = columns or count
+    rows = -(-count // columns)
+    figure = Figure(figsize=(3 * columns, 3.2 * rows + 0.4), layout="constrained")
+    figure.suptitle(title)
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for unused in axes[count:]:
+        unused.set_axis_off()
+    return figure, list(axes[:count])
+
+
+def grid(axes: Axes, columns: int, rows: int, **style) -> None:
+    """Draw the borders of ``columns`` times ``rows`` equal boxes."""
+    style = {"color": "0.75", "lw": 0.6, "zorder": 0} | style
+    for count, draw in ((columns, axes.axvline), (rows, axes.axhline)):
+        for k in range(count + 1):
+            draw(k / count, **style)
+
+
+def scatter(axes: Axes, points: NDArray, title: str = "", **style) -> None:
+    """Draw points of the half-open unit square, y upward as in the thesis."""
+    axes.plot(points[:, 0], points[:, 1], **({"ls": "", "marker": "o", "ms": 3, "color": "tab:blue"} | style))
+    axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal")
+    axes.set_title(title, fontsize=9)
+
+
+def block(sequence: Sequence, n: int, start: int = 0) -> NDArray[np.float64]:
+    """Return points as float64."""
+    return np.asarray(sequence.points(n, start, dtype=jnp.float64))
+
+
+def holds_one_each(points: NDArray, m: int) -> bool:
+    """Tell, by counting, whether each elementary interval of area 2**-m holds one point."""
+    for i in range(m + 1):
+        cells = np.floor(points[:, 0] * 2**i) * 2 ** (m - i) + np.floor(points[:, 1] * 2 ** (m - i))
+        if len(np.unique(cells)) != 2**m:
+            return False
+    return True

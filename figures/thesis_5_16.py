@@ -1,0 +1,35 @@
+"""Thesis Fig. 5.13 and 5.16: permutation nets of odd and even m."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+import analysis
+from figures import _points
+from qmcjax import sequences
+
+SIZES = (3, 5, 7, 4, 6, 8)
+PRINTED = {3: 8, 5: 32, 7: 128, 4: 13, 6: 53, 8: 241}
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the nets that the thesis draws."""
+    del quality, progress
+    figure, axes = _points.panels(
+        6, "Permutation nets for odd and even m (thesis Fig. 5.13 and 5.16)", columns=3
+    )
+    measured = {}
+    for m, panel in zip(SIZES, axes, strict=True):
+        net = sequences.permutation_net(m)
+        words = np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
+        shear = 0 if m % 2 else 2 ** (m - 2)
+        measured[str(m)] = analysis.squared_min_distance(words, side=2**m, shear=shear)
+        _points.grid(panel, 2 ** (m // 2), 2 ** (m // 2))
+        _points.scatter(panel, _points.block(net, 2**m), f"m = {m}, squared distance {measured[str(m)]}")
+    return figure, {
+        "measured": {"squared distance on the integer grid": measured},
+        "printed": {"squared distance on the integer grid": {str(m): PRINTED[m] for m in SIZES}},
+        "note": "Even m with the sheared tiling.",
+    }

@@ -1,0 +1,56 @@
+"""Thesis Fig. 5.18 to 5.20: the sheared tiling of a permutation net of even m, and its pixels."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+import analysis
+from figures import _points
+from qmcjax import sequences
+
+M, TILES = 6, 4
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the sheared tiling, and the same points as pixels with wrapped copies of one pattern."""
+    del quality, progress
+    side = 2**M
+    net = np.asarray(sequences.permutation_net(M).bits(jnp.arange(side, dtype=jnp.uint32))) >> np.uint32(
+        32 - M
+    )
+    net = net.astype(np.int64)
+    # pixelWrap: row p_y sees the pattern moved by p_y quarters of a tile, modulo the tile.
+    pattern = [
+        np.stack([(net[:, 0] + row % 4 * side // 4) % side + column * side, net[:, 1] + row * side], axis=1)
+        for row in range(TILES)
+        for column in range(TILES)
+    ]
+    whole = np.concatenate(pattern)
+    figure, axes = _points.panels(
+        2, "The sheared tiling for m = 6, cut into pixels (thesis Fig. 5.18 to 5.20)"
+    )
+    figure.set_size_inches(10, 5.6)
+    for k, part in enumerate(pattern):
+        _points.scatter(axes[0], part / (side * TILES), "4 x 4 pixels", ms=1.5, color=f"C{k // TILES}")
+    _points.grid(axes[0], TILES, TILES)
+    _points.grid(axes[1], TILES, TILES, color="0.9")
+    _points.scatter(axes[1], whole / (side * TILES), "tiles, each row moved by a quarter", ms=1.5)
+    for row in range(TILES):
+        left = np.arange(-1, TILES + 1) + row % 4 / 4
+        axes[1].vlines(left / TILES, row / TILES, (row + 1) / TILES, color="tab:red", lw=0.8)
+        axes[1].axhline(row / TILES, color="tab:red", lw=0.8)
+    measured = {
+        "squared distance of the 4 x 4 pixels, tiled regularly": analysis.squared_min_distance(
+            whole, side=side * TILES
+        ),
+        "squared distance of the net, tiled with shear": analysis.squared_min_distance(
+            net, side=side, shear=side // 4
+        ),
+        "squared distance of the net, tiled regularly": analysis.squared_min_distance(net, side=side),
+    }
+    return figure, {
+        "measured": measured,
+        "printed": "the 4 x 4 pattern can be tiled regularly without a decrease in minimum distance",
+    }

@@ -1,0 +1,28 @@
+"""Thesis Fig. 5.3: blocks of the Sobol' (0,2)-sequence are nets, and so is their union."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from figures import _points
+from qmcjax import sequences
+
+M, BLOCKS = 6, 4
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw four blocks of 64 points, and all of them together."""
+    del quality, progress
+    seq = sequences.sobol(2)
+    blocks = [_points.block(seq, 2**M, k * 2**M) for k in range(BLOCKS)]
+    figure, axes = _points.panels(BLOCKS + 1, "Blocks of the Sobol' (0,2)-sequence (thesis Fig. 5.3)")
+    for k, panel in enumerate(axes[:-1]):
+        _points.grid(panel, 2 ** (M // 2), 2 ** (M // 2))
+        _points.scatter(panel, blocks[k], f"points {k * 2**M} to {(k + 1) * 2**M - 1}", color=f"C{k}")
+    _points.grid(axes[-1], 2 ** (M // 2 + 1), 2 ** (M // 2 + 1))
+    for k in range(BLOCKS):
+        _points.scatter(axes[-1], blocks[k], "superimposed", color=f"C{k}")
+    measured = {f"block {k} is a (0,6,2)-net": _points.holds_one_each(blocks[k], M) for k in range(BLOCKS)}
+    measured["their union is a (0,8,2)-net"] = _points.holds_one_each(np.concatenate(blocks), M + 2)
+    return figure, {"measured": measured, "printed": "each block is a (0,6,2)-net, the union a (0,8,2)-net"}

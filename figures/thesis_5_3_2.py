@@ -1,0 +1,39 @@
+"""Thesis Sect. 5.3.2: the permutation nets P_2 to P_5 in three dimensions, with their projections."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+
+import analysis
+from figures import _points
+from qmcjax import sequences
+
+PRINTED = {2: 6, 3: 12, 4: 38, 5: 90}
+PLANES = ((0, 1), (0, 2), (1, 2))
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the three projections of each net."""
+    del quality, progress
+    figure, axes = _points.panels(12, "P_2 to P_5 in the three planes (thesis Sect. 5.3.2)", columns=3)
+    measured = {}
+    for row, m in enumerate(PRINTED):
+        net = sequences.permutation_net_3d(m)
+        words = np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
+        points = words / 2**m
+        squared = analysis.squared_min_distance(words, side=2**m)
+        planar = {f"{'xyz'[a]}{'xyz'[b]}": _points.holds_one_each(points[:, [a, b]], m) for a, b in PLANES}
+        measured[f"P_{m}"] = {"squared distance": squared, "projections are (0,m,2)-nets": planar}
+        for column, (a, b) in enumerate(PLANES):
+            panel = axes[3 * row + column]
+            _points.grid(panel, 2**m, 2**m)
+            title = f"P_{m}, {'xyz'[a]}{'xyz'[b]}, squared distance {squared}"
+            _points.scatter(panel, (words[:, [a, b]] + 0.5) / 2**m, title)
+    return figure, {
+        "measured": measured,
+        "printed": {f"P_{m}": {"squared distance": value} for m, value in PRINTED.items()},
+        "note": "Points are drawn in the centres of their cells. Two of the printed decimals have a wrong "
+        "tenth digit: sqrt(6)/4 = 0.6123724357, sqrt(90)/32 = 0.2964635306.",
+    }

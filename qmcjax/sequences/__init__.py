@@ -6,6 +6,8 @@ unbounded); those in base 2 also have exact fixed-point coordinates, ``seq.bits(
 
 from qmcjax.sequences._base import BinarySequence as BinarySequence
 from qmcjax.sequences._base import Sequence as Sequence
+from qmcjax.sequences._blue_noise import lloyd as lloyd
+from qmcjax.sequences._blue_noise import poisson_disk as poisson_disk
 from qmcjax.sequences._cells import framed as framed
 from qmcjax.sequences._digital import Digital as Digital
 from qmcjax.sequences._digital import digital as digital
@@ -14,6 +16,8 @@ from qmcjax.sequences._digital import sobol as sobol
 from qmcjax.sequences._gray import gray as gray
 from qmcjax.sequences._halton import halton as halton
 from qmcjax.sequences._halton import van_der_corput as van_der_corput
+from qmcjax.sequences._latin_hypercube import latin_hypercube as latin_hypercube
+from qmcjax.sequences._lattice_sequence import lattice as lattice
 from qmcjax.sequences._matousek import matousek as matousek
 from qmcjax.sequences._nets import Net as Net
 from qmcjax.sequences._nets import hammersley_net as hammersley_net
@@ -26,6 +30,8 @@ from qmcjax.sequences._owen import owen as owen
 from qmcjax.sequences._owen_exact import owen_exact as owen_exact
 from qmcjax.sequences._random import jittered as jittered
 from qmcjax.sequences._random import uniform as uniform
+from qmcjax.sequences._rank1_lattice import korobov as korobov
+from qmcjax.sequences._rank1_lattice import rank1_lattice as rank1_lattice
 from qmcjax.sequences._shift import shift as shift
 from qmcjax.sequences._sobol_matrix import sobol_matrix as sobol_matrix
 from qmcjax.sequences._xor import digit_scramble as digit_scramble

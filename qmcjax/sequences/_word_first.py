@@ -1,0 +1,27 @@
+"""Sequences in base 2 whose arithmetic carries: their words come first, and are mirrored for scramblers."""
+
+import abc
+
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.bits import reverse
+from qmcjax.sequences._base import BinarySequence
+
+
+class WordFirst(BinarySequence):
+    """A sequence in base 2 that implements :meth:`word` instead of ``mirror``."""
+
+    @abc.abstractmethod
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate of valid indices as a 32-bit fraction, its first digit in bit 31."""
+
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        return reverse(self.word(index, dim))
+
+    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return reverse(self._words(index, dims))
+
+    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return jnp.stack([self.word(index, j) for j in dims], axis=-1)

@@ -8,8 +8,9 @@ import numpy as np
 from jax import Array
 
 from qmcjax import checks
-from qmcjax.bits import hash_word, reverse
+from qmcjax.bits import hash_word
 from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._word_first import WordFirst
 
 
 def _draw(index: Array, seeds: Array) -> Array:
@@ -37,7 +38,7 @@ class Uniform(BinarySequence):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Jittered(BinarySequence):
+class Jittered(WordFirst):
     """One uniform point in each cell of a regular grid."""
 
     side: int = field(metadata={"static": True})
@@ -53,10 +54,6 @@ class Jittered(BinarySequence):
     def size(self) -> int:
         """Number of points, side**dims."""
         return self.side**self.dims
-
-    def mirror(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
-        return reverse(self.word(index, dim))
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""

@@ -1,4 +1,14 @@
-"""Digits in any base: the radical inverse."""
+"""Digits in any base: radical inverses, plain and with permuted digits, as exact fractions divided once.
+
+An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with ``base**K >= 2**32``.
+Reflected at the radix point they are an integer over ``base**K``. It can exceed a word, so that its last
+digits are kept apart, and joined in float64, where it is exact.
+
+``base`` can be an array of bases of the same K, of the rank of the index: then there is one program for all,
+which compiles faster but divides slower than one with the divisor built in.
+"""
+
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -8,12 +18,87 @@ from jax.typing import DTypeLike
 
 from qmcjax.bits import reverse, to_unit
 
-__all__ = ["radical_inverse"]
+__all__ = [
+    "digit_count",
+    "digit_spans",
+    "exact_fraction",
+    "permuted_radical_inverse",
+    "radical_inverse",
+    "reflection_tables",
+]
 
 _BELOW_ONE = np.float32(1 - 2.0**-24)
 
+_TABLE_SIZE = 8192
+"""Digits are permuted together as long as their table has no more entries: it stays in a near cache."""
 
-def radical_inverse(index: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
+
+Base: TypeAlias = int | np.ndarray
+
+
+def _word(value: Base) -> np.uint32:
+    return np.uint32(value % 2**32)
+
+
+def _quotient(number: Array, divisor: Base) -> Array:
+    """Return number // divisor: integer division by an array is slow, a float64 product is exact here.
+
+    (number + 1/2) / divisor is at least 2**-17 away from all integers.
+    """
+    if np.ndim(divisor) == 0:
+        return number // _word(divisor)
+    with jax.enable_x64(True):
+        return ((number.astype(jnp.float64) + 0.5) * (1 / np.asarray(divisor))).astype(jnp.uint32)
+
+
+def digit_count(base: Base) -> int:
+    """Return the number of digits of uint32 indices: the smallest K with ``base**K >= 2**32``.
+
+    Examples
+    --------
+    >>> digit_count(2), digit_count(3), digit_count(65536)
+    (32, 21, 2)
+    """
+    smallest, count = int(np.min(base)), 1
+    while smallest**count < 2**32:
+        count += 1
+    return count
+
+
+def exact_fraction(
+    leading: Array, last: Array, base: Base, dtype: DTypeLike = jnp.float32, span: int = 1
+) -> Array:
+    """Divide a numerator of ``K = digit_count(base)`` digits by ``base**K``, once.
+
+    Parameters
+    ----------
+    leading : uint32 Array, shape (...)
+        The first ``K - span`` digits after the radix point, as an integer.
+    last : uint32 Array, shape (...)
+        The last ``span`` digits, as an integer.
+    base : int, or int64 ndarray of the rank of the others
+        In [2, 2**16].
+    dtype : float32 or float64
+        In float64 the fraction is rounded to nearest. In float32 this value is rounded to nearest again,
+        but never up to 1.
+    span : int
+        In [1, K].
+
+    Returns
+    -------
+    Array of ``dtype``, shape (...), in [0, 1)
+    """
+    with jax.enable_x64(True):
+        exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64)
+        # Division by a constant is compiled to a product with its rounded reciprocal: one bit is lost.
+        # A divisor that formally depends on the numerator is divided by.
+        value = exact / (exact * 0.0 + np.float64(base ** digit_count(base)))
+        if dtype == jnp.float64:
+            return value
+        return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
+
+
+def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) -> Array:
     """Reflect the digits of an index in base ``base`` at the radix point.
 
     The reflected digits are collected as an exact integer and divided once, in float64: no error
@@ -22,10 +107,11 @@ def radical_inverse(index: Array, base: int, dtype: DTypeLike = jnp.float32) -> 
     Parameters
     ----------
     index : uint32 Array, shape (...)
-    base : int
+    base : int, or int64 ndarray of the rank of the others
         In [2, 2**16].
     dtype : float32 or float64
-        The result is rounded to nearest, but never up to 1.
+        The result is rounded to nearest, but never up to 1 (see :func:`exact_fraction`); in base 2,
+        where float64 is exact, float32 is rounded down.
 
     Returns
     -------
@@ -40,23 +126,106 @@ def radical_inverse(index: Array, base: int, dtype: DTypeLike = jnp.float32) -> 
     >>> print(radical_inverse(jnp.uint32(5), 3))  # 5 is 12 in base 3, reflected 0.21
     0.7777778
     """
-    if base == 2:
+    if np.ndim(base) == 0 and base == 2:
         return to_unit(reverse(index), dtype)
-    # base**count <= 2**32 < base**(count + 1): count reflected digits fit a word, and one more is left.
-    count = 0
-    while base ** (count + 1) <= 2**32:
-        count += 1
-    numerator = jnp.zeros_like(index)
+    # Digit k is q_k - base q_(k+1), with q_k = index // base**k: collected by quotients instead of digits,
+    # the sum of digit k times base**(n - 1 - k) needs one product each, and is right modulo 2**32.
+    n = digit_count(base) - 1
+    leading = index * _word(base ** (n - 1))
+    quotient = index
+    for k in range(1, n + 1):
+        quotient = _quotient(quotient, base)
+        leading = leading + quotient * _word(base ** (n - k) // base - base ** (n - k + 1))
+    return exact_fraction(leading, quotient, base, dtype)
+
+
+def digit_spans(base: Base) -> tuple[int, ...]:
+    """Return how many consecutive digits are permuted by one look-up each.
+
+    Examples
+    --------
+    >>> digit_spans(3), digit_spans(101)
+    ((8, 8, 5), (1, 1, 1, 1, 1))
+    """
+    count = digit_count(base)
+    smallest, widest = int(np.min(base)), 1
+    while smallest ** (widest + 1) <= _TABLE_SIZE:
+        widest += 1
+    return tuple(min(widest, count - first) for first in range(0, count, widest))
+
+
+def reflection_tables(rows: Any) -> list[Any]:
+    """Tabulate the permuted and reflected digits of all numbers of each span of digits.
+
+    Parameters
+    ----------
+    rows : uint32 numpy or JAX array, shape (digit_count(base), base)
+        Row k permutes digit k, the digit of ``base**k``.
+
+    Returns
+    -------
+    list of uint16 arrays, numpy or JAX as ``rows``, shapes (base**span,)
+        One for each of ``digit_spans(base)``.
+    """
+    base = rows.shape[1]
+    tables, first = [], 0
+    for span in digit_spans(base):
+        table = rows[first]
+        for k in range(first + 1, first + span):
+            table = (table[None, :] * np.uint32(base) + rows[k][:, None]).ravel()
+        tables.append(table.astype(np.uint16))
+        first += span
+    return tables
+
+
+def permuted_radical_inverse(
+    index: Array, base: Base, tables: Array, dtype: DTypeLike = jnp.float32, offset: Base = 0
+) -> Array:
+    """Permute the digits of an index, then reflect them at the radix point.
+
+    All ``K = digit_count(base)`` digits are permuted, leading zeros of the index among them, and none
+    beyond. Where a permutation moves 0, the infinitely many zeros beyond would add the same constant to the
+    values of all indices, between 0 and ``base**-K``, at most 2**-32.
+
+    Parameters
+    ----------
+    index : uint32 Array, shape (...)
+    base : int, or int64 ndarray of the rank of ``index``
+        In [2, 2**16).
+    tables : uint16 Array
+        The permutations: the :func:`reflection_tables`, one after the other.
+    dtype : float32 or float64
+        Rounded as by :func:`radical_inverse`.
+    offset : int, or int64 ndarray of the shape of ``base``
+        Where the tables of this base start.
+
+    Returns
+    -------
+    Array of ``dtype``, shape (...), in [0, 1)
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.1.
+
+    Examples
+    --------
+    >>> swap = jnp.array([[0, 2, 1]] * digit_count(3), jnp.uint32)
+    >>> tables = jnp.concatenate(reflection_tables(swap))
+    >>> print(permuted_radical_inverse(jnp.uint32(5), 3, tables))  # 0.21 becomes 0.12
+    0.5555556
+    """
+    *spans, span = digit_spans(base)
+    leading = jnp.zeros_like(index)
     rest = index
-    for _ in range(count):
-        quotient = rest // np.uint32(base)
-        numerator = numerator * np.uint32(base) + (rest - quotient * np.uint32(base))
-        rest = quotient
-    with jax.enable_x64(True):
-        exact = numerator.astype(jnp.float64) * np.float64(base) + rest.astype(jnp.float64)
-        # Division by a constant is compiled to a product with its rounded reciprocal: one bit is lost.
-        # A divisor that formally depends on the numerator is divided by.
-        value = exact / (exact * 0.0 + np.float64(base ** (count + 1)))
-        if dtype == jnp.float64:
-            return value
-        return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
+    for size in (base**s for s in spans):
+        quotient = _quotient(rest, size)
+        leading = leading * _word(size) + _looked_up(tables, offset, rest - quotient * _word(size))
+        rest, offset = quotient, offset + size
+    last = _looked_up(tables, offset, rest)
+    if np.ndim(base) == 0 and base == 2:
+        return to_unit((leading << span) | last, dtype)
+    return exact_fraction(leading, last, base, dtype, span)
+
+
+def _looked_up(tables: Array, offset: Base, number: Array) -> Array:
+    return tables.at[number + _word(offset)].get(mode="promise_in_bounds").astype(jnp.uint32)

@@ -13,6 +13,7 @@ from qmcjax.sequences._digital import Digital as Digital
 from qmcjax.sequences._digital import digital as digital
 from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichshammer
 from qmcjax.sequences._digital import sobol as sobol
+from qmcjax.sequences._faure import faure as faure
 from qmcjax.sequences._gray import gray as gray
 from qmcjax.sequences._halton import halton as halton
 from qmcjax.sequences._halton import van_der_corput as van_der_corput
@@ -32,6 +33,7 @@ from qmcjax.sequences._random import jittered as jittered
 from qmcjax.sequences._random import uniform as uniform
 from qmcjax.sequences._rank1_lattice import korobov as korobov
 from qmcjax.sequences._rank1_lattice import rank1_lattice as rank1_lattice
+from qmcjax.sequences._replacement import replace_component as replace_component
 from qmcjax.sequences._shift import shift as shift
 from qmcjax.sequences._sobol_matrix import sobol_matrix as sobol_matrix
 from qmcjax.sequences._xor import digit_scramble as digit_scramble

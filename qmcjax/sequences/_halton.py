@@ -1,26 +1,38 @@
-"""Radical inverses: the van der Corput and the Halton sequence."""
+"""Radical inverses, with digits permuted or not: the van der Corput and the Halton sequence."""
 
 from dataclasses import dataclass, field
+from functools import cache
+from itertools import accumulate, groupby
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import checks
-from qmcjax.digits import radical_inverse
+from qmcjax.digits import digit_count, digit_spans, permuted_radical_inverse, radical_inverse
+from qmcjax.fields import next_prime
+from qmcjax.sequences import _digit_permutations
 from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._digital import Digital, sobol
 
 HALTON_DIMS = 1024
-"""Every component is unrolled in the program: beyond this it takes too long to compile."""
+
+PERMUTATIONS = (None, "zaremba", "faure", "faure_lemieux", "random")
+
+MANY = 64
+"""From so many coordinates large bases share a program: it would take long to compile one for each."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class RadicalInverses(Sequence):
-    """One radical inverse a coordinate (Hilbert paper, Eq. 1)."""
+    """One radical inverse a coordinate (Hilbert paper, Eq. 1), of permuted digits or not."""
 
     bases: tuple[int, ...] = field(metadata={"static": True})
+    tables: Array | None = None
+    """uint16: the reflection tables of all bases, one after the other."""
 
     @property
     def dims(self) -> int:
@@ -29,7 +41,43 @@ class RadicalInverses(Sequence):
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
-        return radical_inverse(index, self.bases[dim], dtype)
+        base = self.bases[dim]
+        if self.tables is None:
+            return radical_inverse(index, base, dtype)
+        return permuted_radical_inverse(index, base, self.tables, dtype, _offsets(self.bases)[dim])
+
+    def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        if len(dims) < MANY:
+            return super()._values(index, dims, dtype)
+        parts = []
+        for _, group in groupby(dims, lambda j: _kind(self.bases[j])):
+            wanted = tuple(group)
+            together = len(wanted) > 1
+            parts.append(
+                self._together(index, wanted, dtype) if together else super()._values(index, wanted, dtype)
+            )
+        return jnp.concatenate(parts, axis=-1)
+
+    def _together(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return coordinates whose bases have equally many digits."""
+        row = (1,) * index.ndim + (-1,)
+        bases = np.array([self.bases[j] for j in dims]).reshape(row)
+        if self.tables is None:
+            return radical_inverse(index[..., None], bases, dtype)
+        offsets = np.array(_offsets(self.bases))[np.array(dims)].reshape(row)
+        return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
+
+
+@cache
+def _offsets(bases: tuple[int, ...]) -> tuple[int, ...]:
+    """Return where the tables of each base start."""
+    sizes = [sum(base**span for span in digit_spans(base)) for base in bases]
+    return tuple(accumulate(sizes[:-1], initial=0))
+
+
+def _kind(base: int) -> int:
+    """Tell bases apart, except those that have equally many digits and one in each table."""
+    return digit_count(base) if max(digit_spans(base)) == 1 else -base
 
 
 def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
@@ -63,27 +111,38 @@ def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
     return sobol(1) if base == 2 else RadicalInverses((base,))
 
 
-def halton(dims: int) -> RadicalInverses:
-    """Make the Halton sequence: radical inverses in the first prime bases.
+def halton(dims: int, permutation: str | None = None, key: Array | int | None = None) -> RadicalInverses:
+    """Make the Halton sequence: radical inverses in the first prime bases, their digits permuted or not.
 
     Parameters
     ----------
     dims : int
-        In [1, 1024].
+        In [1, 1024]; in [1, 360] for "faure_lemieux".
+    permutation : {None, "zaremba", "faure", "faure_lemieux", "random"}
+        What becomes of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b:
+        "zaremba", (a + k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_;
+        "faure_lemieux", f a mod b with a factor found by search for each b [3]_; "random", an independent
+        uniform permutation for each digit of each component.
+    key : jax.random.key, or int in [0, 2**32), optional
+        For "random" and only there. A new key gives new permutations and compiles nothing anew.
 
     Returns
     -------
     RadicalInverses
-        Every value is the exact fraction, rounded once.
+        Every value is an exact fraction, rounded once, with the K digits that uint32 indices have, the
+        smallest K with b**K >= 2**32. The Zaremba and the random permutations move 0: the digits of all
+        indices beyond K would add one constant below b**-K to all values, which is left out.
 
     Raises
     ------
     ValueError
-        If ``dims`` is out of range.
+        If ``dims`` is out of range, the permutation unknown, or ``key`` missing, superfluous or no key.
 
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.1.
+    .. [2] H. Faure, "Good permutations for extreme discrepancy", J. Number Theory 42, 1992.
+    .. [3] H. Faure, C. Lemieux, "Generalized Halton Sequences in 2008: A Comparative Study", 2009.
 
     Examples
     --------
@@ -91,15 +150,29 @@ def halton(dims: int) -> RadicalInverses:
     [[0.         0.        ]
      [0.5        0.33333334]
      [0.25       0.6666667 ]]
+    >>> print((halton(3, "faure").points(5)[:, 2] * 5).astype(int))
+    [0 3 2 1 4]
     """
-    return RadicalInverses(_primes(checks.integer("dims", dims, 1, HALTON_DIMS)))
+    if permutation not in PERMUTATIONS:
+        raise ValueError(f"permutation must be one of {PERMUTATIONS}, got {permutation!r}")
+    if (key is None) == (permutation == "random"):
+        raise ValueError(f"key must be given for permutation='random' and only there, got {key!r}")
+    limit = _digit_permutations.FAURE_LEMIEUX_DIMS if permutation == "faure_lemieux" else HALTON_DIMS
+    bases = _primes(checks.integer("dims", dims, 1, limit))
+    if permutation is None:
+        return RadicalInverses(bases)
+    if permutation == "random":
+        tables = _digit_permutations.random_tables(bases, checks.prng_key("key", key))
+    elif permutation == "faure_lemieux":
+        tables = _digit_permutations.tables(_digit_permutations.faure_lemieux(bases))
+    else:
+        of_base = _digit_permutations.faure if permutation == "faure" else _digit_permutations.zaremba
+        tables = _digit_permutations.tables([of_base(base) for base in bases])
+    return RadicalInverses(bases, tables)
 
 
 def _primes(count: int) -> tuple[int, ...]:
-    primes: list[int] = []
-    candidate = 2
+    primes = [2]
     while len(primes) < count:
-        if all(candidate % p for p in primes):
-            primes.append(candidate)
-        candidate += 1
+        primes.append(next_prime(primes[-1] + 1))
     return tuple(primes)

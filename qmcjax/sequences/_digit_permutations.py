@@ -1,0 +1,96 @@
+"""Digit permutations of the Halton sequence: an array (digits, base) for a base, row k for digit k."""
+
+from functools import partial
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.digits import digit_count, digit_spans, reflection_tables
+
+FAURE_LEMIEUX_DIMS = 360
+"""Number of factors in the table."""
+
+
+def zaremba(base: int) -> np.ndarray:
+    """Return the shifts (a + k) mod b of digit k (Hilbert paper, Sect. 3.1)."""
+    digit, k = np.arange(base), np.arange(digit_count(base))
+    return (digit[None, :] + k[:, None]) % base
+
+
+def faure(base: int) -> np.ndarray:
+    """Return Faure's permutation for all digits, all of which keep 0.
+
+    From the identity for b = 2, the permutation of 2b is twice the one of b, then the same plus 1; for odd
+    b = 2c + 1, the entries of the one of 2c that reach c are raised by one, and c becomes the middle.
+
+    References
+    ----------
+    .. [1] H. Faure, "Good permutations for extreme discrepancy", J. Number Theory 42, 1992.
+    """
+    return _every_digit(_faure_permutation(base))
+
+
+def faure_lemieux(bases: tuple[int, ...]) -> list[np.ndarray]:
+    """Return the multiples f a mod b of each base.
+
+    References
+    ----------
+    .. [1] H. Faure, C. Lemieux, "Generalized Halton Sequences in 2008: A Comparative Study", 2009.
+    """
+    source = resources.files("qmcjax.sequences") / "_data" / "faure_lemieux.txt"
+    with source.open() as stream:
+        factors = np.loadtxt(stream, dtype=np.int64)
+    return [
+        _every_digit(factor * np.arange(base) % base)
+        for base, factor in zip(bases, factors[: len(bases)], strict=True)
+    ]
+
+
+def tables(permutations: list[np.ndarray]) -> Array:
+    """Return the look-up tables of all bases, one after the other."""
+    return jnp.asarray(
+        np.concatenate([t for p in permutations for t in reflection_tables(p.astype(np.uint32))])
+    )
+
+
+def random_tables(bases: tuple[int, ...], key: Array) -> Array:
+    """Return the look-up tables of independent uniform permutations of each digit of each base."""
+    lengths = np.repeat(bases, [digit_count(base) for base in bases])
+    # One sort for all: numbers in random order within each permutation.
+    which = np.repeat(np.arange(len(lengths), dtype=np.uint32), lengths)
+    digit = np.concatenate([np.arange(n, dtype=np.uint32) for n in lengths])
+    random = jax.random.bits(key, (2, len(which)), jnp.uint32)
+    digits = jax.lax.sort((jnp.asarray(which), random[0], random[1], jnp.asarray(digit)), num_keys=3)[3]
+    return _joined(digits, bases)
+
+
+@partial(jax.jit, static_argnames="bases")
+def _joined(digits: Array, bases: tuple[int, ...]) -> Array:
+    """Replace permutations of single digits by the tables of spans; those of large bases are the same."""
+    parts, start = [], 0
+    for base in bases:
+        if max(digit_spans(base)) == 1:
+            break
+        stop = start + digit_count(base) * base
+        parts += reflection_tables(digits[start:stop].reshape(-1, base))
+        start = stop
+    return jnp.concatenate([*parts, digits[start:].astype(jnp.uint16)])
+
+
+def _every_digit(permutation: np.ndarray) -> np.ndarray:
+    base = len(permutation)
+    return np.broadcast_to(permutation, (digit_count(base), base))
+
+
+def _faure_permutation(base: int) -> np.ndarray:
+    if base == 2:
+        return np.arange(2)
+    if base % 2 == 0:
+        half = 2 * _faure_permutation(base // 2)
+        return np.concatenate([half, half + 1])
+    middle = base // 2
+    even = _faure_permutation(base - 1)
+    return np.insert(even + (even >= middle), middle, middle)

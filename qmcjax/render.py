@@ -88,22 +88,32 @@ def render(
         point = jax.ShapeDtypeStruct((height, width, len(scene.needs)), dtype)
         state = _summation.zeros(jax.eval_shape(scene, point))
         batch = math.gcd(spp, _BATCH)
+        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.pytrees.
+        classes = str(jax.tree.structure((scene, sampler)))
         per_call = max(1, _CALL // (width * height * batch)) * batch
         for first in range(0, spp, per_call):
             count = min(per_call, spp - first)
             first_batch, batches = jnp.uint32(first // batch), jnp.uint32(count // batch)
-            state = _accumulate((scene, sampler), state, first_batch, batches, width, height, batch)
+            state = _accumulate((scene, sampler), state, first_batch, batches, width, height, batch, classes)
             if progress is not None:
                 state[0].block_until_ready()
                 progress((first + count) / spp)
         return _mean(state, jnp.asarray(spp, dtype))
 
 
-@partial(jax.jit, static_argnames=("width", "height", "batch"))
+@partial(jax.jit, static_argnames=("width", "height", "batch", "classes"))
 def _accumulate(
-    pair: tuple[Any, Any], state: State, first: Array, batches: Array, width: int, height: int, batch: int
+    pair: tuple[Any, Any],
+    state: State,
+    first: Array,
+    batches: Array,
+    width: int,
+    height: int,
+    batch: int,
+    classes: str,
 ) -> State:
     """Add ``batches`` times ``batch`` samples of every pixel."""
+    del classes  # Part of the cache's key.
 
     def batch_sum(pair: tuple[Any, Any], k: Array) -> Array:
         start = k * np.uint32(batch)

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from jax import Array
 
 from qmcjax.orders._base import SquareOrder, size
+from qmcjax.pytrees import pytree
 
 _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
 _GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))
@@ -25,7 +25,7 @@ def _gather(word: Array) -> Array:
     return word
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Morton(SquareOrder):
     """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""

@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from jax import Array
 
 from qmcjax.orders._base import Order, size
+from qmcjax.pytrees import pytree
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Raster(Order):
     """Rows from top to bottom, each from left to right."""

@@ -2,18 +2,18 @@
 
 from dataclasses import dataclass, field
 
-import jax
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import checks
 from qmcjax.orders import Order
+from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import Sequence
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Contiguous(Sampler):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""

@@ -10,6 +10,7 @@ from jax.typing import DTypeLike
 
 from qmcjax import checks
 from qmcjax.bits import hash_word, owen_hash, reverse, to_unit
+from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import BinarySequence
 
@@ -21,7 +22,7 @@ def _xor(mirror: Array, seed: Array) -> Array:
 _RANDOMIZERS: dict[str, Callable[[Array, Array], Array]] = {"owen": owen_hash, "xor": _xor}
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Independent(Sampler):
     """The points of a sequence, scrambled with a seed from pixel and coordinate."""

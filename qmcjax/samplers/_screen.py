@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
@@ -11,6 +10,7 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.bits import to_unit
 from qmcjax.orders import MAX_SIDE, log_side
+from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import Digital, framed
 
@@ -42,7 +42,7 @@ class Invertible(Protocol):
         ...
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Screen(Sampler):
     """A net stretched over the smallest square with a power of two as side that covers the image."""

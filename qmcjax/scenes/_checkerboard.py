@@ -3,18 +3,18 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax import checks
+from qmcjax.pytrees import pytree
 from qmcjax.scenes import _checkerboard_reference
 from qmcjax.scenes._base import coordinates
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Checkerboard:
     """A checkerboard seen in perspective up to the horizon, which is the upper edge of the image.

@@ -4,17 +4,17 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax import checks
+from qmcjax.pytrees import pytree
 from qmcjax.scenes._base import coordinates
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class ZonePlate:
     """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: circles, ever finer away from a corner."""

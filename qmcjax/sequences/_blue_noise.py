@@ -10,6 +10,7 @@ from jax.core import Tracer
 from numpy.typing import NDArray
 
 from qmcjax import checks
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._lloyd import relaxed
 from qmcjax.sequences._word_first import WordFirst
 
@@ -17,7 +18,7 @@ _GRAIN = 2.0**-31
 """More than the distance of two points shrinks when they are rounded down to 32-bit fractions."""
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Tabulated(WordFirst):
     """A table of points."""

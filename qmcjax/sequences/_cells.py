@@ -15,10 +15,11 @@ from jax.core import Tracer
 
 from qmcjax import checks
 from qmcjax.bits import reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._digital import Digital, selected
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Framed:
     """A (0,2)-sequence cut into frames of one point in each cell of a raster."""

@@ -12,6 +12,7 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import gray_decode, pascal, reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import FEW, BinarySequence
 
 SOBOL_DIMS = 21201
@@ -29,7 +30,7 @@ def _larcher_sobol(mirror: Array) -> Array:
     return pascal(gray_decode(mirror))
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Digital(BinarySequence):
     """Coordinate j of point i is C_j times the bits of i, over F2 (thesis Eq. 5.9)."""

@@ -2,15 +2,15 @@
 
 from dataclasses import dataclass
 
-import jax
 from jax import Array
 
 from qmcjax.bits import gray_encode
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, binary
 from qmcjax.sequences._scrambled import Scrambled
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Gray(Scrambled):
     """Point i is the sequence's point i ^ (i >> 1)."""

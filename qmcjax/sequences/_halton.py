@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from functools import cache
 from itertools import accumulate, groupby
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -13,6 +12,7 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.digits import digit_count, digit_spans, permuted_radical_inverse, radical_inverse
 from qmcjax.fields import next_prime
+from qmcjax.pytrees import pytree
 from qmcjax.sequences import _digit_permutations
 from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._digital import Digital, sobol
@@ -25,7 +25,7 @@ MANY = 64
 """From so many coordinates large bases share a program: it would take long to compile one for each."""
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class RadicalInverses(Sequence):
     """One radical inverse a coordinate (Hilbert paper, Eq. 1), of permuted digits or not."""

@@ -11,6 +11,7 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import hash_word
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._word_first import WordFirst
 
 
@@ -19,7 +20,7 @@ def _rounds(n: int) -> int:
     return 16 if n < 1024 else 8
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class LatinHypercube(WordFirst):
     """In each coordinate, one uniform point in each of n equal intervals."""

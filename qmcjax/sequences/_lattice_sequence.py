@@ -3,20 +3,20 @@
 from dataclasses import dataclass
 from importlib import resources
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._word_first import WordFirst
 
 LATTICE_DIMS = 250
 """Number of components of Cools, Kuo and Nuyens' vector."""
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class LatticeSequence(WordFirst):
     """Point i is phi_2(i) z modulo 1: as fractions of 32 bits, a product of words that wraps."""

@@ -9,13 +9,14 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import FEW, BinarySequence, binary
 from qmcjax.sequences._digital import Digital
 from qmcjax.sequences._scrambled import Scrambled, along_last
 from qmcjax.sequences._xor import Xor, xor
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Linear(Scrambled):
     """A sequence whose digits are multiplied by one matrix a coordinate."""

@@ -3,13 +3,13 @@
 import abc
 from dataclasses import dataclass, field
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import gray_decode, gray_encode, reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 
 
@@ -103,7 +103,7 @@ def _reverse_low(word: Array, count: int) -> Array:
     return reverse(word) >> (32 - count) if count else jnp.zeros_like(word)
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class HammersleyNet(Net):
     """The points (i / 2**m, phi_2(i))."""
@@ -117,7 +117,7 @@ class HammersleyNet(Net):
         return _above(x, self.m - log_side) | (sample << log_side) | _reverse_low(y, log_side)
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class LarcherPillichshammerNet(Net):
     """The points (i / 2**m, C'1 times the bits of i)."""
@@ -134,7 +134,7 @@ class LarcherPillichshammerNet(Net):
         return upper | gray_encode(wrong)
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class PermutationNet(Net):
     """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""

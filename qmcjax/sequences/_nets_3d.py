@@ -3,19 +3,19 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import pascal, reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 from qmcjax.sequences._digital import _larcher_sobol
 from qmcjax.sequences._nets import HammersleyNet, LarcherPillichshammerNet, Net
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Net3D(BinarySequence):
     """A (0,m,3)-net in base 2: i / 2**m and the two components of a (0,2)-sequence."""
@@ -74,7 +74,7 @@ _PERMUTATIONS = {
 """Second and third coordinate of P_2, ..., P_5, numbered by the first."""
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class PermutationNet3D(BinarySequence):
     """One of P_2, ..., P_5, tiled until there are 2**m points (thesis Sect. 5.3.2)."""

@@ -8,11 +8,12 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import owen_hash
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, binary
 from qmcjax.sequences._scrambled import Scrambled, along_last
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Owen(Scrambled):
     """A sequence whose coordinates go through nested random permutations, one each."""

@@ -9,11 +9,12 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import hash_word
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import FEW, BinarySequence, binary
 from qmcjax.sequences._scrambled import Scrambled, along_last
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class OwenExact(Scrambled):
     """A sequence whose coordinates go through nested uniform permutations, one each."""

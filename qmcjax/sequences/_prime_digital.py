@@ -2,17 +2,17 @@
 
 from dataclasses import dataclass, field
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.digits import digit_count, digit_spans, exact_fraction
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import FEW, Sequence
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class PrimeDigital(Sequence):
     """Coordinate j of point i is C_j times the digits of i, over F_q (thesis Eq. 5.9).

@@ -9,6 +9,7 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import hash_word
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 from qmcjax.sequences._word_first import WordFirst
 
@@ -18,7 +19,7 @@ def _draw(index: Array, seeds: Array) -> Array:
     return hash_word(hash_word(index ^ seeds[0]) + seeds[1])
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Uniform(BinarySequence):
     """Independent uniform points: a hash of the index."""
@@ -36,7 +37,7 @@ class Uniform(BinarySequence):
         return _draw(index, self.seeds[dim])
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Jittered(WordFirst):
     """One uniform point in each cell of a regular grid."""

@@ -11,6 +11,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import checks
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._maximin import best_planar, best_spatial
 from qmcjax.sequences._word_first import WordFirst
@@ -26,7 +27,7 @@ _SPATIAL_TABLE_LIMIT = 2**16
 _BELOW_ONE = np.float32(1 - 2.0**-24)
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Rank1Lattice(Sequence):
     """The multiples of a vector g / n modulo 1, for any n."""
@@ -57,7 +58,7 @@ class Rank1Lattice(Sequence):
             return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class BinaryRank1Lattice(WordFirst):
     """The multiples of a vector modulo 1 for n = 2**m: as fractions of 32 bits, products that wrap."""

@@ -11,13 +11,14 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax import checks
 from qmcjax.bits import reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, Sequence
 from qmcjax.sequences._scrambled import Scrambled, along_last
 
 _BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0**-53}
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Shifted(Scrambled):
     """A sequence in base 2 plus one fraction a coordinate, modulo 1: sums of integers that wrap."""
@@ -41,7 +42,7 @@ class Shifted(Scrambled):
         return self.sequence._words(index, dims) + along_last(self.offsets, dims, index)
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Rotated(Sequence):
     """Any sequence plus one fraction a coordinate, modulo 1, rounded once in float64."""

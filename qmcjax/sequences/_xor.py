@@ -8,11 +8,12 @@ from jax import Array
 
 from qmcjax import checks
 from qmcjax.bits import reverse
+from qmcjax.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, binary
 from qmcjax.sequences._scrambled import Scrambled, along_last
 
 
-@jax.tree_util.register_dataclass
+@pytree
 @dataclass(frozen=True)
 class Xor(Scrambled):
     """A sequence whose digits are flipped by the digits of one word a coordinate."""

@@ -1,0 +1,46 @@
+"""Objects as pytrees: classes with equal choices are still different structures."""
+
+from itertools import combinations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import NETS, ORDERS, SAMPLERS, SEQUENCES
+
+from qmcjax import sequences
+
+OBJECTS = SEQUENCES | SAMPLERS | {name: make(8, 8) for name, make in ORDERS.items()}
+
+
+@pytest.mark.parametrize(
+    "made", [{n: net(12) for n, net in NETS.items()}, {n: o(8, 8) for n, o in ORDERS.items()}]
+)
+def test_classes_with_equal_fields_have_different_structures(made):
+    """Equal structures would share compiled programs, if only now and then: whenever their hashes collide."""
+    for a, b in combinations(made.values(), 2):
+        assert jax.tree.structure(a) != jax.tree.structure(b)
+
+
+@pytest.mark.parametrize("value", OBJECTS.values(), ids=OBJECTS.keys())
+def test_flattening_and_back_keeps_class_and_fields(value):
+    leaves, structure = jax.tree.flatten(value)
+    again = structure.unflatten(leaves)
+    assert type(again) is type(value)
+    assert jax.tree.structure(again) == structure
+    assert all(a is b for a, b in zip(leaves, jax.tree.leaves(again), strict=True))
+
+
+def test_leaves_have_the_names_of_their_fields():
+    paths = [
+        jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(sequences.uniform(2, 0))
+    ]
+    assert paths == [".seeds"]
+
+
+def test_leaves_may_be_traced_and_mapped():
+    seq = sequences.uniform(1, key=0)
+    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf + np.uint32(1)]), seq)
+    points = jax.vmap(lambda s: s(jnp.uint32(3)))(stacked)
+    assert points.shape == (2, 1)
+    assert points[0] == seq(3)

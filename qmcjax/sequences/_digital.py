@@ -80,24 +80,25 @@ def product(columns: Array, index: Array) -> Array:
     if math.prod(index.shape) < _TABLE_FROM:
         return selected(columns, index)
     byte = jax.lax.iota(jnp.uint32, 256)
-    product = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
+    words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for shift in (0, 8, 16, 24):
         table = selected(columns[shift : shift + 8], byte)
-        product = product ^ table[(index >> shift) & np.uint32(255)]
-    return product
+        # A byte is within its table: without the promise, every look-up is checked, at three times the time.
+        words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
+    return words
 
 
 def selected(columns: Array, index: Array) -> Array:
     """Xor the columns that the bits of the index select, one by one."""
-    product = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
+    words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for k in range(columns.shape[0]):
         # 0 - 1 wraps to all ones: a mask instead of a comparison and a select.
         mask = np.uint32(0) - ((index >> k) & np.uint32(1))
         if columns.ndim == 1:
-            product = product ^ (mask & columns[k])
+            words = words ^ (mask & columns[k])
         else:
-            product = product ^ (mask[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
-    return product
+            words = words ^ (mask[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
+    return words
 
 
 def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:

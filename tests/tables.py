@@ -32,6 +32,7 @@ SEQUENCES = {
     "owen(sobol(2))": sequences.owen(sequences.sobol(2), key=7),
     "owen(sobol(9))": sequences.owen(sequences.sobol(9), key=7),
     "owen(permutation_net(12))": sequences.owen(sequences.permutation_net(12), key=7),
+    "optimized_net(12)": sequences.optimized_net(12),
     "sobol_net_3d(12)": sequences.sobol_net_3d(12),
     "larcher_pillichshammer_net_3d(12)": sequences.larcher_pillichshammer_net_3d(12),
     "permutation_net_3d(11)": sequences.permutation_net_3d(11),
@@ -60,6 +61,7 @@ NETS = {
     "hammersley": sequences.hammersley_net,
     "larcher_pillichshammer": sequences.larcher_pillichshammer_net,
     "permutation": sequences.permutation_net,
+    "optimized": sequences.optimized_net,
 }
 
 # Four samples in each of 32 x 32 pixels.

@@ -27,6 +27,7 @@ from qmcjax.sequences._nets import permutation_net as permutation_net
 from qmcjax.sequences._nets_3d import larcher_pillichshammer_net_3d as larcher_pillichshammer_net_3d
 from qmcjax.sequences._nets_3d import permutation_net_3d as permutation_net_3d
 from qmcjax.sequences._nets_3d import sobol_net_3d as sobol_net_3d
+from qmcjax.sequences._optimized_net import optimized_net as optimized_net
 from qmcjax.sequences._owen import owen as owen
 from qmcjax.sequences._owen_exact import owen_exact as owen_exact
 from qmcjax.sequences._random import jittered as jittered

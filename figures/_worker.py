@@ -58,7 +58,7 @@ def _answer(task: Task, connection: Connection) -> Done | Failed:
     progress(0.0)
     try:
         png, numbers = _draw(task, progress)
-    except Exception:
+    except Exception:  # the parent shows it whole, and the other figures still run
         return Failed(traceback.format_exc())
     return Done(time.perf_counter() - start, png, numbers)
 

@@ -83,7 +83,7 @@ def product(columns: Array, index: Array) -> Array:
     words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for shift in (0, 8, 16, 24):
         table = selected(columns[shift : shift + 8], byte)
-        # A byte is within its table: without the promise, every look-up is checked, at three times the time.
+        # A byte is within its table: without the promise, every look-up is checked.
         words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
     return words
 

@@ -12,8 +12,16 @@ CATALOGUE = {
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.5": Entry("figures.thesis_5_5", "Minimum distances of (0,m,3)-nets"),
+    "thesis-5.7": Entry(
+        "figures.thesis_5_7", "Matrices of (0,2)-sequences and their points, Fig. 5.6 to 5.8"
+    ),
+    "thesis-5.9": Entry("figures.thesis_5_9", "(0,m,3)-nets from searched matrices"),
+    "thesis-5.11": Entry("figures.thesis_5_11", "Padded replications: one net, shifted and jittered"),
     "thesis-5.12": Entry("figures.thesis_5_12", "Frames of the Sobol' sequence, Fig. 5.10 and 5.12"),
+    "thesis-5.14": Entry("figures.thesis_5_14", "Iterative construction of permutation nets of odd m"),
+    "thesis-5.15": Entry("figures.thesis_5_15", "The cases of the proof for permutation nets, m = 5"),
     "thesis-5.16": Entry("figures.thesis_5_16", "Permutation nets, Fig. 5.13 and 5.16"),
+    "thesis-5.17": Entry("figures.thesis_5_17", "Iterative construction of permutation nets of even m"),
     "thesis-5.20": Entry("figures.thesis_5_20", "The sheared tiling, Fig. 5.18 to 5.20"),
     "thesis-5.21": Entry("figures.thesis_5_21", "Minimum distances of (0,m,2)-nets, with Table 5.1"),
     "thesis-5.23": Entry("figures.thesis_5_23", "Owen scramblings of a permutation net"),
@@ -22,6 +30,7 @@ CATALOGUE = {
     "thesis-6.2": Entry("figures.thesis_6_2", "Convergence on the checkerboard"),
     "thesis-6.3": Entry("figures.thesis_6_3", "The zone plate at 64 samples per pixel"),
     "thesis-6.4": Entry("figures.thesis_6_4", "Convergence on the zone plate"),
+    "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
     "hilbert-1": Entry(
         "figures.hilbert_1", "Morton and Hilbert curves and their segments in a 3x3 neighbourhood"
     ),

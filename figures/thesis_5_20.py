@@ -21,10 +21,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         32 - M
     )
     net = net.astype(np.int64)
-    # pixelWrap: row p_y sees the pattern moved by p_y quarters of a tile, modulo the tile.
-    pattern = [
-        np.stack([(net[:, 0] + row % 4 * side // 4) % side + column * side, net[:, 1] + row * side], axis=1)
+    index = jnp.arange(side, dtype=jnp.uint32)
+    in_row = [
+        np.asarray(sequences.permutation_net_in_row(M, row, index) >> np.uint32(32 - M)).astype(np.int64)
         for row in range(TILES)
+    ]
+    pattern = [
+        points + np.array([column, row]) * side
+        for row, points in enumerate(in_row)
         for column in range(TILES)
     ]
     whole = np.concatenate(pattern)

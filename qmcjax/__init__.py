@@ -7,13 +7,15 @@ Four nouns, each a pure function at random access and a JAX pytree:
 - a **sampler** maps a pixel and a sample to a point (:mod:`qmcjax.samplers`),
 - a **scene** maps a point to a value (:mod:`qmcjax.scenes`);
 
-:func:`qmcjax.render` puts them together.
+:func:`qmcjax.render` puts them together, :func:`qmcjax.integrate` averages a function over a sequence alone.
 """
 
 from qmcjax import orders as orders
 from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
 from qmcjax import sequences as sequences
+from qmcjax.integrate import integrate as integrate
+from qmcjax.passes import render_passes as render_passes
 from qmcjax.render import render as render
 
 __version__ = "0.1.0"

@@ -48,7 +48,7 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
         raise ValueError(f"{name} must be uint32, got {found}: cast it, e.g. jnp.arange(n, dtype=jnp.uint32)")
     array = jnp.asarray(value)
     if limit < INDEX_LIMIT and not isinstance(array, Tracer) and array.size:
-        largest = int(array.max())
+        largest = int(np.asarray(array).max())  # NumPy, since inside a program JAX would trace it
         if largest >= limit:
             raise ValueError(f"{name} must be below {limit}, got {largest}")
     return array

@@ -8,6 +8,8 @@ digits are kept apart, and joined in float64, where it is exact.
 which compiles faster but divides slower than one with the divisor built in.
 """
 
+from functools import cache
+from itertools import groupby
 from typing import Any, TypeAlias
 
 import jax
@@ -19,12 +21,24 @@ from jax.typing import DTypeLike
 from qmcjax.bits import reverse, to_unit
 
 __all__ = [
+    "Base",
+    "alike",
+    "base_of",
+    "cell_fraction",
     "digit_count",
     "digit_spans",
     "exact_fraction",
+    "joined",
+    "looked_up",
+    "mirrored",
     "permuted_radical_inverse",
+    "permuted_spans",
+    "quotient",
     "radical_inverse",
     "reflection_tables",
+    "span_numbers",
+    "table_starts",
+    "word",
 ]
 
 _BELOW_ONE = np.float32(1 - 2.0**-24)
@@ -36,17 +50,26 @@ _TABLE_SIZE = 8192
 Base: TypeAlias = int | np.ndarray
 
 
-def _word(value: Base) -> np.uint32:
+def word(value: Base) -> np.uint32:
+    """Return an integer, or an array of integers, modulo 2**32."""
     return np.uint32(value % 2**32)
 
 
-def _quotient(number: Array, divisor: Base) -> Array:
+def base_of(bases: tuple[int, ...], dims: np.ndarray | Array) -> Base:
+    """Return the base of coordinates that share it, or an array of bases in the shape of ``dims``."""
+    if len(set(bases)) == 1:
+        return bases[0]
+    chosen = np.array(bases)[np.asarray(dims)]
+    return int(chosen) if chosen.ndim == 0 else chosen
+
+
+def quotient(number: Array, divisor: Base) -> Array:
     """Return number // divisor: integer division by an array is slow, a float64 product is exact here.
 
     (number + 1/2) / divisor is at least 2**-17 away from all integers.
     """
     if np.ndim(divisor) == 0:
-        return number // _word(divisor)
+        return number // word(divisor)
     with jax.enable_x64(True):
         return ((number.astype(jnp.float64) + 0.5) * (1 / np.asarray(divisor))).astype(jnp.uint32)
 
@@ -98,6 +121,60 @@ def exact_fraction(
         return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
 
 
+def cell_fraction(
+    leading: Array,
+    last: Array,
+    tail: Array,
+    base: Base,
+    dtype: DTypeLike = jnp.float32,
+    span: int = 1,
+    count: int | None = None,
+) -> Array:
+    """Return a point of the elementary interval that leading digits name, at a random place inside it.
+
+    The digits behind them are the middle of a cell of the finest grid on which the sum of both is an exact
+    float64. Then the point is more than a rounding error away from both ends of its interval, so that the one
+    division leaves it inside.
+
+    Parameters
+    ----------
+    leading : uint32 Array, shape (...)
+        The first ``count - span`` digits after the radix point, as an integer.
+    last : uint32 Array, shape (...)
+        The next ``span`` digits, as an integer.
+    tail : uint32 Array, shape (...)
+        The digits behind, as a fraction in base 2: its bit 31 is the first.
+    base : int, or int64 ndarray of the rank of the others
+        In [2, 2**16].
+    dtype : float32 or float64
+        In float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of
+        2**-24, unless that lies below its interval of length base**-k, k as large as leaves it longer
+        than 2**-24: then it is rounded up.
+    span : int
+        In [1, count].
+    count : int, optional
+        Number of digits, ``digit_count(base)`` by default. ``base**count`` is at most 2**48.
+
+    Returns
+    -------
+    Array of ``dtype``, shape (...), in [0, 1)
+    """
+    count = digit_count(base) if count is None else count
+    total = base**count
+    with jax.enable_x64(True):
+        bits = 53 - np.ceil(np.log2(total)).astype(np.int64)
+        middle = ((tail >> word(33 - bits)) << 1 | np.uint32(1)).astype(jnp.float64) * 2.0**-bits
+        exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64) + middle
+        # Division by a constant would be a product with its reciprocal, as above.
+        value = exact / (exact * 0.0 + np.float64(total))
+        if dtype == jnp.float64:
+            return value
+        kept = np.ceil(24 / np.log2(base)).astype(np.int64) - 1
+        cell = quotient(leading, base ** (count - span - kept)).astype(jnp.float64)
+        lowest = jnp.ceil(cell * (2.0**24 / base**kept))
+        return (jnp.maximum(jnp.floor(value * 2.0**24), lowest) * 2.0**-24).astype(jnp.float32)
+
+
 def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) -> Array:
     """Reflect the digits of an index in base ``base`` at the radix point.
 
@@ -131,12 +208,12 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
     # Digit k is q_k - base q_(k+1), with q_k = index // base**k: collected by quotients instead of digits,
     # the sum of digit k times base**(n - 1 - k) needs one product each, and is right modulo 2**32.
     n = digit_count(base) - 1
-    leading = index * _word(base ** (n - 1))
-    quotient = index
+    leading = index * word(base ** (n - 1))
+    rest = index
     for k in range(1, n + 1):
-        quotient = _quotient(quotient, base)
-        leading = leading + quotient * _word(base ** (n - k) // base - base ** (n - k + 1))
-    return exact_fraction(leading, quotient, base, dtype)
+        rest = quotient(rest, base)
+        leading = leading + rest * word(base ** (n - k) // base - base ** (n - k + 1))
+    return exact_fraction(leading, rest, base, dtype)
 
 
 def digit_spans(base: Base) -> tuple[int, ...]:
@@ -178,6 +255,65 @@ def reflection_tables(rows: Any) -> list[Any]:
     return tables
 
 
+@cache
+def table_starts(bases: tuple[int, ...]) -> np.ndarray:
+    """Return where the tables of each base begin, if they lie one after the other: int64."""
+    sizes = [sum(base**span for span in digit_spans(base)) for base in bases]
+    return np.cumsum([0, *sizes[:-1]], dtype=np.int64)
+
+
+def alike(bases: tuple[int, ...], dims: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Group coordinates that one program can serve: of one base, or with equally many spans of one digit."""
+
+    def kind(dim: int) -> int:
+        base = bases[dim]
+        return digit_count(base) if max(digit_spans(base)) == 1 else -base
+
+    return [tuple(group) for _, group in groupby(dims, kind)]
+
+
+def span_numbers(index: Array, base: Base) -> list[Array]:
+    """Split an index into the numbers of its spans of digits, the one of the low digits first."""
+    numbers = []
+    for span in digit_spans(base)[:-1]:
+        rest = quotient(index, base**span)
+        numbers.append(index - rest * word(base**span))
+        index = rest
+    return [*numbers, index]
+
+
+def mirrored(number: Array, base: Base, span: int) -> Array:
+    """Reverse the order of the ``span`` digits of a number."""
+    reverse = jnp.zeros_like(number)
+    for _ in range(span):
+        rest = quotient(number, base)
+        reverse = reverse * word(base) + (number - rest * word(base))
+        number = rest
+    return reverse
+
+
+def looked_up(tables: Array, start: Array, number: Array) -> Array:
+    """Return entries of the table that begins at ``start``; without bounds checks."""
+    return tables.at[number + start].get(mode="promise_in_bounds").astype(jnp.uint32)
+
+
+def permuted_spans(numbers: list[Array], base: Base, tables: Array, start: Array) -> list[Array]:
+    """Permute and reflect the digits of each span by its table, the first of which begins at ``start``."""
+    permuted = []
+    for number, span in zip(numbers, digit_spans(base), strict=True):
+        permuted.append(looked_up(tables, start, number))
+        start = start + word(base**span)
+    return permuted
+
+
+def joined(numbers: list[Array], base: Base) -> tuple[Array, Array]:
+    """Join reflected spans to one number of all digits but those of the last span, and keep the last."""
+    leading = jnp.zeros_like(numbers[0])
+    for number, span in zip(numbers[:-1], digit_spans(base), strict=False):
+        leading = leading * word(base**span) + number
+    return leading, numbers[-1]
+
+
 def permuted_radical_inverse(
     index: Array, base: Base, tables: Array, dtype: DTypeLike = jnp.float32, offset: Base = 0
 ) -> Array:
@@ -214,18 +350,9 @@ def permuted_radical_inverse(
     >>> print(permuted_radical_inverse(jnp.uint32(5), 3, tables))  # 0.21 becomes 0.12
     0.5555556
     """
-    *spans, span = digit_spans(base)
-    leading = jnp.zeros_like(index)
-    rest = index
-    for size in (base**s for s in spans):
-        quotient = _quotient(rest, size)
-        leading = leading * _word(size) + _looked_up(tables, offset, rest - quotient * _word(size))
-        rest, offset = quotient, offset + size
-    last = _looked_up(tables, offset, rest)
+    start = jnp.asarray(word(offset))
+    leading, last = joined(permuted_spans(span_numbers(index, base), base, tables, start), base)
+    span = digit_spans(base)[-1]
     if np.ndim(base) == 0 and base == 2:
         return to_unit((leading << span) | last, dtype)
     return exact_fraction(leading, last, base, dtype, span)
-
-
-def _looked_up(tables: Array, offset: Base, number: Array) -> Array:
-    return tables.at[number + _word(offset)].get(mode="promise_in_bounds").astype(jnp.uint32)

@@ -1,5 +1,7 @@
 """The objects that share tests."""
 
+from functools import partial
+
 import numpy as np
 
 from qmcjax import orders, samplers, sequences
@@ -16,7 +18,7 @@ SEQUENCES = {
     "halton(3)": sequences.halton(3),
     "halton(12)": sequences.halton(12),
     "halton, zaremba": sequences.halton(5, "zaremba"),
-    "halton, faure_lemieux": sequences.halton(70, "faure_lemieux"),
+    "halton, faure_lemieux": sequences.halton(20, "faure_lemieux"),
     "halton, random": sequences.halton(5, "random", key=7),
     "faure(10)": sequences.faure(10),
     "faure(2, modified)": sequences.faure(2, modified=1),
@@ -51,11 +53,25 @@ SEQUENCES = {
     "latin_hypercube(1601)": sequences.latin_hypercube(1601, 3, key=7),
     "latin_hypercube(2**32)": sequences.latin_hypercube(2**32, 2, key=7),
     "lloyd(1600)": sequences.lloyd(1600, 2, key=7, iterations=3),
+    "owen(halton(3))": sequences.owen(sequences.halton(3), key=7),
+    "owen_exact(faure(3))": sequences.owen_exact(sequences.faure(3), key=7),
+    "digit_scramble(halton(3))": sequences.digit_scramble(sequences.halton(3), key=7),
+    "optimized_net_3d(12)": sequences.optimized_net_3d(12),
     "gray(sobol(2))": sequences.gray(sequences.sobol(2)),
     "gray(sobol(9))": sequences.gray(sequences.sobol(9)),
 }
 
-ORDERS = {"raster": orders.raster, "morton": orders.morton, "hilbert": orders.hilbert}
+ORDERS = {
+    "raster": orders.raster,
+    "morton": orders.morton,
+    "accordion": orders.accordion,
+    "hilbert": orders.hilbert,
+    "moore": orders.moore,
+    "peano": orders.peano,
+    "scrambled_morton, hash": partial(orders.scrambled_morton, key=7),
+    "scrambled_morton, multiplicative": partial(orders.scrambled_morton, key=7, variant="multiplicative"),
+    "scrambled_morton, tree": partial(orders.scrambled_morton, key=7, variant="tree"),
+}
 
 NETS = {
     "hammersley": sequences.hammersley_net,
@@ -63,6 +79,11 @@ NETS = {
     "permutation": sequences.permutation_net,
     "optimized": sequences.optimized_net,
 }
+
+
+def owen_pass(key):
+    return samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(sequences.sobol(3), key), 2)
+
 
 # Four samples in each of 32 x 32 pixels.
 SIDE, SPP = 32, 4
@@ -73,12 +94,34 @@ SAMPLERS = {
     "screen, hammersley": samplers.screen(sequences.hammersley_net(12), SIDE, SIDE),
     "screen, larcher_pillichshammer": samplers.screen(sequences.larcher_pillichshammer_net(12), SIDE, SIDE),
     "screen, permutation": samplers.screen(sequences.permutation_net(12), SIDE, SIDE),
+    "screen, xor": samplers.screen(
+        sequences.xor(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
+    ),
+    "screen, halton": samplers.screen(sequences.halton(3), SIDE, SIDE),
+    "screen, halton, random": samplers.screen(sequences.halton(2, "random", key=3), SIDE, SIDE),
+    "padded_replications": samplers.padded_replications(sequences.hammersley_net(10), SIDE, SIDE, offsets=3),
     "screen, jittered": samplers.screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
     "contiguous, hilbert, sobol": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.sobol(2), SPP),
     "contiguous, morton, owen": samplers.contiguous(
         orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(3), key=3), SPP
     ),
     "contiguous, raster, halton": samplers.contiguous(orders.raster(SIDE, SIDE), sequences.halton(3), SPP),
+    "segments, hilbert, halton": samplers.segments(
+        orders.hilbert(SIDE, SIDE), sequences.components(sequences.halton(4), (2, 1, 3)), 2
+    ),
+    "segments, hilbert, sobol, doubling": samplers.segments(
+        orders.hilbert(SIDE, SIDE), sequences.sobol(3), 1, doubling=True
+    ),
+    "partitioned, hilbert, halton": samplers.partitioned(
+        orders.hilbert(SIDE, SIDE), sequences.halton(4, "faure_lemieux")
+    ),
+    "partitioned, peano, halton, exact": samplers.partitioned(
+        orders.peano(SIDE, SIDE), sequences.halton(4, "random", key=3), exact=True
+    ),
+    "shifted, hilbert, lattice": samplers.shifted(
+        orders.hilbert(SIDE, SIDE), sequences.halton(3, "faure_lemieux"), sequences.lattice(3)
+    ),
+    "randomized, contiguous, owen": samplers.randomized(owen_pass, key=3),
 }
 
 

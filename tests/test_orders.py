@@ -32,12 +32,13 @@ def test_bijection(make, size):
 
 @each_order
 def test_bijection_at_the_largest_size(make):
-    order = make(2**16, 2**16)
-    assert order.length == 2**32
+    side = orders.PEANO_SIDE if make is orders.peano else orders.MAX_SIDE
+    order = make(side, side)
+    assert order.length == side**2
     rng = np.random.default_rng(0)
-    position = jnp.asarray(rng.integers(0, 2**32, 10**5, dtype=np.uint32))
+    position = jnp.asarray(rng.integers(0, side**2, 10**5, dtype=np.uint32))
     assert np.array_equal(order.position(*order.pixel(position)), position)
-    x, y = (jnp.asarray(rng.integers(0, 2**16, 10**5, dtype=np.uint32)) for _ in range(2))
+    x, y = (jnp.asarray(rng.integers(0, side, 10**5, dtype=np.uint32)) for _ in range(2))
     assert np.array_equal(jnp.stack(order.pixel(order.position(x, y))), jnp.stack([x, y]))
 
 
@@ -104,7 +105,7 @@ def test_any_shape_broadcasts_and_jit_and_vmap_agree(make):
 @pytest.mark.parametrize(
     ("size", "message"),
     [
-        ((0, 4), r"width must be an integer in \[1, 65536\], got 0"),
+        ((0, 4), r"width must be an integer in \[1, (65536|59049)\], got 0"),
         ((4, -1), "height .* got -1"),
         ((65537, 4), "width .* got 65537"),
         ((4.0, 4), "width .* got 4.0"),
@@ -117,10 +118,10 @@ def test_bad_sizes_are_named(make, size, message):
 
 @each_order
 def test_bad_pixels_and_positions_are_named(make):
-    order = make(4, 4)
+    order = make(3, 3)  # padded to 3 or 4 pixels a side
     with pytest.raises(ValueError, match=r"x must be an integer .* got 4"):
         order.position(4, 0)
-    with pytest.raises(ValueError, match="y must be below 4, got 9"):
+    with pytest.raises(ValueError, match=r"y must be below [34], got 9"):
         order.position(0, np.array([1, 9], np.uint32))
     with pytest.raises(ValueError, match=r"position must be an integer .* got 16"):
         order.pixel(16)

@@ -16,7 +16,7 @@ from analysis import squared_min_distance
 from qmcjax import sequences
 from qmcjax.bits import reverse
 from qmcjax.sequences._matousek import _triangular
-from qmcjax.sequences._shift import _wrapped
+from qmcjax.sequences._shift import wrapped
 from qmcjax.sequences._sobol_matrix import _is_primitive
 
 SCRAMBLINGS = {
@@ -346,11 +346,11 @@ def test_shift_never_rounds_to_1(dtype):
         for offset in (0, 1, 2**31, 2**32 - 1):
             value = np.nextafter(1 - offset / 2**32, [0.0, 2.0])
             value = np.append(value[value < 1], [1 - 2.0**-53, 1 - offset / 2**32 if offset else 0.0])
-            wrapped = np.asarray(_wrapped(jnp.asarray(value), jnp.uint32(offset), dtype))
-            assert wrapped.dtype == dtype
-            assert wrapped.min() >= 0
-            assert wrapped.max() < 1
-            assert wrapped[-1] == 0
+            moved = np.asarray(wrapped(jnp.asarray(value), jnp.uint32(offset), dtype))
+            assert moved.dtype == dtype
+            assert moved.min() >= 0
+            assert moved.max() < 1
+            assert moved[-1] == 0
 
 
 @pytest.mark.parametrize("seq", [sequences.sobol(2), sequences.halton(2)], ids=["binary", "other"])
@@ -431,8 +431,9 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
     [
         *[
             (lambda wrap=wrap: wrap(HALTON, 0), "sequence must be a sequence in base 2 .* got Radical")
-            for wrap in (sequences.xor, sequences.matousek, sequences.owen_exact)
+            for wrap in (sequences.xor, sequences.matousek)
         ],
+        (lambda: sequences.owen_exact(sequences.shift(HALTON, [0.5, 0.5]), 0), "with digits, .* got Rotated"),
         *[
             (lambda wrap=wrap: wrap(SOBOL, -1), "key must be an integer .* got -1")
             for wrap in (sequences.xor, sequences.digit_scramble, sequences.matousek, sequences.owen_exact)

@@ -277,8 +277,8 @@ SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
         (lambda: sequences.uniform(2, "seed"), "key must be one jax.random.key.* got 'seed'"),
         (lambda: sequences.owen(SOBOL, jax.random.split(jax.random.key(0))), "key must be one"),
         (
-            lambda: sequences.owen(sequences.halton(2), 0),
-            "sequence must be a sequence in base 2 .* got Radical",
+            lambda: sequences.owen(sequences.shift(sequences.halton(2), [0.5, 0.5]), 0),
+            "sequence must be a sequence with digits, .* got Rotated",
         ),
         (lambda: sequences.jittered(0, 2, 0), "side .* got 0"),
         (

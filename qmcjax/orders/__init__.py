@@ -3,9 +3,15 @@
 Every order has ``position(x, y)``, its inverse ``pixel(position)``, ``width``, ``height`` and ``length``.
 """
 
+from qmcjax.orders._accordion import accordion as accordion
 from qmcjax.orders._base import MAX_SIDE as MAX_SIDE
 from qmcjax.orders._base import Order as Order
 from qmcjax.orders._base import log_side as log_side
+from qmcjax.orders._hierarchy import ScrambledMorton as ScrambledMorton
 from qmcjax.orders._hilbert import hilbert as hilbert
+from qmcjax.orders._moore import moore as moore
 from qmcjax.orders._morton import morton as morton
+from qmcjax.orders._peano import PEANO_SIDE as PEANO_SIDE
+from qmcjax.orders._peano import peano as peano
 from qmcjax.orders._raster import raster as raster
+from qmcjax.orders._scrambled_morton import scrambled_morton as scrambled_morton

@@ -12,13 +12,15 @@ _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)
 _GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))
 
 
-def _spread(word: Array) -> Array:
+def spread(word: Array) -> Array:
+    """Move bit ``k`` to bit ``2 k``, for the lower 16 bits."""
     for shift, mask in _SPREADING:
         word = (word | (word << shift)) & np.uint32(mask)
     return word
 
 
-def _gather(word: Array) -> Array:
+def gather(word: Array) -> Array:
+    """Move bit ``2 k`` to bit ``k``, and drop the odd bits."""
     word = word & np.uint32(0x55555555)
     for shift, mask in _GATHERING:
         word = (word | (word >> shift)) & np.uint32(mask)
@@ -31,10 +33,10 @@ class Morton(SquareOrder):
     """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""
 
     def _position(self, x: Array, y: Array) -> Array:
-        return _spread(x) | (_spread(y) << 1)
+        return spread(x) | (spread(y) << 1)
 
     def _pixel(self, position: Array) -> tuple[Array, Array]:
-        return _gather(position), _gather(position >> 1)
+        return gather(position), gather(position >> 1)
 
 
 def morton(width: int, height: int) -> Morton:

@@ -68,7 +68,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     >>> print(sampler(1, 0, 0))  # position 1 or 3 on the curve: point 4 or 12 of the sequence
     [0.1875 0.3125]
     """
-    spp = checks.integer("spp", spp, 1, 2**32)
+    spp = checks.integer("spp", spp, 1, 2**32 - 1)
     if order.length * spp > sequence.limit:
         raise ValueError(
             f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions "

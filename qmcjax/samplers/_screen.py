@@ -1,7 +1,6 @@
 """One net over the whole screen: each pixel takes the points that fall into it."""
 
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from jax import Array
@@ -12,34 +11,10 @@ from qmcjax.bits import to_unit
 from qmcjax.orders import MAX_SIDE, log_side
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.sequences import Digital, framed
-
-
-@runtime_checkable
-class Invertible(Protocol):
-    """A point set in base 2 that knows the indices of its points in a cell of a raster."""
-
-    @property
-    def dims(self) -> int:
-        """Number of coordinates."""
-        ...
-
-    @property
-    def size(self) -> int | None:
-        """Number of points, None if each further sample takes a further frame of a sequence."""
-        ...
-
-    def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
-        ...
-
-    def points_per_cell(self, log_side: int) -> int:
-        """Return how many points each cell of a raster of ``2**log_side`` cells a side holds."""
-        ...
-
-    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a cell's point."""
-        ...
+from qmcjax.samplers._halton_screen import HaltonScreen, halton_screen
+from qmcjax.sequences import Sequence
+from qmcjax.sequences._cells import Invertible, inverted
+from qmcjax.sequences._halton import RadicalInverses
 
 
 @pytree
@@ -82,34 +57,45 @@ class Screen(Sampler):
             raise ValueError(f"spp must be {self.spp}, the net's points in a pixel of this image, got {spp}")
 
 
-def screen(net: Invertible | Digital, width: int, height: int) -> Screen:
+def screen(net: Invertible | Sequence, width: int, height: int) -> Screen | HaltonScreen:
     """Sample the whole screen with one net, each pixel with the points that fall into it.
 
-    The index of a point follows from its pixel by inverting the net on integers, without tables.
+    The index of a point follows from its pixel by inverting the net on integers, without tables of pixels.
 
     Parameters
     ----------
-    net : sequence in base 2
-        One that can be inverted: a digital sequence, or one that has ``index_in_cell``. With ``2**k`` the
-        smallest power of two that covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into
-        every pixel, and a digital (0,2)-sequence one point in each frame of ``4**k`` points.
+    net : sequence in base 2, or Halton sequence
+        One that can be inverted: a digital sequence, a net that has ``index_in_cell``, or :func:`xor` of
+        one of these. With ``2**k`` the smallest power of two that covers the image, a net of ``2**m``
+        points puts ``2**(m - 2 k)`` into every pixel, and a digital (0,2)-sequence one point in each frame
+        of ``4**k`` points. A Halton sequence, its digits permuted or not, puts one of each ``2**a * 3**b``
+        points into every pixel of a raster that many pixels wide and high, the smallest that covers the
+        image.
     width, height : int
-        In [1, 65536].
+        In [1, 65536]. For a Halton sequence ``2**a * 3**b`` must be at most 2**32.
 
     Returns
     -------
-    Screen
+    Screen or HaltonScreen
         ``spp`` is the number of points in a pixel: of a net the only number of samples that it can be
-        rendered with, of a sequence the largest.
+        rendered with, of a sequence the largest that 32-bit indices allow: of the Halton sequence 11506
+        for an image of 512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
 
     Raises
     ------
     ValueError
         If a size is out of range, or the net does not put equally many points into each pixel.
 
+    Notes
+    -----
+    The pixel of a point is a function of its leading digits, which a digital shift flips: this is undone
+    before inverting the net. With the Halton sequence, column and row tell the index modulo 2**a and 3**b.
+
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4 and 5.2.5.
+    .. [2] A. Keller, "Myths of computer graphics", Monte Carlo and Quasi-Monte Carlo Methods 2004, 2006 (the
+       Halton sequence over the pixel raster).
 
     Examples
     --------
@@ -117,11 +103,10 @@ def screen(net: Invertible | Digital, width: int, height: int) -> Screen:
     >>> sampler = samplers.screen(sequences.larcher_pillichshammer_net(20), 256, 256)
     >>> print(sampler.spp, sampler(255, 255, 15))
     16 [0.96875    0.33325195]
+    >>> print(samplers.screen(sequences.halton(2), 2, 3)(1, 2, 0))  # point 5, (0.625, 0.777...), of 6
+    [0.25       0.33333334]
     """
     width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
-    if isinstance(net, Digital):
-        net = framed(net, log_side(width, height))
-    if not isinstance(net, Invertible):
-        raise ValueError(f"net must be invertible (have index_in_cell), got {net!r}")
-    net.points_per_cell(log_side(width, height))
-    return Screen(net, width, height)
+    if isinstance(net, RadicalInverses):
+        return halton_screen(net, width, height)
+    return Screen(inverted(net, log_side(width, height)), width, height)

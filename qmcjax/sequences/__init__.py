@@ -9,6 +9,8 @@ from qmcjax.sequences._base import Sequence as Sequence
 from qmcjax.sequences._blue_noise import lloyd as lloyd
 from qmcjax.sequences._blue_noise import poisson_disk as poisson_disk
 from qmcjax.sequences._cells import framed as framed
+from qmcjax.sequences._components import components as components
+from qmcjax.sequences._digit_scramble import digit_scramble as digit_scramble
 from qmcjax.sequences._digital import Digital as Digital
 from qmcjax.sequences._digital import digital as digital
 from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichshammer
@@ -24,6 +26,7 @@ from qmcjax.sequences._nets import Net as Net
 from qmcjax.sequences._nets import hammersley_net as hammersley_net
 from qmcjax.sequences._nets import larcher_pillichshammer_net as larcher_pillichshammer_net
 from qmcjax.sequences._nets import permutation_net as permutation_net
+from qmcjax.sequences._nets import permutation_net_in_row as permutation_net_in_row
 from qmcjax.sequences._nets_3d import larcher_pillichshammer_net_3d as larcher_pillichshammer_net_3d
 from qmcjax.sequences._nets_3d import permutation_net_3d as permutation_net_3d
 from qmcjax.sequences._nets_3d import sobol_net_3d as sobol_net_3d
@@ -35,7 +38,8 @@ from qmcjax.sequences._random import uniform as uniform
 from qmcjax.sequences._rank1_lattice import korobov as korobov
 from qmcjax.sequences._rank1_lattice import rank1_lattice as rank1_lattice
 from qmcjax.sequences._replacement import replace_component as replace_component
+from qmcjax.sequences._searched import optimized_net_3d as optimized_net_3d
+from qmcjax.sequences._searched import optimized_sequence as optimized_sequence
 from qmcjax.sequences._shift import shift as shift
 from qmcjax.sequences._sobol_matrix import sobol_matrix as sobol_matrix
-from qmcjax.sequences._xor import digit_scramble as digit_scramble
 from qmcjax.sequences._xor import xor as xor

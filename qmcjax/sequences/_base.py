@@ -1,19 +1,28 @@
 """The interface of a sequence: from an index to a point, at random access."""
 
 import abc
+from collections.abc import Callable
 from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import checks
 from qmcjax.bits import reverse, to_unit
+from qmcjax.sequences._kept import ROWS, kept
 
 FEW = 8
 """Up to so many coordinates are computed one by one and stacked last: the compiler then sees elementwise
 programs without a short last axis, and fuses them with whatever consumes a coordinate."""
+
+_TABULATED_FROM = 4096
+"""Number of points from which it pays to tabulate blocks."""
+
+_LANES = 16
+"""Words of a vector register."""
 
 
 class Sequence(abc.ABC):
@@ -74,7 +83,8 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         n : int
-            Number of points. A new n compiles anew, a new ``start`` does not.
+            Number of points. A new n compiles anew, a new ``start`` does not, but that digital sequences in
+            base 2 have a faster program for multiples of 256.
         start : int
             Index of the first point.
         dtype : float32 or float64
@@ -95,7 +105,11 @@ class Sequence(abc.ABC):
             raise ValueError(f"start + n must be at most {self.limit}, got {start} + {n}")
         dtype = checks.floating(dtype)
         with checks.precision(dtype):
-            return _points(self, jnp.uint32(start), n, dtype)
+            return kept(self._maker(start, n, dtype), n, self.dims, dtype)
+
+    def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
+        """Return the function of (first, count) for points start + first, ..., in pieces of at least ROWS."""
+        return lambda first, count: _points(self, jnp.uint32(start + first), count, dtype)
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))
@@ -130,6 +144,29 @@ class BinarySequence(Sequence):
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
         return reverse(self._mirrors(index, dims))
 
+    def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
+        linear = self._linear
+        if linear is None or n < _TABULATED_FROM or start % ROWS:
+            return super()._maker(start, n, dtype)
+        from qmcjax.sequences import _blocks
+
+        tables = _blocks.tabulated(linear, jnp.uint32(start), -(-n // ROWS))
+
+        def make(first: int, count: int) -> Array:
+            blocks = _blocks.part(tables, jnp.uint32(first // ROWS), -(-count // ROWS))
+            return _blockwise(self._over(blocks), count, dtype)
+
+        return make
+
+    @property
+    def _linear(self) -> "BinarySequence | None":
+        """The innermost sequence, if its digits are linear in the index's: ``i ^ j`` gives the xor."""
+        return None
+
+    def _over(self, blocks: "BinarySequence") -> "BinarySequence":
+        """Return this sequence with ``blocks`` in place of the innermost one."""
+        return blocks
+
     def bits(self, index: Array | int, dims: tuple[int, ...] | None = None) -> Array:
         """Return the points of the given indices as exact 32-bit fractions.
 
@@ -151,6 +188,43 @@ class BinarySequence(Sequence):
         """
         wanted = checks.dimensions(dims, self.dims)
         return self._words(checks.unsigned("index", index, self.limit), wanted)
+
+
+@partial(jax.jit, static_argnames=("n", "dtype"))
+def _blockwise(sequence: BinarySequence, n: int, dtype: DTypeLike) -> Array:
+    dims = sequence.dims
+    # Points side by side, until their coordinates fill a vector register.
+    beside = 1
+    while beside * dims < _LANES:
+        beside *= 2
+    rows = jax.lax.iota(jnp.uint32, -(-n // ROWS) * ROWS // beside).reshape(-1, ROWS // beside)
+    words = sequence._words(rows, tuple(range(dims)) * beside)
+    return to_unit(words, dtype).reshape(-1, dims)[:n]
+
+
+class DigitSequence(Sequence):
+    """A sequence whose coordinates have the digits of an index, and zeros behind, in a base of their own."""
+
+    bases: tuple[int, ...]
+
+    @abc.abstractmethod
+    def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
+        """Return the digits of coordinates, as scramblers want them: span by span, the first one first.
+
+        Parameters
+        ----------
+        index : uint32 Array
+            Valid indices.
+        dims : integer ndarray, broadcastable to ``index``
+            The coordinates, whose bases have equally many ``digit_spans`` of one digit each, unless it is one
+            coordinate. A traced one if all bases are the same.
+
+        Returns
+        -------
+        list of uint32 Array
+            One for each of the base's ``digit_spans``: a number whose lowest digit is the first one after the
+            radix point.
+        """
 
 
 def binary(name: str, sequence: object) -> BinarySequence:

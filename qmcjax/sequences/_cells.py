@@ -1,11 +1,13 @@
-"""From a cell of a raster to the index of a digital sequence's point: linear equations over F2.
+"""From a cell of a raster to the indices of a net's points there, also after a digital shift.
 
-Each ``4**k`` consecutive points of a (0,2)-sequence put one point into every cell of a raster of ``2**k``
-cells a side: a frame. The frame gives the upper bits of the index, the cell the lower ``2 k``.
+Nets invert themselves; a digital sequence takes linear equations over F2. Each ``4**k`` consecutive points
+of a (0,2)-sequence put one point into every cell of a raster of ``2**k`` cells a side: a frame. The frame
+gives the upper bits of the index, the cell the lower ``2 k``.
 """
 
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +18,36 @@ from jax.core import Tracer
 from qmcjax import checks
 from qmcjax.bits import reverse
 from qmcjax.pytrees import pytree
+from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._digital import Digital, selected
+from qmcjax.sequences._xor import Xor
+
+
+@runtime_checkable
+class Invertible(Protocol):
+    """A point set in base 2 that knows the indices of its points in a cell of a raster."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        ...
+
+    @property
+    def size(self) -> int | None:
+        """Number of points, None if each further sample takes a further frame of a sequence."""
+        ...
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        ...
+
+    def points_per_cell(self, log_side: int) -> int:
+        """Return how many points each cell of a raster of ``2**log_side`` cells a side holds."""
+        ...
+
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+        """Return the index of a cell's point."""
+        ...
 
 
 @pytree
@@ -77,6 +108,81 @@ class Framed:
         wrong_y = reverse(y << (32 - log_side)) ^ self.sequence.mirror(start, 1)
         wrong = (wrong_x & ones) | ((wrong_y & ones) << log_side)
         return start | selected(self.inverse, wrong)
+
+
+@pytree
+@dataclass(frozen=True)
+class Flipped:
+    """An invertible net after a digital shift: the leading digits of the shift permute the cells."""
+
+    net: Invertible
+    shifts: Array
+    """uint32 (dims,): those of the shift."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.net.dims
+
+    @property
+    def size(self) -> int | None:
+        """Number of points, None for frames."""
+        return self.net.size
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        return self.net.word(index, dim) ^ self.shifts[dim]
+
+    def points_per_cell(self, log_side: int) -> int:
+        """Return how many points lie in each cell: as many as without the shift."""
+        return self.net.points_per_cell(log_side)
+
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+        """Return the index of a cell's point: that of the net in the cell that is moved here."""
+        # In two steps, since a shift by 32 is not defined.
+        moved = self.shifts >> 1 >> (31 - log_side)
+        return self.net.index_in_cell(x ^ moved[0], y ^ moved[1], log_side, sample)
+
+
+def inverted(net: Invertible | Sequence, log_side: int) -> Invertible:
+    """Return an object that finds the points of a net, or of a digital sequence, from their cells.
+
+    Parameters
+    ----------
+    net : sequence in base 2
+        A digital sequence, a net that has ``index_in_cell``, or a digital shift of one of these.
+    log_side : int
+        Binary logarithm of the number of cells a side, in [0, 16].
+
+    Returns
+    -------
+    Invertible
+
+    Raises
+    ------
+    ValueError
+        If the net cannot be inverted, or does not put equally many points into each cell.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4 with "Scrambling", and 5.2.5.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> net = sequences.xor(sequences.hammersley_net(6), key=1)
+    >>> index = inverted(net, 3).index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
+    >>> print((net(index) * 8).astype(int))
+    [5 2]
+    """
+    if isinstance(net, Xor):
+        return Flipped(inverted(net.sequence, log_side), net.shifts)
+    if isinstance(net, Digital):
+        return framed(net, log_side)
+    if not isinstance(net, Invertible):
+        raise ValueError(f"net must be invertible (have index_in_cell), got {net!r}")
+    net.points_per_cell(log_side)
+    return net
 
 
 def framed(sequence: Digital, log_side: int) -> Framed:

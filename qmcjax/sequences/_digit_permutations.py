@@ -56,15 +56,23 @@ def tables(permutations: list[np.ndarray]) -> Array:
     )
 
 
-def random_tables(bases: tuple[int, ...], key: Array) -> Array:
-    """Return the look-up tables of independent uniform permutations of each digit of each base."""
-    lengths = np.repeat(bases, [digit_count(base) for base in bases])
+def random_permutations(lengths: np.ndarray, key: Array) -> Array:
+    """Draw independent uniform permutations of the given lengths: uint32, one after the other."""
     # One sort for all: numbers in random order within each permutation.
     which = np.repeat(np.arange(len(lengths), dtype=np.uint32), lengths)
-    digit = np.concatenate([np.arange(n, dtype=np.uint32) for n in lengths])
+    digit = np.arange(len(which)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
+    return _shuffled(key, jnp.asarray(which), jnp.asarray(digit.astype(np.uint32)))
+
+
+@jax.jit
+def _shuffled(key: Array, which: Array, digit: Array) -> Array:
     random = jax.random.bits(key, (2, len(which)), jnp.uint32)
-    digits = jax.lax.sort((jnp.asarray(which), random[0], random[1], jnp.asarray(digit)), num_keys=3)[3]
-    return _joined(digits, bases)
+    return jax.lax.sort((which, random[0], random[1], digit), num_keys=3)[3]
+
+
+def random_tables(bases: tuple[int, ...], key: Array) -> Array:
+    """Return the look-up tables of independent uniform permutations of each digit of each base."""
+    return _joined(random_permutations(np.repeat(bases, [digit_count(base) for base in bases]), key), bases)
 
 
 @partial(jax.jit, static_argnames="bases")

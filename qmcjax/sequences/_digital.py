@@ -68,6 +68,10 @@ class Digital(BinarySequence):
             return super()._words(index, dims)
         return product(self._columns(dims), index)
 
+    @property
+    def _linear(self) -> "Digital":
+        return self
+
     def _columns(self, dims: tuple[int, ...]) -> Array:
         """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
         if dims != tuple(range(self.dims)):

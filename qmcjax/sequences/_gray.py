@@ -31,6 +31,11 @@ class Gray(Scrambled):
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
         return self.sequence._words(gray_encode(index), dims)
 
+    @property
+    def _linear(self) -> BinarySequence | None:
+        # The code is linear itself, but scrambled points in its order are not.
+        return self if self.sequence._linear is self.sequence else None
+
 
 def gray(sequence: BinarySequence) -> Gray:
     """Put the points of a sequence in base 2 in Gray code order: one digit of the index changes a step.

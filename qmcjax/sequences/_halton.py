@@ -1,8 +1,6 @@
 """Radical inverses, with digits permuted or not: the van der Corput and the Halton sequence."""
 
 from dataclasses import dataclass, field
-from functools import cache
-from itertools import accumulate, groupby
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,11 +8,22 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import checks
-from qmcjax.digits import digit_count, digit_spans, permuted_radical_inverse, radical_inverse
+from qmcjax.digits import (
+    alike,
+    base_of,
+    digit_spans,
+    mirrored,
+    permuted_radical_inverse,
+    permuted_spans,
+    radical_inverse,
+    span_numbers,
+    table_starts,
+    word,
+)
 from qmcjax.fields import next_prime
 from qmcjax.pytrees import pytree
 from qmcjax.sequences import _digit_permutations
-from qmcjax.sequences._base import Sequence
+from qmcjax.sequences._base import DigitSequence
 from qmcjax.sequences._digital import Digital, sobol
 
 HALTON_DIMS = 1024
@@ -27,7 +36,7 @@ MANY = 64
 
 @pytree
 @dataclass(frozen=True)
-class RadicalInverses(Sequence):
+class RadicalInverses(DigitSequence):
     """One radical inverse a coordinate (Hilbert paper, Eq. 1), of permuted digits or not."""
 
     bases: tuple[int, ...] = field(metadata={"static": True})
@@ -44,14 +53,24 @@ class RadicalInverses(Sequence):
         base = self.bases[dim]
         if self.tables is None:
             return radical_inverse(index, base, dtype)
-        return permuted_radical_inverse(index, base, self.tables, dtype, _offsets(self.bases)[dim])
+        return permuted_radical_inverse(index, base, self.tables, dtype, table_starts(self.bases)[dim])
+
+    def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
+        """Return the digits of coordinates, permuted or not."""
+        base = base_of(self.bases, dims)
+        numbers = span_numbers(index, base)
+        if self.tables is None:
+            return numbers
+        permuted = permuted_spans(
+            numbers, base, self.tables, jnp.asarray(word(table_starts(self.bases)))[dims]
+        )
+        return [mirrored(n, base, span) for n, span in zip(permuted, digit_spans(base), strict=True)]
 
     def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         if len(dims) < MANY:
             return super()._values(index, dims, dtype)
         parts = []
-        for _, group in groupby(dims, lambda j: _kind(self.bases[j])):
-            wanted = tuple(group)
+        for wanted in alike(self.bases, dims):
             together = len(wanted) > 1
             parts.append(
                 self._together(index, wanted, dtype) if together else super()._values(index, wanted, dtype)
@@ -64,20 +83,8 @@ class RadicalInverses(Sequence):
         bases = np.array([self.bases[j] for j in dims]).reshape(row)
         if self.tables is None:
             return radical_inverse(index[..., None], bases, dtype)
-        offsets = np.array(_offsets(self.bases))[np.array(dims)].reshape(row)
+        offsets = table_starts(self.bases)[np.array(dims)].reshape(row)
         return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
-
-
-@cache
-def _offsets(bases: tuple[int, ...]) -> tuple[int, ...]:
-    """Return where the tables of each base start."""
-    sizes = [sum(base**span for span in digit_spans(base)) for base in bases]
-    return tuple(accumulate(sizes[:-1], initial=0))
-
-
-def _kind(base: int) -> int:
-    """Tell bases apart, except those that have equally many digits and one in each table."""
-    return digit_count(base) if max(digit_spans(base)) == 1 else -base
 
 
 def van_der_corput(base: int = 2) -> RadicalInverses | Digital:

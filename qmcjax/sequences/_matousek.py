@@ -34,6 +34,11 @@ class Linear(Scrambled):
             return super()._mirrors(index, dims)
         return _product(along_last(self.columns, dims, index), self.sequence._mirrors(index, dims))
 
+    @property
+    def _linear(self) -> BinarySequence | None:
+        linear = self.sequence._linear
+        return self if linear is self.sequence else linear
+
 
 def _product(columns: Array, mirror: Array) -> Array:
     """Xor the columns that the digits select: (..., 32), (...) -> (...)."""

@@ -279,3 +279,47 @@ def permutation_net(m: int) -> Net:
     """
     m = checks.integer("m", m, 1, 32)
     return HammersleyNet(2) if m == 2 else PermutationNet(m)
+
+
+def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Array:
+    """Return points of the permutation net as they lie in the pixels of one row of the screen.
+
+    With the net in every pixel, the screen keeps the net's minimum distance if each row of pixels takes
+    it a quarter further along x than the row below, modulo the pixel. For odd m there is no move. The
+    pattern repeats after four rows, and in each row from pixel to pixel.
+
+    Parameters
+    ----------
+    m : int
+        In [1, 32]: 2**m points a pixel.
+    row : uint32 Array, or int
+        Row of the pixel, counted along the second coordinate.
+    index : uint32 Array, broadcastable to ``row``, or int
+        Below 2**m, in the numbering of :func:`permutation_net`.
+
+    Returns
+    -------
+    uint32 Array, the broadcast shape + (2,)
+        Fractions of the pixel: the coordinate is ``bits / 2**32``.
+
+    Raises
+    ------
+    ValueError
+        If ``m`` is out of range, or ``row`` or ``index`` is not uint32 or known to be out of range.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.3.1, function pixelWrap and Fig. 5.19.
+
+    Examples
+    --------
+    >>> print(permutation_net_in_row(4, jnp.arange(3, dtype=jnp.uint32), 0) >> 28)
+    [[ 0 15]
+     [ 4 15]
+     [ 8 15]]
+    """
+    net = permutation_net(m)
+    row, index = jnp.broadcast_arrays(checks.unsigned("row", row), checks.unsigned("index", index, net.size))
+    x, y = net.word(index, 0), net.word(index, 1)
+    # A quarter of the pixel is 2**30: in the product with the row, multiples of four wrap to nothing.
+    return jnp.stack([x if net.m % 2 else x + (row << 30), y], axis=-1)

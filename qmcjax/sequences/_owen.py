@@ -1,4 +1,4 @@
-"""Owen scrambling in base 2 by hashing."""
+"""Owen scrambling by hashing, in base 2; other bases are found in ``_owen_base_b``."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,10 @@ from jax import Array
 from qmcjax import checks
 from qmcjax.bits import owen_hash
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, binary
+from qmcjax.sequences._base import BinarySequence, DigitSequence
+from qmcjax.sequences._owen_base_b import OwenDigits, owen_digits
 from qmcjax.sequences._scrambled import Scrambled, along_last
+from qmcjax.sequences._scrambled_digits import digital
 
 
 @pytree
@@ -30,32 +32,47 @@ class Owen(Scrambled):
         return owen_hash(self.sequence._mirrors(index, dims), along_last(self.seeds, dims, index))
 
 
-def owen(sequence: BinarySequence, key: Array | int) -> Owen:
-    """Owen-scramble a sequence in base 2 by a hash with the nested structure.
+def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | OwenDigits:
+    """Owen-scramble a sequence by a hash with the nested structure.
 
-    Every (t,m,s)-net stays one, each point is uniform on the unit cube, and the coordinates are
-    scrambled independently. The hash is close to, but not, uniform over all nested permutations.
+    Every (t,m,s)-net stays one, and so does the Halton sequence's stratification. Each point is uniform on
+    the unit cube, and the coordinates are scrambled independently.
 
     Parameters
     ----------
-    sequence : BinarySequence
-        Any sequence that has ``bits``.
+    sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
+        Digits are scrambled in the base that they are in.
     key : jax.random.key, or int in [0, 2**32)
         A new key gives a new scrambling and compiles nothing anew.
 
     Returns
     -------
-    Owen
+    Owen or OwenDigits
+        The first in base 2, with exact ``bits``. In other bases the zeros behind the digits of an
+        index are scrambled as well, down to the resolution of float64. Values of float64 are rounded to
+        nearest and lie in the elementary intervals that the scrambled digits name. Values of float32
+        are these, rounded down, except where that left an interval of a length b**-k > 2**-24.
 
     Raises
     ------
     ValueError
-        If ``sequence`` is not in base 2 or ``key`` is no key.
+        If ``sequence`` has no digits or ``key`` is no key.
+
+    Notes
+    -----
+    In base 2, the hash is close to, but not, uniform over all nested permutations.
+
+    In base b, any two points are distributed as after nested uniform scrambling, up to the quality of a
+    32-bit hash, and so variances of means are the same [3]_. Three points or more are not: the
+    permutations at all nodes of a coordinate are made from one random table of nested permutations of
+    several digits, by shifts of its argument. Where that matters, take :func:`owen_exact`. This is no linear
+    scrambling, whose factors depend on the place of a digit only; the base may be composite.
 
     References
     ----------
     .. [1] A. B. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences", 1995.
     .. [2] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.3.1, "Full Owen-Scrambling".
+    .. [3] A. B. Owen, "Variance with alternative scramblings of digital nets", 2003.
 
     Examples
     --------
@@ -63,7 +80,11 @@ def owen(sequence: BinarySequence, key: Array | int) -> Owen:
     >>> points = sequences.owen(sequences.sobol(2), key=1).points(4)
     >>> print(sorted((points[:, 0] * 4).astype(int).tolist()))
     [0, 1, 2, 3]
+    >>> points = sequences.owen(sequences.halton(2), key=1).points(9)
+    >>> print(sorted((points[:, 1] * 9).astype(int).tolist()))
+    [0, 1, 2, 3, 4, 5, 6, 7, 8]
     """
-    binary("sequence", sequence)
+    if not isinstance(sequence, BinarySequence):
+        return owen_digits(digital("sequence", sequence), checks.prng_key("key", key))
     seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32)
     return Owen(sequence, seeds)

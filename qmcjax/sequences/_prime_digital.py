@@ -1,6 +1,7 @@
 """Digital sequences in an odd prime base: a coordinate is a matrix over F_q times the digits of the index."""
 
 from dataclasses import dataclass, field
+from itertools import islice
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,26 +10,32 @@ from jax.typing import DTypeLike
 
 from qmcjax.digits import digit_count, digit_spans, exact_fraction
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import FEW, Sequence
+from qmcjax.sequences._base import FEW, DigitSequence
 
 
 @pytree
 @dataclass(frozen=True)
-class PrimeDigital(Sequence):
+class PrimeDigital(DigitSequence):
     """Coordinate j of point i is C_j times the digits of i, over F_q (thesis Eq. 5.9).
 
     The products with all numbers of a few digits are tabulated. Each digit of a product has a field of a
     word, wide enough for the sum of the table entries of an index; at last it is reduced modulo q.
     """
 
-    base: int = field(metadata={"static": True})
+    bases: tuple[int, ...] = field(metadata={"static": True})
+    """The same for all coordinates."""
     tables: Array
     """uint32 (dims, words, entries): the tables of all spans of digits, one after the other."""
 
     @property
     def dims(self) -> int:
         """Number of coordinates."""
-        return self.tables.shape[0]
+        return len(self.bases)
+
+    @property
+    def base(self) -> int:
+        """The prime q."""
+        return self.bases[0]
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
@@ -39,30 +46,46 @@ class PrimeDigital(Sequence):
             return super()._values(index, dims, dtype)
         return self._fractions(index[..., None], np.array(dims).reshape((1,) * index.ndim + (-1,)), dtype)
 
+    def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
+        """Return the digits of coordinates."""
+        digits = iter(self._digits(index, dims))
+        numbers = []
+        for span in digit_spans(self.base):
+            of_span = list(islice(digits, span))
+            number = of_span[-1]
+            for digit in of_span[-2::-1]:
+                number = number * np.uint32(self.base) + digit
+            numbers.append(number)
+        return numbers
+
     def _fractions(self, index: Array, dims: np.ndarray, dtype: DTypeLike) -> Array:
+        digits = self._digits(index, dims)
+        leading = digits[0]
+        for digit in digits[1:-1]:
+            leading = leading * np.uint32(self.base) + digit
+        return exact_fraction(leading, digits[-1], self.base, dtype)
+
+    def _digits(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
+        """Return the digits after the radix point, the first one first."""
         base = np.uint32(self.base)
         _, words, entries = self.tables.shape
         tables = self.tables.ravel()
         sums = [jnp.zeros_like(index)] * words
         rest = index
-        start = dims * (words * entries)
+        start = jnp.asarray(dims.astype(np.uint32)) * np.uint32(words * entries)
         for size in (self.base**span for span in digit_spans(self.base)):
             quotient = rest // np.uint32(size)
             number = rest - quotient * np.uint32(size)
             for w in range(words):
-                place = number + (start + w * entries).astype(np.uint32)
+                place = number + start + np.uint32(w * entries)
                 sums[w] = sums[w] + tables.at[place].get(mode="promise_in_bounds")
-            rest, start = quotient, start + size
+            rest, start = quotient, start + np.uint32(size)
         width, per_word = _fields(self.base)
         mask = np.uint32(2**width - 1)
-        digits = [
+        return [
             ((sums[k // per_word] >> (k % per_word * width)) & mask) % base
             for k in range(digit_count(self.base))
         ]
-        leading = digits[0]
-        for digit in digits[1:-1]:
-            leading = leading * base + digit
-        return exact_fraction(leading, digits[-1], self.base, dtype)
 
 
 def prime_digital(matrices: np.ndarray, base: int) -> PrimeDigital:
@@ -81,7 +104,7 @@ def prime_digital(matrices: np.ndarray, base: int) -> PrimeDigital:
             packed[:, k // per_word] |= product[:, k].astype(np.uint32) << np.uint32(k % per_word * width)
         tables.append(packed)
         first += span
-    return PrimeDigital(base, jnp.asarray(np.concatenate(tables, axis=-1)))
+    return PrimeDigital((base,) * dims, jnp.asarray(np.concatenate(tables, axis=-1)))
 
 
 def _fields(base: int) -> tuple[int, int]:

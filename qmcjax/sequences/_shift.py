@@ -65,15 +65,15 @@ class Rotated(Sequence):
         """Return one coordinate of valid indices, in their shape."""
         with jax.enable_x64(True):
             value = self.sequence.coordinate(index, dim, jnp.float64)
-            return _wrapped(value, self.offsets[dim], dtype)
+            return wrapped(value, self.offsets[dim], dtype)
 
     def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         with jax.enable_x64(True):
             values = self.sequence._values(index, dims, jnp.float64)
-            return _wrapped(values, along_last(self.offsets, dims, index), dtype)
+            return wrapped(values, along_last(self.offsets, dims, index), dtype)
 
 
-def _wrapped(value: Array, offset: Array, dtype: DTypeLike) -> Array:
+def wrapped(value: Array, offset: Array, dtype: DTypeLike) -> Array:
     """Return value + offset modulo 1; the comparison and the complement of the offset are exact."""
     fraction = offset.astype(jnp.float64) * np.float64(2.0**-32)
     complement = np.float64(1) - fraction

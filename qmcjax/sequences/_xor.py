@@ -72,38 +72,3 @@ def xor(sequence: BinarySequence, key: Array | int) -> Xor:
     """
     binary("sequence", sequence)
     return Xor(sequence, jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32))
-
-
-def digit_scramble(sequence: BinarySequence, key: Array | int) -> Xor:
-    """Permute the digits of a sequence in base 2, by one random permutation a digit and coordinate.
-
-    Of the two permutations of {0, 1} one is the identity and one the flip: in base 2 this is the
-    digital shift, the very object that :func:`xor` makes from the same key.
-
-    Parameters
-    ----------
-    sequence : BinarySequence
-        Any sequence that has ``bits``.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new scrambling and compiles nothing anew.
-
-    Returns
-    -------
-    Xor
-
-    Raises
-    ------
-    ValueError
-        If ``sequence`` is not in base 2 or ``key`` is no key.
-
-    References
-    ----------
-    .. [1] J. Matousek, "On the L2-discrepancy for anchored boxes", J. Complexity 14, 1998.
-
-    Examples
-    --------
-    >>> from qmcjax import sequences
-    >>> print(digit_scramble(sequences.sobol(2), key=1).shifts == xor(sequences.sobol(2), key=1).shifts)
-    [ True  True]
-    """
-    return xor(sequence, key)

@@ -1,0 +1,164 @@
+"""Elementary intervals: how many points lie in each, and in each of n intervals of one coordinate."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from qmcjax import checks, fields
+
+__all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
+
+_RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
+"""Into how many intervals the points of a dtype can be sorted along an axis."""
+
+_LOG_COUNTS = 28
+"""At most 2**28 intervals are counted in one array."""
+
+
+def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> NDArray[np.int64]:
+    """Count the points in each elementary interval of one shape (Definition 3 of [1]_).
+
+    Parameters
+    ----------
+    points : ArrayLike, shape (n, s)
+        As for :func:`analysis.t_value`, but any number of them.
+    digits : sequence of s ints
+        d_1, ..., d_s: the interval's sides are base**-d_j. At most 2**28 intervals, and 64 coordinates.
+    base : int
+        In [2, 65535].
+
+    Returns
+    -------
+    int64 array, shape (base**d_1, ..., base**d_s)
+        Entry (a_1, ..., a_s) is the count of the interval with the lower corner a_j base**-d_j.
+
+    Raises
+    ------
+    ValueError
+        If there are too many intervals, points are outside [0, 1), or an argument has another shape,
+        type or range.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.1.4.
+
+    Examples
+    --------
+    >>> interval_counts([[0.0, 0.0], [0.25, 0.5], [0.5, 0.25], [0.75, 0.75]], (1, 1))
+    array([[1, 1],
+           [1, 1]])
+    """
+    given = fractions(points)
+    if given.shape[1] > 64:
+        raise ValueError(f"points must have at most 64 coordinates, got {given.shape[1]}")
+    sides = _sides(digits, base, given.shape[1])
+    return _counts(given, sides).reshape(sides)
+
+
+def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bool:
+    """Tell whether all elementary intervals of one shape hold equally many points.
+
+    Parameters
+    ----------
+    points, digits, base
+        As for :func:`interval_counts`, with any number of coordinates.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ValueError
+        As for :func:`interval_counts`.
+
+    Examples
+    --------
+    >>> diagonal = [[0.0, 0.0], [0.25, 0.25], [0.5, 0.5], [0.75, 0.75]]
+    >>> is_stratified(diagonal, (2, 0)), is_stratified(diagonal, (1, 1))
+    (True, False)
+    """
+    given = fractions(points)
+    counts = _counts(given, _sides(digits, base, given.shape[1]))
+    return bool((counts == counts[0]).all())
+
+
+def is_latin_hypercube(points: ArrayLike) -> bool:
+    """Tell whether in each coordinate one of the n points lies in each of n equal intervals.
+
+    Parameters
+    ----------
+    points : ArrayLike, shape (n, s)
+        As for :func:`analysis.t_value`, but any number of them: the intervals are those of base n.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    ValueError
+        If points are outside [0, 1), or of another shape or type, or more than 2**24 in float32.
+
+    Examples
+    --------
+    >>> is_latin_hypercube([[0.1, 0.4], [0.4, 0.9], [0.7, 0.1]])
+    True
+    """
+    given = fractions(points)
+    n = len(given)
+    return all((np.bincount(column) == 1).all() for column in cells(given, n).T)
+
+
+def fractions(points: ArrayLike) -> NDArray:
+    """Return the points, or raise a ValueError unless they are fractions in [0, 1)^s."""
+    array = np.asarray(points)
+    if array.ndim != 2 or 0 in array.shape:
+        raise ValueError(f"points must have shape (n, s) with n >= 1 and s >= 1, got {array.shape}")
+    if array.dtype not in _RESOLUTION:
+        raise ValueError(f"points must be float32, float64 or uint32, got {array.dtype}")
+    if array.dtype.kind == "f":
+        outside = ~((array >= 0) & (array < 1))
+        if outside.any():
+            raise ValueError(f"points must be in [0, 1), got {array[outside][0]!r}")
+    return array
+
+
+def cells(points: NDArray, count: int) -> NDArray[np.int64]:
+    """Return in which of ``count`` equal intervals of [0, 1) each coordinate lies."""
+    if count > _RESOLUTION[points.dtype]:
+        raise ValueError(
+            f"points must be float64 or uint32 with at most 2**32 intervals along an axis, "
+            f"float32 with at most 2**24, got {points.dtype} with {count}"
+        )
+    if points.dtype == np.uint32:
+        return (points.astype(np.uint64) * np.uint64(count) >> np.uint64(32)).astype(np.int64)
+    # In float64 the product may be rounded up to an end.
+    cell = np.floor(points.astype(np.float64) * count).astype(np.int64)
+    cell -= cell / count > points
+    # A point may be an end that was rounded down. An end is divided once, in float64; rounded again to
+    # float32 it is still the nearest, since numerator and denominator have at most 24 bits.
+    cell += ((cell + 1) / count).astype(points.dtype) <= points
+    return cell
+
+
+def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
+    """Return into how many intervals each axis is divided."""
+    base = checks.integer("base", base, 2, fields.FIELD_LIMIT - 1)
+    if np.ndim(digits) != 1 or len(digits) != dims:
+        raise ValueError(f"digits must be {dims} integers, one a coordinate, got {digits!r}")
+    numbers = [checks.integer(f"digits[{j}]", d, 0, _LOG_COUNTS) for j, d in enumerate(digits)]
+    if base ** sum(numbers) > 2**_LOG_COUNTS:
+        raise ValueError(
+            f"digits must make at most 2**{_LOG_COUNTS} intervals, got {base}**{sum(numbers)} for {digits!r}"
+        )
+    return tuple(base**d for d in numbers)
+
+
+def _counts(points: NDArray, sides: tuple[int, ...]) -> NDArray[np.int64]:
+    """Return the counts of all intervals, the last coordinate's varying fastest."""
+    interval = np.zeros(len(points), np.int64)
+    for column, side in zip(points.T, sides, strict=True):
+        interval = interval * side + cells(column, side)
+    return np.bincount(interval, minlength=int(np.prod(sides)))

@@ -1,0 +1,187 @@
+"""The quality parameter t of nets, by counting points in elementary intervals or by ranks of matrices."""
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis._intervals import cells, fractions
+from analysis._net_matrices import matrix_net
+from qmcjax import checks, fields
+
+__all__ = ["projection_t_values", "t_value"]
+
+
+def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int:
+    """Return the quality parameter t of a net: the smallest with which it is a (t,m,s)-net.
+
+    The base**m points are a (t,m,s)-net if every elementary interval of volume base**(t - m) holds
+    base**t of them (Definition 4 of [1]_). Smaller is better; t = m says nothing.
+
+    Parameters
+    ----------
+    points_or_matrices : ArrayLike
+        Without ``m``, an array of two axes holds points, and t is found by counting: shape (n, s), n
+        a power of the base, float32 or float64 in [0, 1), or uint32 fractions of 2**32.
+
+        With ``m``, it holds generator matrices, and t is found from ranks: uint32 of shape (s, 32)
+        with column k of C_j as a word, its first row in bit 31 (the ``matrices`` of a digital
+        sequence in base 2; without ``m`` these would be taken for points). Integers of three axes
+        (s, rows, columns) are always generator matrices, over F_base, with entries modulo the base.
+    base : int
+        In [2, 65535]; a prime for matrices.
+    m : int, optional
+        The net is the first base**m points of the matrices' sequence (any aligned block has the same
+        t), given by their upper left m x m parts. By default the number of columns, for three axes.
+
+    Returns
+    -------
+    int
+        In [0, m].
+
+    Raises
+    ------
+    ValueError
+        If n is no power of the base, points are outside [0, 1), or an argument has another shape,
+        type or range.
+
+    Notes
+    -----
+    Counting takes O(n) for each shape of intervals that is examined, ranks at most O(m**2). These are at
+    least the binom(m - t + s - 1, s - 1) shapes of m - t digits, and at most as many as for t = 0. A
+    shape that is even makes all coarser ones even, so that t is known after one pass.
+
+    Floats stand for fractions rounded to nearest: an interval [a / b**d, (a + 1) / b**d) begins at the
+    float nearest to a / b**d and ends before the one nearest to (a + 1) / b**d. So every a / b**k with
+    b**k below 2**24 in float32, below 2**53 in float64, is counted where the fraction itself lies, which
+    plain arithmetic does not achieve: about half of these floats are just below their fraction. In
+    base 2 the ends are floats and nothing is rounded. uint32 fractions are taken as they are in any
+    base. Points of more digits than float32 holds should be passed in float64 or as words; more than
+    2**24 points have to be.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.1.4 and Eq. 5.9.
+    .. [2] H. Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods", 1992, Sect. 4.3.
+
+    Examples
+    --------
+    >>> t_value([[0.0, 0.0], [0.25, 0.5], [0.5, 0.25], [0.75, 0.75]])
+    0
+    >>> from qmcjax import sequences
+    >>> t_value(sequences.sobol(5).matrices, m=20)
+    5
+    """
+    net = _net(points_or_matrices, base, m)
+    return net.m - _strength(net, range(net.dims))
+
+
+def projection_t_values(
+    points_or_matrices: ArrayLike, base: int = 2, m: int | None = None, size: int = 2
+) -> dict[tuple[int, ...], int]:
+    """Return t of the projections of a net onto all pairs of coordinates, all triples, and so on.
+
+    Parameters
+    ----------
+    points_or_matrices, base, m
+        As for :func:`t_value`.
+    size : int
+        The number of coordinates of a projection, in [1, s].
+
+    Returns
+    -------
+    dict
+        From the coordinates, in increasing order, to t.
+
+    Raises
+    ------
+    ValueError
+        As for :func:`t_value`, or if ``size`` is out of range.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> projection_t_values(sequences.sobol(4).matrices, m=10)
+    {(0, 1): 0, (0, 2): 1, (0, 3): 2, (1, 2): 1, (1, 3): 1, (2, 3): 1}
+    """
+    net = _net(points_or_matrices, base, m)
+    size = checks.integer("size", size, 1, net.dims)
+    return {axes: net.m - _strength(net, axes) for axes in combinations(range(net.dims), size)}
+
+
+class _Net(Protocol):
+    """What the search for t needs; its states stand for a choice of leading digits of some coordinates."""
+
+    m: int
+    dims: int
+    root: Any
+
+    def even_digits(self, state: Any, used: int, axis: int, limit: int) -> int:
+        """Return up to how many more digits, of one other coordinate, the intervals are filled evenly."""
+        ...
+
+    def refined(self, state: Any, axis: int, digit: int) -> Any:
+        """Return the state with one more digit of a coordinate, of which all before are in it."""
+        ...
+
+
+def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
+    given = np.asarray(points_or_matrices)
+    if m is not None or given.ndim == 3:
+        return matrix_net(given, base, m)
+    return _PointNet(fractions(given), checks.integer("base", base, 2, fields.FIELD_LIMIT - 1))
+
+
+def _strength(net: _Net, axes: Sequence[int]) -> int:
+    """Return the largest k such that the net is even for all shapes of k digits of these coordinates.
+
+    The last coordinate of a shape takes all digits that are left to it. Where it has to leave some, k
+    falls to what it can take. Shapes of the smaller k that come before in the order of the search need
+    no second look: each is part of one that was even.
+    """
+    strength = net.m
+
+    def search(state: Any, used: int, first: int) -> None:
+        nonlocal strength
+        for i in range(first, len(axes)):
+            if used >= strength:
+                return
+            strength = used + net.even_digits(state, used, axes[i], strength - used)
+            refined, digit = state, 0
+            while i + 1 < len(axes) and used + digit + 1 < strength:
+                refined = net.refined(refined, axes[i], digit)
+                digit += 1
+                search(refined, used + digit, i + 1)
+
+    search(net.root, 0, 0)
+    return strength
+
+
+class _PointNet:
+    """Points to be counted; a state of the search is the number of the interval of each point."""
+
+    def __init__(self, points: NDArray, base: int):
+        n, self.dims = points.shape
+        self.m = 0
+        while base**self.m < n:
+            self.m += 1
+        if base**self.m != n:
+            raise ValueError(f"points must be a power of base={base} in number, got n={n}")
+        self._base = base
+        self._columns = np.ascontiguousarray(cells(points, n).T)
+        self.root = np.zeros(n, np.int64)
+
+    def even_digits(self, state: NDArray, used: int, axis: int, limit: int) -> int:
+        base = self._base
+        leading = self._columns[axis] // base ** (self.m - limit)
+        counts = np.bincount(state * base**limit + leading, minlength=base ** (used + limit))
+        while (counts != counts[0]).any():
+            counts = counts.reshape(-1, base).sum(axis=1)
+            limit -= 1
+        return limit
+
+    def refined(self, state: NDArray, axis: int, digit: int) -> NDArray:
+        base = self._base
+        return state * base + self._columns[axis] // base ** (self.m - 1 - digit) % base

@@ -1,0 +1,102 @@
+"""The star discrepancy of point sets, exact."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis._critical_grid import critical_grid
+from analysis._star_plane import plane_star_discrepancy
+from analysis._star_regions import refine
+
+__all__ = ["star_discrepancy"]
+
+_REGIONS = 2**22
+"""Regions that are examined before the star discrepancy is given up as infeasible."""
+
+_COMPARISONS = 2**35
+"""The same limit for large sets: regions times points times dimensions."""
+
+
+def star_discrepancy(points: ArrayLike) -> float:
+    """Return the largest difference between a box's volume and its share of the points.
+
+    The supremum is over the boxes anchored at the origin, [0, q) and [0, q] for q in [0, 1]^d. For
+    points in [0, 1)^d this is the usual star discrepancy, over half-open boxes: a closed one is the
+    limit of open ones. A point at 1 is in no open box, but in closed ones.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        At least one point in [0, 1]^d; a vector is a set in one dimension. Computed in float64, in
+        which float32 points are exact.
+
+    Returns
+    -------
+    float
+        Exact up to rounding errors: at most 2^-51 in one and two dimensions, (d + 2) 2^-51 in more.
+
+    Raises
+    ------
+    ValueError
+        If the points are none, not floats, or outside of [0, 1]^d; or if n points in d dimensions
+        proved infeasible: then `star_discrepancy_bounds` brackets it.
+
+    Notes
+    -----
+    One dimension takes O(n log n) steps. Two take O(n) memory and O(n^1.5) steps, or up to O(n^2) if
+    many boxes come close to the largest difference. From three dimensions on, regions of boxes are
+    bounded and halved until the largest difference is certain; [1]_ surveys other algorithms. No useful
+    bound on the number of regions is known: it grows with the dimension, and the better the
+    points are distributed. A search of more than 2^22 regions, or 2^35 / (n d) if that is less,
+    gives up. Feasible are the first n Sobol' points for n = 16384 in 3 dimensions, 4096 in 4, 2048 in
+    5, 512 in 6, 128 in 8 and 64 in 12, and larger sets of points that are less well distributed.
+
+    References
+    ----------
+    .. [1] C. Doerr, M. Gnewuch, M. Wahlstroem, "Calculation of discrepancy measures and applications",
+       2014.
+
+    Examples
+    --------
+    >>> star_discrepancy([[0.5, 0.5]])
+    0.75
+    """
+    array = checked_points(points)
+    n, dims = array.shape
+    if dims == 1:
+        return _line_star_discrepancy(array[:, 0])
+    if dims == 2:
+        return plane_star_discrepancy(array)
+    regions = max(1, min(_REGIONS, _COMPARISONS // (n * dims)))
+    lower, upper = refine(critical_grid(array), 0.0, regions)
+    if lower < upper:
+        raise ValueError(
+            f"points: the star discrepancy of n={n} points in d={dims} dimensions is infeasible, it is only "
+            f"known to be in [{lower:.6g}, {upper:.6g}] after {regions} regions; use star_discrepancy_bounds"
+        )
+    return lower
+
+
+def checked_points(points: ArrayLike) -> NDArray[np.float64]:
+    """Return points in [0, 1]^d as float64, shape (n, d), or raise a ValueError."""
+    given = np.asarray(points)
+    if given.ndim == 1:
+        given = given[:, None]
+    if given.ndim != 2 or given.size == 0:
+        raise ValueError(f"points must have shape (n, d) or (n,) with n, d >= 1, got {np.shape(points)}")
+    if given.dtype not in (np.float16, np.float32, np.float64):
+        raise ValueError(f"points must be float64 or narrower floats, got {given.dtype}")
+    outside = ~((given >= 0) & (given <= 1))
+    if outside.any():
+        raise ValueError(f"points must be in [0, 1], got {given[outside][0]!r}")
+    return given.astype(np.float64)
+
+
+def _line_star_discrepancy(points: NDArray[np.float64]) -> float:
+    """Return the maximum over open intervals that end at a point or 1, and closed ones that end at a point.
+
+    Of equal points, those in the wrong order give smaller values.
+    """
+    n = len(points)
+    ordered = np.sort(points)
+    share = np.arange(n + 1) / n
+    return float(max((ordered - share[:-1]).max(), (share[1:] - ordered).max()))

@@ -1,0 +1,90 @@
+"""Coordinates a second that sequences make, against the programs that a user would take instead."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+
+from matplotlib.figure import Figure
+
+SETTINGS = {"4 KiB pages": None, "large pages": "glibc.malloc.hugetlb=1"}
+"""The memory that programs get from malloc: as it comes, and as GLIBC_TUNABLES asks for."""
+
+COLORS = {"float32": "tab:blue", "float64": "tab:cyan", "scipy": "0.35", "QMCPy": "0.6", "torch": "0.8"}
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure in processes of their own, one setting after the other, and draw bars."""
+    measured = {}
+    for done, (name, tunables) in enumerate(SETTINGS.items(), start=1):
+        measured[name] = _measure(quality, tunables)
+        progress(done / len(SETTINGS))
+    first, *_ = measured.values()
+    titles = [entry["case"] for entry in first["cases"]]
+
+    figure = Figure(figsize=(12, 1.2 + 1.05 * len(titles)), layout="constrained")
+    figure.suptitle("Points made, median of calls after the first (bars: higher is better)")
+    for axes, (name, result) in zip(
+        figure.subplots(1, 2, sharey=True, sharex=True), measured.items(), strict=True
+    ):
+        _bars(axes, result["cases"])
+        axes.set(title=name, xlabel="coordinates a second", xscale="log")
+        axes.grid(axis="x", alpha=0.3)
+    drawn = {
+        label: bar
+        for axes in figure.axes
+        for bar, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=len(drawn))
+    numbers = {
+        "measured": {
+            name: result | {"ours / fastest peer": _ratios(result["cases"])}
+            for name, result in measured.items()
+        },
+        "note": "Peers not installed are left out (pip install -e '.[bench]' brings QMCPy and torch). "
+        "scipy and torch draw block after block, QMCPy its first points each time. Peers make float64, and "
+        "both of our ratios are to that. The peers' scrambling is linear, but for QMCPy's nested uniform one "
+        "beside our exact Owen scrambling. Drafts are small and say little.",
+    }
+    return figure, numbers
+
+
+def _measure(quality: str, tunables: str | None) -> dict:
+    environment = {key: value for key, value in os.environ.items() if key != "GLIBC_TUNABLES"}
+    if tunables is not None:
+        environment["GLIBC_TUNABLES"] = tunables
+    command = [sys.executable, "-m", "figures._point_speed", quality]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _bars(axes, cases: list[dict]) -> None:
+    labelled = set()
+    for row, case in enumerate(cases):
+        rates = case["ours"] | case["peers"]
+        height = 0.8 / len(COLORS)
+        for k, (name, color) in enumerate(COLORS.items()):
+            if name in rates:
+                label = f"qmcjax, {name}" if name in case["ours"] else name
+                axes.barh(
+                    row + (k - 2) * height,
+                    rates[name],
+                    height,
+                    color=color,
+                    label=label if name not in labelled else None,
+                )
+                labelled.add(name)
+    axes.set_yticks(range(len(cases)), [case["case"].replace(", ", ",\n") for case in cases])
+    if not axes.yaxis_inverted():
+        axes.invert_yaxis()
+
+
+def _ratios(cases: list[dict]) -> dict:
+    return {
+        case["case"]: {name: rate / max(case["peers"].values()) for name, rate in case["ours"].items()}
+        for case in cases
+        if case["peers"]
+    }

@@ -1,0 +1,59 @@
+"""Scrambled Morton orders without tables: the permutation of a node is a hash of its digits."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.bits import hash_word
+from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
+from qmcjax.pytrees import pytree
+
+GOLDEN = np.uint32(0x9E3779B9)
+"""The fractional part of the golden ratio, as a 32-bit fraction rounded down."""
+
+
+@pytree
+@dataclass(frozen=True)
+class Hashed(ScrambledMorton):
+    """The word of a node is a hash of its parent's and its digit; the root's is the seed.
+
+    On each path down the tree every step is a bijection, so that the word of each node takes all values over
+    the seeds.
+    """
+
+    seed: Array
+    """uint32 scalar."""
+
+    @property
+    def root(self) -> Array:
+        """The seed."""
+        return self.seed
+
+    def _permutation(self, node: Array) -> Array:
+        return scaled(node, PERMUTATIONS)
+
+    def _child(self, node: Array, digit: Array) -> Array:
+        # Plus one, since the hash keeps 0.
+        return hash_word(node + (digit + np.uint32(1)) * GOLDEN)
+
+
+@pytree
+@dataclass(frozen=True)
+class Multiplicative(ScrambledMorton):
+    """The word of a node is its prefix of the Morton code, which Eq. 8 of the Z paper hashes."""
+
+    dim: Array
+    """uint32 scalar: the sampled dimension d."""
+
+    @property
+    def root(self) -> Array:
+        """The empty prefix, 0."""
+        return jnp.uint32(0)
+
+    def _permutation(self, node: Array) -> Array:
+        return scaled((node ^ (np.uint32(0x55555555) * self.dim)) * GOLDEN, PERMUTATIONS)
+
+    def _child(self, node: Array, digit: Array) -> Array:
+        return (node << 2) | digit

@@ -1,0 +1,105 @@
+"""Peano order: a curve through neighbouring pixels in base 3."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax import checks
+from qmcjax.orders._base import Order
+from qmcjax.pytrees import pytree
+
+PEANO_SIDE = 3**10
+"""The longest side whose positions, below 9**10, fit a uint32: the next would be 3**11."""
+
+_ONE = np.uint32(1)
+
+
+def _reversed_if(odd: Array, digit: Array) -> Array:
+    return jnp.where(odd != 0, np.uint32(2) - digit, digit)
+
+
+@pytree
+@dataclass(frozen=True)
+class Peano(Order):
+    """The Peano curve from (0, 0) to (side - 1, side - 1).
+
+    Nine smaller curves, column by column, down and up in turn. Each digit of a coordinate is reversed, to
+    2 minus itself, when the digits of the other coordinate before it in the position have an odd sum. Their
+    reversals do not change that.
+    """
+
+    @property
+    def log_side(self) -> int:
+        """Logarithm to base 3 of the side of the padded raster."""
+        digits = 0
+        while 3**digits < max(self.width, self.height):
+            digits += 1
+        return digits
+
+    @property
+    def length(self) -> int:
+        """Number of positions on the padded curve, ``9**log_side``."""
+        return 9**self.log_side
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        """Width and height of the padded raster."""
+        return 3**self.log_side, 3**self.log_side
+
+    def _position(self, x: Array, y: Array) -> Array:
+        position = odd_x = odd_y = jnp.zeros_like(x)
+        for level in range(self.log_side - 1, -1, -1):
+            column, row = ((v // np.uint32(3**level)) % np.uint32(3) for v in (x, y))
+            odd_x = odd_x ^ (column & _ONE)
+            pair = np.uint32(3) * _reversed_if(odd_y, column) + _reversed_if(odd_x, row)
+            odd_y = odd_y ^ (row & _ONE)
+            position = position * np.uint32(9) + pair
+        return position
+
+    def _pixel(self, position: Array) -> tuple[Array, Array]:
+        x = y = odd_x = odd_y = jnp.zeros_like(position)
+        for level in range(self.log_side - 1, -1, -1):
+            pair = (position // np.uint32(9**level)) % np.uint32(9)
+            column, row = pair // np.uint32(3), pair % np.uint32(3)
+            odd_x = odd_x ^ (column & _ONE)
+            x = x * np.uint32(3) + _reversed_if(odd_y, column)
+            y = y * np.uint32(3) + _reversed_if(odd_x, row)
+            odd_y = odd_y ^ (row & _ONE)
+        return x, y
+
+
+def peano(width: int, height: int) -> Peano:
+    """Make the order of the Peano curve, whose length is a power of 9.
+
+    Consecutive positions are pixels that share an edge.
+
+    Parameters
+    ----------
+    width, height : int
+        In [1, 59049]: a larger image needs a side of 3**11, and positions beyond 32 bits. The curve fills
+        the next square with a power of three as side; pixels off the image are skipped.
+
+    Returns
+    -------
+    Peano
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range.
+
+    References
+    ----------
+    .. [1] G. Peano, "Sur une courbe, qui remplit toute une aire plane", 1890.
+    .. [2] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Fig. 1.
+
+    Examples
+    --------
+    >>> order = peano(3, 3)
+    >>> print([tuple(int(v) for v in order.pixel(i)) for i in range(5)])
+    [(0, 0), (0, 1), (0, 2), (1, 2), (1, 1)]
+    """
+    sides = (checks.integer(name, v, 1, PEANO_SIDE) for name, v in (("width", width), ("height", height)))
+    return Peano(*sides)

@@ -1,0 +1,89 @@
+"""The variants of the scrambled Morton order."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax import checks
+from qmcjax.orders._base import size
+from qmcjax.orders._hashed import Hashed, Multiplicative
+from qmcjax.orders._hierarchy import ScrambledMorton
+from qmcjax.orders._lookup_tree import LookupTree, art_production, random_permutations, random_production
+
+VARIANTS = ("hash", "multiplicative", "tree", "art")
+
+ALPHABET = 4096
+"""Letters of the tree in the Z paper, Sect. 4.2."""
+
+
+def scrambled_morton(
+    width: int, height: int, key: Array | int, variant: str = "hash", alphabet: int | None = None
+) -> ScrambledMorton:
+    """Make a hierarchically scrambled Morton order: the quadrants of each square in a random order.
+
+    Every aligned square of ``2**k`` pixels a side keeps one contiguous aligned run of positions, as in the
+    Morton order.
+
+    Parameters
+    ----------
+    width, height : int
+        In [1, 65536]. The curve fills the next square with a power of two as side.
+    key : jax.random.key, or int in [0, 2**32)
+        A new key gives a new order and compiles nothing anew. For "multiplicative" an int is the paper's
+        dimension d, a key draws one.
+    variant : {"hash", "multiplicative", "tree", "art"}
+        Where the permutation of the children of a node comes from. "hash": from a hash of the node and the
+        key, with three products a level. "multiplicative": from the product with the golden ratio that the
+        paper prints. "tree": from the letter of the node in a random grammar. "art": the same for a grammar
+        of 4096 letters in which equal letters never come close.
+    alphabet : int, optional
+        For "tree" and only there: the number of letters, in [1, 65536], by default 4096.
+
+    Returns
+    -------
+    ScrambledMorton
+
+    Raises
+    ------
+    ValueError
+        If a size or ``alphabet`` is out of range, ``alphabet`` is superfluous, ``key`` is no key, or
+        ``variant`` is unknown.
+
+    Notes
+    -----
+    Over the keys all 24 permutations of each node are equally likely. What "multiplicative" lacks is
+    independence: over the nodes of a level the permutations are as frequent as each other, but that of a node
+    leaves two choices to that of its sibling. Prefixes are numbers, so that their leading zeros do not count:
+    on the way to pixel (0, 0) all permutations are the root's. The golden ratio is cut off after 32 bits, and
+    the numbering of the 24 permutations is ours: the paper prints none.
+
+    References
+    ----------
+    .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+       Hierarchical Ordering of Pixels", 2020, Sect. 3.2 (Eq. 5), 4.1 (Eq. 8), 4.2 and 4.4 (Eq. 13 to 18;
+       Eq. 18 stands for alpha <- psi[alpha][z_j]), 5.7 (ART).
+
+    Examples
+    --------
+    >>> order = scrambled_morton(4, 4, key=1)
+    >>> print(sorted(int(order.position(x, y)) // 4 for x in (0, 1) for y in (2, 3)))
+    [3, 3, 3, 3]
+    """
+    width, height = size(width, height)
+    if variant not in VARIANTS:
+        raise ValueError(f"variant must be one of {VARIANTS}, got {variant!r}")
+    if alphabet is not None and variant != "tree":
+        raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
+    random = checks.prng_key("key", key)
+    if variant == "hash":
+        return Hashed(width, height, jax.random.bits(random, (), jnp.uint32))
+    if variant == "multiplicative":
+        dim = jnp.uint32(key) if isinstance(key, int) else jax.random.bits(random, (), jnp.uint32)
+        return Multiplicative(width, height, dim)
+    of_production, of_permutations = jax.random.split(random)
+    if variant == "art":
+        production = art_production()
+    else:
+        letters = checks.integer("alphabet", ALPHABET if alphabet is None else alphabet, 1, 2**16)
+        production = random_production(letters, of_production)
+    return LookupTree(width, height, production, random_permutations(production.shape[0], of_permutations))

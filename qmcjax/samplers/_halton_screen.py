@@ -1,0 +1,180 @@
+"""The Halton sequence over the whole screen: each pixel takes the points that fall into it."""
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.bits import reverse, to_unit
+from qmcjax.digits import (
+    digit_spans,
+    permuted_radical_inverse,
+    radical_inverse,
+    reflection_tables,
+)
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.sequences._halton import RadicalInverses
+
+
+@pytree
+@dataclass(frozen=True)
+class HaltonScreen(Sampler):
+    """A Halton sequence stretched over the smallest raster of 2**a x 3**b pixels that covers the image.
+
+    The first a binary digits of an index are its column, the first b ternary digits its row: so one of
+    each 2**a 3**b consecutive points lies in every pixel.
+    """
+
+    sequence: RadicalInverses
+    width: int = field(metadata={"static": True})
+    height: int = field(metadata={"static": True})
+
+    flips: Array
+    """uint32: bit k tells whether the permutation of binary digit k swaps."""
+
+    inverses: Array | None
+    """uint32 (b, 3): row k takes the ternary digit k of the sequence's second component to the index's."""
+
+    tables: Array | None
+    """uint16: the reflection tables of the ternary digits from the b-th on."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        """Width and height of the padded raster."""
+        log_columns, log_rows = _exponents(self.width, self.height)
+        return 2**log_columns, 3**log_rows
+
+    @property
+    def spp(self) -> int:
+        """Largest number of samples, for which all indices are below 2**32."""
+        columns, rows = self.raster
+        return checks.INDEX_LIMIT // (columns * rows)
+
+    def index(self, x: Array, y: Array, sample: Array) -> Array:
+        """Return the index of the point that a pixel has in block number ``sample``.
+
+        Parameters
+        ----------
+        x, y : uint32 Array
+            Column and row of the pixel, in the padded raster.
+        sample : uint32 Array
+            The block, below ``spp``: indices ``sample * 2**a * 3**b`` and following.
+
+        Returns
+        -------
+        uint32 Array, the broadcast shape
+        """
+        return self._index(x, y, sample)[0]
+
+    def _index(self, x: Array, y: Array, sample: Array) -> tuple[Array, Array]:
+        """Return the index, and what is left of it behind the ternary digits of the row, index // 3**b."""
+        log_columns, log_rows = _exponents(self.width, self.height)
+        columns, rows = self.raster
+        ones = np.uint32(columns - 1)
+        # The column tells the index modulo 2**a, the bits above are masked below; in two steps, since a shift
+        # by 32 is not defined.
+        by_column = (reverse(x) >> 1 >> (31 - log_columns)) ^ self.flips
+        # The row tells it modulo 3**b: its last digit is the index's digit b - 1.
+        by_row = jnp.zeros_like(y)
+        for k in reversed(range(log_rows)):
+            y, digit = y // np.uint32(3), y % np.uint32(3)
+            if self.inverses is not None:
+                digit = self.inverses[k].at[digit].get(mode="promise_in_bounds")
+            by_row = by_row * np.uint32(3) + digit
+        # Garner's form of the Chinese remainder theorem with the power of three first: the second digit
+        # is needed modulo a power of two only, which words that wrap give exactly.
+        second = ((by_column - by_row) * np.uint32(pow(rows, -1, columns))) & ones
+        rest = sample * np.uint32(columns) + second
+        return rest * np.uint32(rows) + by_row, rest
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        index, rest = self._index(x, y, sample)
+        log_columns, _ = _exponents(self.width, self.height)
+
+        def coordinate(dim: int) -> Array:
+            # The first digits are the pixel. Those left give the offset its full precision at any
+            # resolution.
+            if dim == 0:
+                return to_unit(reverse((index ^ self.flips) >> log_columns), dtype)
+            if dim == 1:
+                if self.tables is None:
+                    return radical_inverse(rest, 3, dtype)
+                return permuted_radical_inverse(rest, 3, self.tables, dtype)
+            return self.sequence.coordinate(index, dim, dtype)
+
+        return jnp.stack([coordinate(j) for j in dims], axis=-1)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the image and the indices suffice."""
+        check_size("sequence", (self.width, self.height), (width, height))
+        columns, rows = self.raster
+        check_count(spp, self.spp, f"for 2**32 indices over a raster of {columns} x {rows}")
+
+
+def halton_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonScreen:
+    """Invert a Halton sequence: :func:`screen`, for checked sizes.
+
+    Raises
+    ------
+    ValueError
+        If the sequence does not start with the bases 2 and 3, or one point for each pixel needs more than
+        2**32 indices.
+    """
+    if sequence.bases[:2] != (2, 3):
+        raise ValueError(
+            f"net must have the bases 2 and 3 first to fill a raster, got bases={sequence.bases}"
+        )
+    log_columns, log_rows = _exponents(width, height)
+    if 2**log_columns * 3**log_rows > checks.INDEX_LIMIT:
+        raise ValueError(
+            f"width, height must be covered by at most 2**32 = 2**a x 3**b pixels, got {width} x {height}, "
+            f"which takes 2**{log_columns} x 3**{log_rows}"
+        )
+    if sequence.tables is None:
+        return HaltonScreen(sequence, width, height, jnp.uint32(0), None, None)
+    return HaltonScreen(sequence, width, height, *_inverted(sequence.tables, log_rows))
+
+
+def _exponents(width: int, height: int) -> tuple[int, int]:
+    """Return the smallest a and b with 2**a >= width and 3**b >= height."""
+    log_rows = 0
+    while 3**log_rows < height:
+        log_rows += 1
+    return (width - 1).bit_length(), log_rows
+
+
+@partial(jax.jit, static_argnames="log_rows")
+def _inverted(tables: Array, log_rows: int) -> tuple[Array, Array, Array]:
+    """Return what a screen of 3**log_rows rows needs of the permutations in a sequence's tables."""
+    binary, start = _permutations(tables, 2, 0)
+    ternary, _ = _permutations(tables, 3, start)
+    flips = jnp.sum(binary[:, 0] << jax.lax.iota(jnp.uint32, 32), dtype=jnp.uint32)
+    inverses = jnp.argsort(ternary[:log_rows], axis=1).astype(jnp.uint32)
+    # What lies beyond the digits of uint32 indices stays 0, as in the sequence.
+    beyond = jnp.tile(jnp.arange(3, dtype=jnp.uint32), (log_rows, 1))
+    return flips, inverses, jnp.concatenate(reflection_tables(jnp.concatenate([ternary[log_rows:], beyond])))
+
+
+def _permutations(tables: Array, base: int, start: int) -> tuple[Array, int]:
+    """Read the permutations of one base's digits off its reflection tables, and where these end.
+
+    The entry of a base**k in a table of s digits has digit k, permuted, as its digit s - 1 - k.
+    """
+    rows = []
+    for span in digit_spans(base):
+        powers = base ** np.arange(span, dtype=np.uint32)[:, None]
+        reflected = tables[start + powers * np.arange(base, dtype=np.uint32)].astype(jnp.uint32)
+        rows.append(reflected // powers[::-1] % np.uint32(base))
+        start += base**span
+    return jnp.concatenate(rows), start

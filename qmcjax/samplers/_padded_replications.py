@@ -1,0 +1,161 @@
+"""Replications of one net over the screen, each moved by whole pixels and jittered."""
+
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.bits import to_unit
+from qmcjax.orders import MAX_SIDE, log_side
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.sequences import BinarySequence, Sequence, uniform
+from qmcjax.sequences._cells import Invertible, inverted
+
+
+@pytree
+@dataclass(frozen=True)
+class PaddedReplications(Sampler):
+    """Sample s of all pixels: a net of one point in each, shifted on the torus by vector s of a sequence."""
+
+    net: Invertible
+    offsets: Sequence
+    width: int = field(metadata={"static": True})
+    height: int = field(metadata={"static": True})
+    jitter: bool = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.net.dims
+
+    @property
+    def log_side(self) -> int:
+        """Binary logarithm of the side of the padded raster."""
+        return log_side(self.width, self.height)
+
+    @property
+    def spp(self) -> int:
+        """Largest number of samples: one for each vector of offsets."""
+        return self.offsets.limit
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        # Whole pixels, of which the leading digits are the number: in two steps, since a shift by 32 is
+        # not defined. To subtract them again from the point leaves its place inside the pixel as it is.
+        shifts = [self._offset(sample, j) >> 1 >> (31 - self.log_side) for j in range(2)]
+        ones = np.uint32(2**self.log_side - 1)
+        column, row = (x + shifts[0]) & ones, (y + shifts[1]) & ones
+        index = self.net.index_in_cell(column, row, self.log_side, jnp.zeros_like(sample))
+        words = [self._word(index, sample, j) for j in dims]
+        return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
+
+    def _word(self, index: Array, sample: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction, of the pixel or of the unit interval."""
+        word = self.net.word(index, dim)
+        if dim >= 2:
+            return word + self._offset(sample, dim)
+        inside = word << self.log_side
+        if self.jitter:
+            inside = inside + (self._offset(sample, self.dims + dim) >> self.log_side)
+        return inside
+
+    def _offset(self, sample: Array, dim: int) -> Array:
+        """Return a coordinate of the offsets as a 32-bit fraction, rounded down."""
+        if isinstance(self.offsets, BinarySequence):
+            return self.offsets.word(sample, dim)
+        with jax.enable_x64(True):
+            value = self.offsets.coordinate(sample, dim, jnp.float64)
+            return (value * np.float64(2.0**32)).astype(jnp.uint32)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the net's image and there is an offset for each sample."""
+        check_size("net", (self.width, self.height), (width, height))
+        check_count(spp, self.spp, "for the sequence of offsets")
+
+
+def padded_replications(
+    net: Invertible | Sequence,
+    width: int,
+    height: int,
+    offsets: Sequence | Array | int,
+    jitter: bool = True,
+) -> PaddedReplications:
+    """Sample the screen with one point of a net per pixel, again and again, shifted anew each time.
+
+    Sample s of all pixels is one instance of the net, moved on the torus by whole pixels: there stays one
+    point in each pixel, and the toroidal minimum distance is the net's. The points of the instances lie on
+    the same grid of ``4**k`` cells a side, ``2**k`` being the smallest power of two that covers the image;
+    jitter moves all points of an instance by the same fraction of such a cell. The net is good in each
+    instance; the points of different instances can lie arbitrarily close together.
+
+    Parameters
+    ----------
+    net : sequence in base 2
+        What :func:`screen` takes, but the Halton sequence: a net of ``4**k`` points, whose instances they
+        all are, or a digital sequence, of which these are the first.
+    width, height : int
+        In [1, 65536].
+    offsets : Sequence, or jax.random.key, or int in [0, 2**32)
+        Vector s holds the shifts of instance s, one for each coordinate of the net, and then its jitter in
+        x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster,
+        the others are kept. A key stands for ``uniform(dims, key)``; a new one compiles nothing anew.
+    jitter : bool
+        False leaves the points inside their pixels where the net has them, and needs no offsets for it.
+
+    Returns
+    -------
+    PaddedReplications
+        ``spp``, the largest number of samples, is that of the vectors of offsets.
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range, the net does not put one point into each pixel, or the offsets are
+        neither key nor sequence of enough dimensions.
+
+    Notes
+    -----
+    Shifts by whole pixels keep the pixels and the Latin hypercube property. The other elementary intervals
+    can lose points, as the thesis says; those of the Hammersley net do not (counted for all shifts of 64
+    and of 256 points).
+
+    The thesis has two coordinates; further ones are shifted here by any fraction, since they have no
+    pixels to stay in. In points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter
+    may carry: then it wraps around inside the pixel.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5, "Progressive Integration by Padded
+       Replications".
+    .. [2] T. Kollig, A. Keller, "Efficient Bidirectional Path Tracing by Randomized Quasi-Monte Carlo
+       Integration", 2002.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> net = sequences.larcher_pillichshammer_net(6)
+    >>> sampler = padded_replications(net, 8, 8, sequences.halton(2), jitter=False)
+    >>> print(sampler(0, 0, 1), samplers.screen(net, 8, 8)(4, 2, 0))  # shifted by 8 / 2 and 8 / 3 pixels
+    [0.875 0.875] [0.875 0.875]
+    """
+    width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
+    cells = log_side(width, height)
+    net = inverted(net, cells)
+    if net.size is not None and net.points_per_cell(cells) != 1:
+        raise ValueError(
+            f"net must have one point in each of {2**cells} x {2**cells} pixels, "
+            f"got {net.points_per_cell(cells)}"
+        )
+    needed = net.dims + 2 * jitter
+    if not isinstance(offsets, Sequence):
+        offsets = uniform(needed, checks.prng_key("offsets", offsets))
+    if offsets.dims < needed:
+        raise ValueError(
+            f"offsets must have {needed} dimensions, for {net.dims} shifts"
+            f"{' and 2 of jitter' if jitter else ''}, got {offsets.dims}"
+        )
+    return PaddedReplications(net, offsets, width, height, jitter)

@@ -1,0 +1,202 @@
+"""One sequence partitioned into as many as there are pixels."""
+
+from dataclasses import dataclass, field
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.bits import reverse
+from qmcjax.digits import word
+from qmcjax.orders import Order
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._radical_base import inverse_permutations, is_identity, radical_bases
+from qmcjax.sequences import Digital, Sequence
+from qmcjax.sequences._components import BinaryComponents, Components
+from qmcjax.sequences._halton import RadicalInverses
+from qmcjax.sequences._prime_digital import PrimeDigital
+
+
+@pytree
+@dataclass(frozen=True)
+class Partitioned(Sampler):
+    """Pixel j of the curve takes every N-th point from number j on, without the partitioning component."""
+
+    order: Order
+    sequence: Sequence
+    component: int = field(metadata={"static": True})
+    """The partitioning one."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates that are left."""
+        return self.sequence.dims - 1
+
+    @property
+    def most(self) -> int:
+        """Largest number of samples, for which the indices suffice."""
+        return self.sequence.limit // self.order.length
+
+    def _first(self, position: Array) -> Array:
+        """Return the index of a pixel's first point, below N."""
+        return position
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        index = sample * word(self.order.length) + self._first(self.order.position(x, y))
+        left = tuple(j if j < self.component else j + 1 for j in dims)
+        return self.sequence(index, left, dtype)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the order's image and the indices suffice."""
+        check_size("order", (self.order.width, self.order.height), (width, height))
+        check_count(spp, self.most, f"for {self.sequence.limit} indices and {self.order.length} positions")
+
+
+@pytree
+@dataclass(frozen=True)
+class ExactlyPartitioned(Partitioned):
+    """Pixel j takes the points whose partitioning component lies in [j/N, (j+1)/N)."""
+
+    base: int = field(metadata={"static": True})
+    count: int = field(metadata={"static": True})
+    """Number of digits: N = base**count."""
+    inverses: Array | None = None
+    """uint32 (count, base): row k takes digit k of the component back to the index's, None if it is equal."""
+
+    def _first(self, position: Array) -> Array:
+        if self.base == 2 and self.inverses is None:
+            # In two steps, since a shift by 32 is not defined.
+            return reverse(position) >> 1 >> (31 - self.count)
+        index = jnp.zeros_like(position)
+        base = np.uint32(self.base)
+        for k in reversed(range(self.count)):
+            position, digit = position // base, position % base
+            if self.inverses is not None:
+                digit = self.inverses[k].at[digit].get(mode="promise_in_bounds")
+            index = index * base + digit
+        return index
+
+
+def partitioned(
+    order: Order, sequence: Sequence, component: int | None = None, exact: bool = False
+) -> Partitioned | ExactlyPartitioned:
+    """Give each pixel a low discrepancy sequence of its own, all of them parts of one.
+
+    One component of the sequence, a radical inverse in base b, partitions it into N = b**m sequences, N the
+    length of the curve: equal are the points whose component has the same m first digits. These repeat every
+    N points, so that a pixel leapfrogs from its first point with a stride of N. Its points have all
+    components but this one, which hardly varies within a pixel.
+
+    Parameters
+    ----------
+    order : Order
+        The curve, for one size of image. Its length N must be a power of b: Hilbert, Moore or Morton order
+        for b = 2, Peano for b = 3.
+    sequence : Sequence
+        Of at least two dimensions.
+    component : int, optional
+        The partitioning one: a component of the Halton sequence, its digits permuted or not, or a component
+        of a digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled
+        or not. By default the first with a base of which N is a power.
+    exact : bool
+        Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or the
+        simplified form ``x[l N + j]``: the same parts, handed out along the curve such that the samples l of
+        all pixels are one contiguous block, in the order of the curve.
+
+    Returns
+    -------
+    Partitioned or ExactlyPartitioned
+        Of one dimension less. ``most`` is the number of samples that the indices suffice for, 2**32 / N
+        if the sequence has no end.
+
+    Raises
+    ------
+    ValueError
+        If N points are more than the sequence, or 2**32 indices, have; if the component is no radical inverse
+        or N no power of its base; if none is; or if ``exact`` and the component is scrambled other than digit
+        by digit.
+
+    Notes
+    -----
+    If the sequence is a digital (t,s)-sequence in base b, each aligned block of b**k points of a pixel
+    is a (t,k,s-1)-net; all pixels together have, after any number of samples, the first points of the
+    sequence. Both forms are deterministic, and consistent: the error of each pixel goes to zero.
+
+    The exact form assigns neighbours on the curve, whose component differs by 1/N, points far apart in
+    the sequence; in the simplified form they have consecutive points.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 4.4.
+    .. [2] A. Keller, L. Gruenschloss, "Parallel quasi-Monte Carlo integration by partitioning low discrepancy
+       sequences", 2012.
+
+    Examples
+    --------
+    >>> from qmcjax import orders, samplers, sequences
+    >>> sampler = samplers.partitioned(orders.hilbert(4, 4), sequences.halton(3))
+    >>> print(sampler(0, 0, 2) == sequences.halton(3)(32, (1, 2)))  # position 0, sample 2: point 2 * 16
+    [ True  True]
+    """
+    if not isinstance(sequence, Sequence) or sequence.dims < 2:
+        raise ValueError(
+            "sequence must be a Sequence of at least 2 dims, one to partition and one to sample, got "
+            f"{type(sequence).__name__} of dims={getattr(sequence, 'dims', None)}"
+        )
+    if order.length > sequence.limit:
+        raise ValueError(
+            f"order.length must be at most the sequence's {sequence.limit} points, got {order.length}"
+        )
+    bases = radical_bases(sequence)
+    counts = [_logarithm(order.length, base) for base in bases]
+    if component is None:
+        suited = [j for j, count in enumerate(counts) if count is not None]
+        if not suited:
+            raise ValueError(
+                "sequence must have a component that is a radical inverse in a base of which order.length is "
+                f"a power, got order.length={order.length} and the bases {bases}"
+            )
+        component = suited[0]
+    component = checks.integer("component", component, 0, sequence.dims - 1)
+    base, count = bases[component], counts[component]
+    if base is None:
+        raise ValueError(
+            f"component must be a radical inverse, got component={component} of {type(sequence).__name__}, "
+            f"whose components have the bases {bases}"
+        )
+    if count is None:
+        raise ValueError(
+            f"order.length must be a power of {base}, the base of component={component}, got {order.length}"
+        )
+    if not exact:
+        return Partitioned(order, sequence, component)
+    inverses = _inverses(sequence, component, count)
+    return ExactlyPartitioned(order, sequence, component, base, count, inverses)
+
+
+def _logarithm(number: int, base: int | None) -> int | None:
+    """Return the exponent if a number is a power of the base, else None."""
+    if base is None:
+        return None
+    count = 0
+    while base**count < number:
+        count += 1
+    return count if base**count == number else None
+
+
+def _inverses(sequence: Sequence, component: int, count: int) -> Array | None:
+    """Return what takes the first digits of a component back to those of the index, None if nothing does."""
+    while isinstance(sequence, (Components, BinaryComponents)):
+        sequence, component = sequence.sequence, sequence.selected[component]
+    if isinstance(sequence, RadicalInverses):
+        plain = sequence.tables is None or count == 0
+        return None if plain else inverse_permutations(sequence, component, count)
+    if isinstance(sequence, (Digital, PrimeDigital)) and is_identity(sequence, component):
+        return None
+    raise ValueError(
+        "exact must be False unless the partitioning component is a radical inverse, its digits permuted one "
+        f"by one or not, got exact=True and component={component} of {type(sequence).__name__}"
+    )

@@ -1,0 +1,119 @@
+"""Passes that are randomised afresh."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler
+
+
+@pytree
+@dataclass(frozen=True)
+class Randomized(Sampler):
+    """Sample s is sample ``s % spp`` of a sampler made with a key of its own for pass ``s // spp``."""
+
+    sampler_of_key: Callable[[Array], Any] = field(metadata={"static": True})
+    key: Array
+    spp: int = field(metadata={"static": True})
+    """Samples of a pixel in a pass."""
+    coordinates: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.coordinates
+
+    def of_pass(self, number: Array | int) -> Any:
+        """Return the sampler of a pass.
+
+        Parameters
+        ----------
+        number : uint32 Array, shape (), or int
+            The pass, from 0 on.
+
+        Returns
+        -------
+        Sampler
+        """
+        return self.sampler_of_key(jax.random.fold_in(self.key, number))
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        number, inside = sample // np.uint32(self.spp), sample % np.uint32(self.spp)
+        first = number.min()
+
+        # One pass after the other, of those from the first to the last: in images there is but one.
+        def fill(k: Array, values: Array) -> Array:
+            of_pass = self.of_pass(first + k)(x, y, inside, dims, dtype)
+            return jnp.where((number == first + k)[..., None], of_pass, values)
+
+        with checks.precision(dtype):
+            empty = jnp.zeros((*x.shape, len(dims)), dtype)
+            return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless a pass can be made of this image; there is no last pass."""
+        self.of_pass(0).check(width, height, self.spp)
+
+
+def randomized(
+    sampler_of_key: Callable[[Array], Any], key: Array | int, spp: int | None = None
+) -> Randomized:
+    """Sample in passes, each with a freshly randomised sampler.
+
+    Passes are independent and have the same distribution. If each point of a pass is uniformly distributed,
+    the mean over all samples is unbiased, and so is the estimate of its variance from several passes, see
+    :func:`qmcjax.render_passes`. Uniformity across passes is given up for it: the error of p passes decreases
+    as p**-0.5.
+
+    Parameters
+    ----------
+    sampler_of_key : callable
+        From a ``jax.random.key`` to a sampler, e.g.
+        ``lambda key: contiguous(order, owen(sequence, key), spp)``. The same function object compiles once.
+        It is traced where samples are: arrays that it refers to are constants there.
+    key : jax.random.key, or int in [0, 2**32)
+        A new key gives new passes and compiles nothing anew.
+    spp : int, optional
+        Samples of a pixel in a pass, by default the ``spp`` of the sampler. Of a sequence over the whole
+        screen that is all that its indices allow: give another.
+
+    Returns
+    -------
+    Randomized
+        A sampler: s is sample ``s % spp`` of pass ``s // spp``. ``of_pass(k)`` is the sampler of a pass
+        alone, which is faster than calls with samples of many passes.
+
+    Raises
+    ------
+    ValueError
+        If ``key`` is no key, or ``spp`` is out of range or not known.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 4.2.
+
+    Examples
+    --------
+    >>> from qmcjax import orders, samplers, sequences
+    >>> def sampler_of_key(key):
+    ...     scrambled = sequences.owen(sequences.sobol(2), key)
+    ...     return samplers.contiguous(orders.hilbert(4, 4), scrambled, spp=4)
+    >>> sampler = randomized(sampler_of_key, key=1)
+    >>> print(sampler(0, 0, 9) == sampler.of_pass(2)(0, 0, 1))
+    [ True  True]
+    """
+    key = checks.prng_key("key", key)
+    sampler = sampler_of_key(key)
+    if spp is None:
+        spp = getattr(sampler, "spp", None)
+        if spp is None:
+            raise ValueError(f"spp must be given, since {type(sampler).__name__} has none, got None")
+    return Randomized(sampler_of_key, key, checks.integer("spp", spp, 1, 2**32 - 1), sampler.dims)

@@ -1,0 +1,141 @@
+"""Contiguous segments of one sequence, iteration by iteration along the curve."""
+
+import math
+import warnings
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.digits import word
+from qmcjax.orders import Order
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._radical_base import radical_bases
+from qmcjax.sequences import Sequence
+
+
+@pytree
+@dataclass(frozen=True)
+class Segments(Sampler):
+    """An iteration of n samples after the first S: pixel j takes the n points from number S N + j n on."""
+
+    order: Order
+    sequence: Sequence
+    spp: int = field(metadata={"static": True})
+    """Samples of a pixel in the first iteration."""
+    doubling: bool = field(metadata={"static": True})
+    """Whether each further iteration has as many samples as all before, or as the first."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    @property
+    def most(self) -> int:
+        """Largest number of samples: that of whole iterations for which the indices suffice."""
+        iterations = self.sequence.limit // (self.order.length * self.spp)
+        return self.spp * (2 ** (iterations.bit_length() - 1) if self.doubling else iterations)
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        before, count = self._iteration(sample)
+        index = before * word(self.order.length) + self.order.position(x, y) * count + (sample - before)
+        return self.sequence(index, dims, dtype)
+
+    def _iteration(self, sample: Array) -> tuple[Array, Array]:
+        """Return how many samples of a pixel come before a sample's iteration, and how many are in it."""
+        spp = np.uint32(self.spp)
+        rounds = sample // spp
+        if not self.doubling:
+            return rounds * spp, jnp.full_like(sample, spp)
+        power = spp << (np.uint32(31) - jax.lax.clz(rounds | np.uint32(1)))
+        return jnp.where(rounds == 0, np.uint32(0), power), power
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the order's image and its iterations have indices."""
+        check_size("order", (self.order.width, self.order.height), (width, height))
+        limit, length = self.sequence.limit, self.order.length
+        check_count(spp, self.most, f"in whole iterations for {limit} indices and {length} positions")
+
+
+def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False) -> Segments:
+    """Sample progressively: each iteration takes the next segment of one sequence along the curve.
+
+    An iteration of n samples in each pixel is :func:`contiguous` blocks of n points, in a segment of N n
+    points that begins where the one before ended; N is the length of the curve. Sample s of a pixel does not
+    depend on how many there will be.
+
+    Parameters
+    ----------
+    order : Order
+        The curve, for one size of image.
+    sequence : Sequence
+    spp : int
+        Samples of a pixel in the first iteration, at least 1. Powers of the sequence's base are best.
+    doubling : bool
+        Whether each further iteration doubles the number of samples that a pixel has, to spp, 2 spp, 4 spp,
+        8 spp: iterations of spp, spp, 2 spp, 4 spp. By default all iterations have spp.
+
+    Returns
+    -------
+    Segments
+        Rendered with any number of samples up to ``most``, best with that of whole iterations.
+
+    Raises
+    ------
+    ValueError
+        If the sequence, or 2**32 indices, do not suffice for the first iteration.
+
+    Warns
+    -----
+    UserWarning
+        If all iterations have spp samples, and a component is a radical inverse (see :func:`partitioned`) in
+        a base that is not co-prime to N. As an iteration advances the index by a multiple of N, one of its
+        digits never changes within a pixel: the component is not uniform there however many the samples, and
+        the image does not converge. :func:`qmcjax.sequences.components` leaves it out, :func:`partitioned`
+        uses it.
+
+    Notes
+    -----
+    The union over all pixels is, after iterations of S samples in all, the first S N points of the
+    sequence: of a (0,2)-sequence in base b a (0,m,2)-net if S N = b**m. For curves in base b these are S that
+    are powers of b; with ``doubling``, b = 2 and spp a power of two, all iterations. In each pixel an
+    iteration of b**k samples whose block is aligned, which it is under the same conditions, is a (0,k,2)-net.
+    The union of several iterations in one pixel is none: their points are as close as those of leapfrogging,
+    although with ``doubling`` the last block alone is half of the samples, and the image converges.
+
+    The paper leaves open what doubles. Here it is the sampling rate of the image, not that of the iteration,
+    so that segments start at multiples of their length and rates are powers of two.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 4.3.
+
+    Examples
+    --------
+    >>> from qmcjax import orders, samplers, sequences
+    >>> halton = sequences.halton(3)
+    >>> sampler = samplers.segments(orders.hilbert(4, 4), halton, spp=2, doubling=True)
+    >>> print(sampler(3, 0, 4) == halton(64 + 15 * 4, (0, 1)))  # last pixel, third iteration: 4 to 7
+    [ True  True]
+    """
+    spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
+    if order.length * spp > sequence.limit:
+        raise ValueError(
+            f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions "
+            f"and the sequence {sequence.limit} indices, got {spp}"
+        )
+    if not doubling:
+        for component, base in enumerate(radical_bases(sequence)):
+            if base is not None and math.gcd(base, order.length) > 1:
+                warnings.warn(
+                    f"component {component} of the sequence, a radical inverse in base {base}, and the curve "
+                    f"of length {order.length} are not co-prime: within a pixel it never becomes uniform",
+                    stacklevel=2,
+                )
+    return Segments(order, sequence, spp, doubling)

@@ -1,0 +1,546 @@
+"""The samplers of the Hilbert paper: segments, partitions, shifts, fresh passes, and selected components."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from itertools import pairwise, product
+from math import prod
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first, is_net
+
+import qmcjax as qj
+from qmcjax import orders, samplers, sequences
+
+SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
+
+
+def every(side, spp, start=0):
+    """Every x, y, sample of a square image, pixel by pixel."""
+    y, x, sample = np.meshgrid(first(side), first(side), first(spp) + np.uint32(start), indexing="ij")
+    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
+
+
+@partial(jax.jit, static_argnames=("dims", "dtype"))
+def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
+    """One program instead of many small ones."""
+    with jax.enable_x64(True):
+        return sampler(x, y, sample, dims, dtype)
+
+
+def inverse(number, base):
+    """phi_b as an exact fraction, Eq. 1."""
+    value, place = Fraction(0), Fraction(1, base)
+    while number:
+        number, digit = divmod(number, base)
+        value, place = value + digit * place, place / base
+    return value
+
+
+# -- components
+
+
+@pytest.mark.parametrize("seq", [sequences.owen(sequences.sobol(4), 7), HALTON])
+def test_components_are_columns(seq):
+    chosen = sequences.components(seq, (3, 0, 2))
+    index = jnp.asarray(first(100) * np.uint32(40_000_001))
+    points = jax.jit(lambda seq, dims: seq(index, dims), static_argnums=1)
+    assert (chosen.dims, chosen.size) == (3, None)
+    assert np.array_equal(points(chosen, None), points(seq, (3, 0, 2)))
+    assert np.array_equal(points(chosen, (2, 0)), points(seq, (2, 3)))
+    if seq is not HALTON:
+        bits = jax.jit(lambda seq, dims: seq.bits(index, dims), static_argnums=1)
+        assert np.array_equal(bits(chosen, (1, 2)), bits(seq, (0, 2)))
+        flips = np.asarray(bits(sequences.xor(chosen, 1), None)) ^ np.asarray(bits(chosen, None))
+        assert np.all(flips == flips[0])
+
+
+def test_many_components_of_a_long_run():
+    """Beyond the sizes from which blocks are tabulated, and in nets, which end."""
+    seq = sequences.owen(sequences.sobol(12), 3)
+    chosen = sequences.components(seq, tuple(range(11, 0, -1)))
+    assert np.array_equal(chosen.points(8192), seq.points(8192)[:, :0:-1])
+    assert sequences.components(sequences.hammersley_net(3), (1,)).size == 8
+
+
+# -- which point goes where
+
+
+def plain_index(j, s, length, spp):
+    before = s // spp * spp
+    return before * length + j * spp + s - before
+
+
+def doubling_index(j, s, length, spp):
+    before, count = 0, spp
+    while s >= before + count:
+        before, count = before + count, before + count
+    return before * length + j * count + s - before
+
+
+def partitioned_index(j, s, length, _):
+    return s * length + j
+
+
+def exact_index(base):
+    return lambda j, s, length, _: s * length + int(inverse(j, base) * length)
+
+
+FEW = sequences.components(SOBOL, (1,))
+CASES = {
+    "segments": (lambda o: samplers.segments(o, FEW, 3), plain_index, 3),
+    "segments, doubling": (lambda o: samplers.segments(o, FEW, 3, doubling=True), doubling_index, 3),
+    "partitioned": (lambda o: samplers.partitioned(o, SOBOL), partitioned_index, 1),
+    "partitioned, exact": (lambda o: samplers.partitioned(o, SOBOL, exact=True), exact_index(2), 1),
+}
+"""What they have in common: coordinate 0 is the second of Sobol', which is different for all indices."""
+
+
+@pytest.mark.parametrize("case", CASES, ids=CASES)
+@pytest.mark.parametrize("side", [5, 8192])
+def test_index_is_that_of_the_text(case, side):
+    """Against Python integers, up to the last index below 2**32."""
+    make, index_of, spp = CASES[case]
+    order = orders.hilbert(side, side)
+    sampler = make(order)
+    limit = sampler.most
+    rng = np.random.default_rng(3)
+    x, y = (jnp.asarray(rng.integers(0, side, 256, dtype=np.uint32)) for _ in range(2))
+    sample = rng.integers(0, limit, 256, dtype=np.uint32)
+    sample[:2] = [0, limit - 1]
+    position = order.position(x, y)
+    index = [index_of(int(j), int(s), order.length, spp) for j, s in zip(position, sample, strict=True)]
+    assert max(index) < 2**32
+    expected = SOBOL(jnp.asarray(np.array(index, np.uint32)), (1,), jnp.float64)
+    assert np.array_equal(points_of(sampler, x, y, jnp.asarray(sample), (0,)), expected)
+    sampler.check(side, side, limit)
+    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
+        sampler.check(side, side, limit + 1)
+
+
+@pytest.mark.parametrize(
+    ("order", "seq", "component", "default"),
+    [
+        (orders.hilbert(8, 8), HALTON, 0, True),
+        (orders.morton(8, 8), sequences.sobol(3), 0, True),
+        (orders.hilbert(8, 8), sequences.halton(3, "zaremba"), 0, True),
+        (orders.hilbert(8, 8), sequences.components(HALTON, (3, 0, 2)), 1, True),
+        (orders.peano(9, 9), sequences.halton(3, "faure_lemieux"), 1, True),
+        (orders.peano(9, 9), sequences.halton(3, "random", key=7), 1, True),
+        (orders.peano(9, 9), sequences.faure(3), 0, True),
+        (orders.raster(5, 25), HALTON, 2, False),
+        (orders.raster(2, 1), HALTON, 0, False),
+        (orders.raster(1, 1), HALTON, 3, False),
+    ],
+)
+def test_exact_partition_is_by_the_leading_digits_of_the_component(order, seq, component, default):
+    """Pixel j has, in order, the points with component in [j/N, (j+1)/N), which recur every N points."""
+    length, rounds = order.length, 3
+    chosen = None if default else component
+    points = np.asarray(seq.points(rounds * length, dtype=jnp.float64))
+    part = np.floor(points[:, component] * length + 1e-9).astype(int)
+    left = np.delete(np.arange(seq.dims), component)
+    x, y = order.pixel(jnp.asarray(first(length)))
+    x, y, sample = x[:, None], y[:, None], jnp.asarray(first(rounds))[None]
+    dims = tuple(range(seq.dims - 1))
+    exact = points_of(samplers.partitioned(order, seq, chosen, exact=True), x, y, sample, dims)
+    exact = np.asarray(exact)
+    assert np.all(part.reshape(rounds, length) == part[:length])
+    for j in range(length):
+        assert np.array_equal(exact[j], points[part == j][:, left])
+
+
+@pytest.mark.parametrize("case", CASES, ids=CASES)
+def test_all_pixels_together_have_the_first_points(case):
+    sampler = CASES[case][0](orders.hilbert(8, 8))
+    drawn = np.asarray(points_of(sampler, *every(8, 6), (0,)))
+    assert np.array_equal(
+        np.sort(drawn, axis=0), np.sort(SOBOL.points(384, dtype=jnp.float64)[:, 1:], axis=0)
+    )
+
+
+# -- how uniform that is
+
+
+def words(sampler, *args, dims=(0, 1)):
+    return (np.asarray(points_of(sampler, *args, dims)) * 2.0**32).astype(np.uint32)
+
+
+def test_doubling_iterations_are_nets():
+    """Of each pixel, each quadrant and the image; but two iterations of one pixel together are none."""
+    sampler = samplers.segments(orders.hilbert(8, 8), SOBOL, 2, doubling=True)
+    for before, count in ((0, 2), (2, 2), (4, 4), (8, 8)):
+        bits = words(sampler, *every(8, count, before)).reshape(8, 8, count, 2)
+        log = count.bit_length() - 1
+        assert is_net(bits.reshape(-1, 2), 6 + log)
+        assert all(is_net(bits[i : i + 4, j : j + 4].reshape(-1, 2), 4 + log) for i in (0, 4) for j in (0, 4))
+        assert all(is_net(pixel, log) for row in bits for pixel in row)
+        assert is_net(words(sampler, *every(8, before + count)), 6 + (before + count).bit_length() - 1)
+    together = words(sampler, *every(8, 4)).reshape(64, 4, 2)
+    assert not any(is_net(pixel, 2) for pixel in together)
+
+
+def test_a_component_that_is_not_co_prime_to_the_curve_never_fills_a_pixel():
+    """And none else: the warning's reason, and what helps."""
+    order = orders.hilbert(8, 8)
+    with pytest.warns(
+        UserWarning, match="component 1 .* base 2, and the curve of length 64 are not co-prime"
+    ):
+        sampler = samplers.segments(order, sequences.components(HALTON, (1, 0, 2)), 1)
+    pixel = np.asarray(sampler(3, 3, jnp.asarray(first(512)), (0, 1, 2)))
+    assert np.ptp(pixel[:, 1]) < 1 / 64
+    assert np.all(np.ptp(pixel[:, [0, 2]], axis=0) > 0.99)
+    doubling = samplers.segments(order, HALTON, 1, doubling=True)
+    assert np.ptp(np.asarray(doubling(3, 3, jnp.asarray(first(512))))[:, 0]) > 0.99
+    samplers.segments(orders.peano(9, 9), sequences.components(HALTON, (0, 2, 3)), 1)
+    samplers.segments(order, sequences.components(SOBOL, (1,)), 1)
+    with pytest.warns(UserWarning, match="component 0 .* base 3"):
+        samplers.segments(orders.peano(9, 9), sequences.owen(sequences.faure(3), 1), 1)
+
+
+def test_partitions_of_a_zero_sequence_are_zero_sequences():
+    """Faure in base 3 along Peano: aligned blocks of 3**k points of a pixel are (0,k,2)-nets in base 3."""
+    sampler = samplers.partitioned(orders.peano(9, 9), sequences.faure(3))
+    points = np.asarray(points_of(sampler, *every(9, 54))).reshape(81, 54, 2) + 1e-9
+    for k in (1, 2, 3):
+        for block in (points[:, : 3**k], points[:, 3**k : 2 * 3**k]):
+            for i in range(k + 1):
+                cells = np.floor(block * (3**i, 3 ** (k - i))) @ (3 ** (k - i), 1)
+                assert np.array_equal(np.sort(cells, axis=1), np.tile(np.arange(3**k), (81, 1)))
+
+
+CONSISTENT = {
+    "segments": lambda o: samplers.segments(o, sequences.components(sequences.halton(5), (1, 2, 3, 4)), 1),
+    "segments, doubling": lambda o: samplers.segments(o, sequences.sobol(4), 1, doubling=True),
+    "partitioned": lambda o: samplers.partitioned(o, sequences.halton(5, "faure_lemieux")),
+    "partitioned, exact": lambda o: samplers.partitioned(o, sequences.sobol(5), exact=True),
+    "shifted": lambda o: samplers.shifted(o, HALTON, sequences.lattice(4)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", CONSISTENT.values(), ids=CONSISTENT.keys())
+def test_errors_go_to_zero(make):
+    """In every pixel, faster than those of random samples; where a component is stuck, they do not."""
+    sampler = make(orders.hilbert(8, 8))
+    errors = [np.abs(qj.render(Product(), sampler, 8, 8, spp) - 0.25).max() for spp in (1, 16, 256, 4096)]
+    assert all(later < earlier / 3 for earlier, later in pairwise(errors))
+    assert errors[-1] < 0.22 / 64
+
+
+@pytest.mark.slow
+def test_errors_of_a_stuck_component_stay():
+    with pytest.warns(UserWarning, match="component 2 "):
+        sampler = samplers.segments(orders.hilbert(8, 8), sequences.components(HALTON, (1, 2, 0, 3)), 1)
+    error = np.abs(qj.render(Product(), sampler, 8, 8, 4096) - 0.25)
+    assert np.sqrt(np.mean(error**2)) > 0.1
+
+
+# -- shifts
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@pytest.mark.parametrize("name", ["halton shifts lattice", "sobol shifts lattice", "halton shifts halton"])
+def test_shifts_are_exact(name, dtype):
+    """Against fractions: the shift is cut off after 32 bits, the sum is not rounded before it is a float."""
+    order, dims = orders.hilbert(16, 9), (2, 0)
+    shifts = sequences.sobol(4) if name.startswith("sobol") else HALTON
+    seq = sequences.halton(3) if name.endswith("halton") else sequences.lattice(3)
+    sampler = samplers.shifted(order, shifts, seq)
+    x, y, sample = (a[:256] for a in every(9, 4))
+    drawn = np.asarray(points_of(sampler, x, y, sample, dims, dtype))
+    position = order.position(x, y)
+    binary = sequences.BinarySequence
+    shift_bits = np.asarray(shifts.bits(position)) if isinstance(shifts, binary) else None
+    seq_bits = np.asarray(seq.bits(sample)) if isinstance(seq, binary) else None
+    bits = 24 if dtype == jnp.float32 else 53
+    for i, (j, s) in enumerate(zip(position.tolist(), sample.tolist(), strict=True)):
+        for value, d in zip(drawn[i], dims, strict=True):
+            base = (2, 3, 5)[d]
+            offset = int(inverse(j, base) * 2**32) if shift_bits is None else int(shift_bits[i, d])
+            offset = Fraction(offset, 2**32)
+            if seq_bits is None:
+                exact = (inverse(s, base) + offset) % 1
+                assert abs(Fraction(float(value)) - exact) <= Fraction(1, 2**bits)
+            else:
+                exact = (Fraction(int(seq_bits[i, d]), 2**32) + offset) % 1
+                kept = min(bits, 32)
+                assert Fraction(float(value)) == Fraction(int(exact * 2**kept), 2**kept)
+            assert 0 <= value < 1
+
+
+# -- what is not wanted
+
+
+@pytest.mark.parametrize("case", ["segments", "partitioned", "shifted"])
+def test_only_wanted_dimensions_are_computed(case):
+    order = orders.hilbert(32, 32)
+
+    def operations(dims):
+        seq = sequences.halton(dims)
+        if case == "shifted":
+            sampler = samplers.shifted(order, seq, sequences.lattice(dims))
+        elif case == "segments":
+            sampler = samplers.segments(order, seq, 2, doubling=True)
+        else:
+            sampler = samplers.partitioned(order, seq, exact=True)
+        return len(jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*every(2, 2)).eqns)
+
+    assert operations(9) == operations(3)
+
+
+# -- passes
+
+
+def owen_pass(key):
+    return samplers.contiguous(orders.hilbert(4, 4), sequences.owen(sequences.sobol(4), key), 2)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Product:
+    """1/4 in the mean over the two dimensions that are not the pixel's, in every pixel."""
+
+    needs = ("x", "y", "u", "v")
+
+    def __call__(self, point):
+        return point[..., 2] * point[..., 3]
+
+
+def test_samples_of_a_pass_are_those_of_its_sampler():
+    """In any order, of many passes at once; passes and keys differ."""
+    sampler = samplers.randomized(owen_pass, key=5)
+    assert (sampler.spp, sampler.dims) == (2, 4)
+    x, y, sample = every(4, 11)
+    drawn = np.asarray(points_of(sampler, x, y, sample, (3, 1)))
+    for k in range(6):
+        of_pass = np.asarray(points_of(sampler.of_pass(k), x, y, sample % np.uint32(2), (3, 1)))
+        chosen = np.asarray(sample) // 2 == k
+        assert np.array_equal(drawn[chosen], of_pass[chosen])
+    single = drawn.reshape(16, 11, 2)[:, ::2, 0]
+    assert len(np.unique(single)) > 0.9 * single.size
+    other = points_of(samplers.randomized(owen_pass, key=6), x, y, sample, (3, 1))
+    assert not np.any(np.asarray(other) == drawn)
+    short = np.asarray(points_of(samplers.randomized(owen_pass, 5, spp=1), x, y, sample, (3, 1)))
+    of_pass = np.asarray(points_of(sampler.of_pass(3), x, y, jnp.zeros_like(sample), (3, 1)))
+    assert np.array_equal(short[sample == 3], of_pass[sample == 3])
+
+
+def test_passes_give_mean_and_variance():
+    """Against numpy on the stack of images, and against one image of all samples."""
+    sampler = samplers.randomized(owen_pass, key=5)
+    result = qj.render_passes(Product(), sampler, 4, 4, 7)
+    stack = [qj.render(Product(), sampler.of_pass(k), 4, 4, 2) for k in range(7)]
+    stack = np.asarray(stack, np.float64)
+    assert result.passes == 7
+    assert result.image.dtype == result.variance.dtype == result.error.dtype == jnp.float32
+    np.testing.assert_allclose(result.image, stack.mean(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(result.variance, stack.var(axis=0, ddof=1) / 7, rtol=1e-5)
+    assert float(result.error) == pytest.approx(np.sqrt(np.mean(result.variance)), rel=1e-6)
+    np.testing.assert_allclose(qj.render(Product(), sampler, 4, 4, 14), result.image, rtol=1e-6)
+    double = qj.render_passes(Product(), sampler, 4, 4, 2, dtype=jnp.float64)
+    assert double.image.dtype == double.variance.dtype == jnp.float64
+    np.testing.assert_allclose(double.variance, np.square(stack[0] - stack[1]) / 4, rtol=0, atol=1e-7)
+
+
+def test_passes_are_unbiased():
+    """The moments of a product of two uniform variables are E (u v)**k = (k + 1)**-2."""
+    passes = 128
+    moment = [1 / (k + 1) ** 2 for k in range(5)]
+    mean, variance = moment[1], moment[2] - moment[1] ** 2
+    fourth = moment[4] - 4 * moment[3] * mean + 6 * moment[2] * mean**2 - 3 * mean**4
+    sampler = samplers.randomized(owen_pass, key=1, spp=1)
+    result = qj.render_passes(Product(), sampler, 4, 4, passes)
+    assert np.all(np.abs(np.asarray(result.image) - mean) < 5 * np.sqrt(variance / passes))
+    # As if the pixels, which share a net, were one.
+    found = passes * float(jnp.mean(result.variance))
+    assert abs(found - variance) < 5 * np.sqrt((fourth - variance**2) / passes)
+    errors = (np.asarray(result.image) - mean) / np.sqrt(np.asarray(result.variance))
+    assert 0.2 < np.mean(errors**2) < 3
+
+
+def test_a_new_pass_or_key_compiles_nothing():
+    traces = []
+
+    @jax.tree_util.register_dataclass
+    @dataclass(frozen=True)
+    class Counted:
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            traces.append(1)
+            return point[..., 0]
+
+    scene = Counted()
+    qj.render_passes(scene, samplers.randomized(owen_pass, key=0), 4, 4, 2)
+    start = len(traces)
+    qj.render_passes(scene, samplers.randomized(owen_pass, key=1), 4, 4, 5)
+    assert len(traces) == start
+
+    sampled = []
+
+    @jax.jit
+    def points(sampler):
+        sampled.append(1)
+        return sampler(*every(4, 4))
+
+    assert not np.any(
+        points(samplers.randomized(owen_pass, key=0)) == points(samplers.randomized(owen_pass, key=1))
+    )
+    assert len(sampled) == 1
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Constant:
+    """A sampler of one point."""
+
+    value: jax.Array
+    dims = 3
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return jnp.broadcast_to(self.value.astype(dtype), (*x.shape, len(dims)))
+
+    def check(self, width, height, spp):
+        pass
+
+
+@dataclass
+class Prescribed:
+    """Passes with given values."""
+
+    values: tuple[float, ...]
+    spp = 1
+
+    def of_pass(self, number):
+        return Constant(jnp.float32(self.values[number]))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Third:
+    needs = ("x", "y", "u")
+
+    def __call__(self, point):
+        return point[..., 2]
+
+
+def test_stopping_by_the_criterion_is_biased():
+    """All 16 outcomes of four passes that are 1 with probability 1/4: where two are equal, passes end."""
+    p, expected = 0.25, {"all": 0.0, "stopped": 0.0}
+    for values in product((0.0, 1.0), repeat=4):
+        chance = prod(p if v else 1 - p for v in values)
+        result = qj.render_passes(Third(), Prescribed(values), 1, 1, 4, tolerance=0.1)
+        used = 2 if values[0] == values[1] else 4
+        assert result.passes == used
+        assert float(result.image[0, 0]) == np.mean(values[:used])
+        assert float(result.error) == pytest.approx(np.std(values[:used], ddof=1) / np.sqrt(used))
+        expected["stopped"] += chance * float(result.image[0, 0])
+        expected["all"] += chance * float(qj.render_passes(Third(), Prescribed(values), 1, 1, 4).image[0, 0])
+    assert expected["all"] == pytest.approx(p)
+    assert expected["stopped"] == pytest.approx(0.203125)
+
+
+def test_the_criterion_stops_where_it_holds():
+    """At the first error that is small enough, whatever the number of passes."""
+    rng = np.random.default_rng(1)
+    values = (0.0, 1.0, *rng.random(38, np.float32).tolist())
+    errors = [np.std(values[:k], ddof=1) / np.sqrt(k) for k in range(2, 41)]
+    for tolerance in (0.1, 0.06):
+        result = qj.render_passes(Third(), Prescribed(values), 1, 1, 40, tolerance=tolerance)
+        assert result.passes == 2 + int(np.argmax(np.array(errors) <= tolerance)) > 5
+        assert float(result.error) <= tolerance
+    assert qj.render_passes(Third(), Prescribed(values), 1, 1, 3, tolerance=1e-6).passes == 3
+
+
+# -- bad input
+
+HILBERT = orders.hilbert(8, 8)
+LOWER = sequences.digital(np.stack([np.uint32(2**32 - 1) >> first(32), SOBOL.matrices[1]]))
+"""Lower triangular: the leading digits repeat, but are no reflected ones."""
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.components(HALTON, (0, 4)), r"dims must be integers in \[0, 3\], got \[4\]"),
+        (lambda: sequences.components(HALTON, ()), r"dims must name at least one .* got \(\)"),
+        (lambda: sequences.components(HALTON, (1, 2, 1)), r"dims must be different .* got \(1, 2, 1\)"),
+        (lambda: sequences.components("halton", (1,)), "sequence must be a Sequence, got 'halton'"),
+        (lambda: samplers.segments(HILBERT, FEW, 0), "spp must be an integer .* got 0"),
+        (lambda: samplers.segments(HILBERT, FEW, 2**26 + 1), "spp must be at most 67108864: .* got 67108865"),
+        (
+            lambda: samplers.segments(HILBERT, FEW, 4).check(8, 9, 1),
+            "width, height must be the order's 8 x 8, got 8 x 9",
+        ),
+        (
+            lambda: samplers.partitioned(HILBERT, sequences.halton(1)),
+            "sequence must be .* at least 2 dims, .* got RadicalInverses of dims=1",
+        ),
+        (
+            lambda: samplers.partitioned(HILBERT, HALTON, 1),
+            "order.length must be a power of 3, the base of component=1, got 64",
+        ),
+        (
+            lambda: samplers.partitioned(orders.raster(6, 4), HALTON),
+            r"got order.length=24 and the bases \(2, 3, 5, 7\)",
+        ),
+        (
+            lambda: samplers.partitioned(HILBERT, SOBOL, 1),
+            r"component must be a radical inverse, got component=1 of Digital, .* bases \(2, None\)",
+        ),
+        (lambda: samplers.partitioned(HILBERT, sequences.lattice(2), 0), "component=0 of LatticeSequence"),
+        (lambda: samplers.partitioned(HILBERT, sequences.gray(SOBOL), 0), "component=0 of Gray"),
+        (lambda: samplers.partitioned(HILBERT, sequences.larcher_pillichshammer()), r"bases \(None, None\)"),
+        (lambda: samplers.partitioned(HILBERT, HALTON, 4), r"component must be .* \[0, 3\], got 4"),
+        (
+            lambda: samplers.partitioned(HILBERT, sequences.owen(SOBOL, 1), exact=True),
+            "exact must be False .* got exact=True and component=0 of Owen",
+        ),
+        (
+            lambda: samplers.partitioned(HILBERT, LOWER, exact=True),
+            "exact must be False .* got exact=True and component=0 of Digital",
+        ),
+        (
+            lambda: samplers.partitioned(HILBERT, sequences.hammersley_net(4)),
+            "order.length must be at most the sequence's 16 points, got 64",
+        ),
+        (
+            lambda: samplers.shifted(HILBERT, sequences.halton(2), HALTON),
+            "shifts must have at least the sequence's 4 dims, got 2",
+        ),
+        (
+            lambda: samplers.shifted(HILBERT, sequences.hammersley_net(4), SOBOL),
+            "shifts must have a point for each of the curve's 64 positions, got 16",
+        ),
+        (lambda: samplers.shifted(HILBERT, SOBOL, 3), "sequence must be a Sequence, got 3"),
+        (
+            lambda: samplers.shifted(HILBERT, SOBOL, sequences.hammersley_net(4)).check(8, 8, 17),
+            "spp must be at most 16 .* got 17",
+        ),
+        (lambda: samplers.randomized(owen_pass, None), "key must be one .* got None"),
+        (lambda: samplers.randomized(owen_pass, 0, spp=0), "spp must be an integer .* got 0"),
+        (
+            lambda: samplers.randomized(lambda key: samplers.independent(SOBOL, key), 0),
+            "spp must be given, since Independent has none",
+        ),
+        (
+            lambda: samplers.randomized(owen_pass, 0, spp=3).check(4, 4, 30),
+            "spp must be at most 2 .* got 3",
+        ),
+        (
+            lambda: qj.render_passes(Product(), samplers.randomized(owen_pass, 0), 4, 4, 1),
+            "passes must be an integer .* got 1",
+        ),
+        (
+            lambda: qj.render_passes(Product(), samplers.randomized(owen_pass, 0), 4, 4, 2, tolerance=0.0),
+            "tolerance must be positive .* got 0.0",
+        ),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

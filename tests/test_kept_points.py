@@ -1,0 +1,75 @@
+"""Points in great numbers: tables and pieces give what the index gives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import sequences
+from qmcjax.sequences import _kept
+
+SOBOL = sequences.sobol(9)
+SEQUENCES = {
+    "sobol(2)": sequences.sobol(2),
+    "sobol(9)": SOBOL,
+    "sobol(19)": sequences.sobol(19),
+    "gray": sequences.gray(SOBOL),
+    "gray of owen": sequences.gray(sequences.owen(SOBOL, key=1)),
+    "owen of gray": sequences.owen(sequences.gray(SOBOL), key=1),
+    "matousek of xor": sequences.matousek(sequences.xor(sequences.sobol(2), key=1), key=2),
+    "owen_exact": sequences.owen_exact(sequences.sobol(2), key=1),
+}
+
+
+@pytest.mark.parametrize("sequence", SEQUENCES.values(), ids=SEQUENCES.keys())
+def test_tables_give_the_points_of_the_indices(sequence):
+    n, start = 4999, 2**31 + 512
+    index = np.arange(start, start + n, dtype=np.uint32)
+    assert np.array_equal(sequence.points(n, start), sequence(index))
+
+
+def test_the_last_block_may_end_beyond_the_last_index():
+    index = np.arange(2**32 - 5120, 2**32 - 7, dtype=np.uint32)
+    assert np.array_equal(sequences.sobol(2).points(5113, 2**32 - 5120), sequences.sobol(2)(index))
+
+
+@pytest.fixture
+def small_pieces(monkeypatch):
+    monkeypatch.delenv("GLIBC_TUNABLES", raising=False)
+    monkeypatch.setattr(_kept, "_LARGE", 2**10)
+    monkeypatch.setattr(_kept, "_CHUNK", 2**16)
+
+
+@pytest.mark.parametrize("sequence, dtype", [(SOBOL, jnp.float32), (sequences.halton(2), jnp.float64)])
+def test_pieces_give_the_points_of_the_indices(small_pieces, sequence, dtype):
+    index = np.arange(256, 256 + 10001, dtype=np.uint32)
+    points = sequence.points(10001, 256, dtype)
+    assert isinstance(points, jax.Array)
+    assert points.dtype == dtype
+    with jax.enable_x64(dtype == jnp.float64):
+        assert np.array_equal(points, sequence(index, dtype=dtype))
+
+
+def test_pieces_are_not_copied_again(small_pieces):
+    made = []
+
+    def make(first, count):
+        made.append((first, count))
+        return jnp.full((count, 2), first, jnp.float32)
+
+    rows = _kept.kept(make, 20000, 2, jnp.float32)
+    assert made == [(0, 8192), (8192, 8192), (16384, 3616)]
+    assert np.array_equal(np.unique(np.asarray(rows)), [0, 8192, 16384])
+    assert rows.unsafe_buffer_pointer() % 64 == 0
+
+
+def test_pieces_are_not_made_inside_a_program(small_pieces):
+    inside = jax.jit(lambda: SOBOL.points(10001))()
+    assert np.array_equal(inside, SOBOL.points(10001))
+
+
+def test_the_environment_decides(small_pieces, monkeypatch):
+    monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.check=1:glibc.malloc.hugetlb=1")
+    calls = []
+    _kept.kept(lambda first, count: calls.append(count) or jnp.zeros((count, 2)), 20000, 2, jnp.float32)
+    assert calls == [20000]

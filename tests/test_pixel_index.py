@@ -1,0 +1,461 @@
+"""From pixel to index: Halton over the raster, scrambled nets and sequences, padded replications."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first
+
+import analysis
+import qmcjax as qj
+from qmcjax import samplers, sequences
+from qmcjax.samplers._halton_screen import HaltonScreen
+
+SIDE = 8
+
+
+def pixels(width, height, spp=1):
+    """Every x, y, sample, flat."""
+    y, x, sample = np.meshgrid(first(height), first(width), first(spp), indexing="ij")
+    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
+
+
+@partial(jax.jit, static_argnames=("dims", "dtype"))
+def drawn(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
+    """Return the points of samples, by one program."""
+    return sampler(x, y, sample, dims, dtype)
+
+
+@jax.jit
+def inverted(sampler, x, y, sample):
+    """Return the indices of samples and their points, by one program."""
+    if isinstance(sampler, HaltonScreen):
+        index = sampler.index(x, y, sample)
+    else:
+        index = sampler.net.index_in_cell(x, y, sampler.log_side, sample)
+    return index, sampler(x, y, sample, dtype=jnp.float64), sampler(x, y, sample)
+
+
+def on_screen(sampler, x, y, sample, side):
+    """Put pixel and offset together again: exact, for a side that is a power of two."""
+    return (np.stack([x, y], axis=1) + np.asarray(drawn(sampler, x, y, sample))) / side
+
+
+# The Halton sequence over the raster.
+
+HALTON = {
+    "plain": sequences.halton(3),
+    "zaremba": sequences.halton(2, "zaremba"),
+    "faure": sequences.halton(2, "faure"),
+    "faure_lemieux": sequences.halton(2, "faure_lemieux"),
+    "random": sequences.halton(2, "random", key=1),
+    "random, other key": sequences.halton(2, "random", key=2),
+}
+each_halton = pytest.mark.parametrize("seq", HALTON.values(), ids=HALTON.keys())
+
+
+@jax.jit
+def at_indices(seq, index):
+    """Return the first two coordinates of points."""
+    return seq(index, (0, 1), jnp.float64)
+
+
+def numerators(seq, index):
+    """Return the points of indices as exact integers over 2**32 and 3**21."""
+    points = np.asarray(at_indices(seq, index))
+    return np.rint(points * [2.0**32, 3.0**21]).astype(np.int64)
+
+
+def reflected(index, base, count):
+    """Split a radical inverse, in Python: its first digits as an integer, and the others as a fraction."""
+    digits = []
+    for _ in range(32):
+        index, digit = divmod(index, base)
+        digits.append(digit)
+    leading = sum(d * base ** (count - 1 - k) for k, d in enumerate(digits[:count]))
+    return leading, sum(Fraction(d, base ** (k + 1)) for k, d in enumerate(digits[count:]))
+
+
+@each_halton
+@pytest.mark.parametrize(("width", "height", "a", "b"), [(8, 9, 3, 2), (5, 10, 3, 3)])
+def test_halton_over_the_raster_and_back(seq, width, height, a, b):
+    """All points of three blocks sorted into pixels: each pixel's have its indices, pixels and offsets."""
+    sampler = samplers.screen(seq, width, height)
+    assert isinstance(sampler, HaltonScreen)
+    assert sampler.raster == (2**a, 3**b)
+    x, y, sample = pixels(2**a, 3**b, 3)
+    index, points, _ = map(np.asarray, inverted(sampler, x, y, sample))
+    assert np.array_equal(np.sort(index), first(3 * 2**a * 3**b))
+    assert np.array_equal(index // (2**a * 3**b), sample)
+    exact = numerators(seq, index)
+    units = np.array([2 ** (32 - a), 3 ** (21 - b)])
+    assert np.array_equal(exact // units, np.stack([x, y], axis=1))
+    assert np.array_equal(points, (exact % units) / units)
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "spp"),
+    [(8192, 8192, 26), (1920, 1080, 958), (65536, 59049, 1), (16384, 65536, 1), (1, 1, 2**32)],
+)
+def test_halton_over_large_rasters_against_python_integers(width, height, spp):
+    """Indices up to the last below 2**32; offsets have full precision, also in float32."""
+    sampler = samplers.screen(sequences.halton(2), width, height)
+    assert sampler.spp == spp
+    a, b = (width - 1).bit_length(), next(b for b in range(12) if 3**b >= height)
+    rng = np.random.default_rng(3)
+    x, y, sample = (
+        np.append(rng.integers(0, n, 60, dtype=np.uint32), np.array([0, n - 1], np.uint32))
+        for n in (width, height, spp)
+    )
+    arguments = tuple(map(jnp.asarray, (x, y, sample)))
+    index, double, single = map(np.asarray, inverted(sampler, *arguments))
+    for i, *pixel, s, low, high in zip(index.tolist(), x, y, sample, single, double, strict=True):
+        assert i // (2**a * 3**b) == s
+        column, within_x = reflected(i, 2, a)
+        row, within_y = reflected(i, 3, b)
+        assert (column, row) == tuple(pixel)
+        assert high.tolist() == [float(within_x), float(within_y)]
+        # Rounded down in base 2, and to nearest, but below 1, in base 3.
+        assert low[0] == float(within_x * 2**24 // 1) / 2**24
+        assert low[1] == min(np.float32(float(within_y)), np.float32(1 - 2.0**-24))
+
+
+def test_permuted_halton_at_8192():
+    """With a permutation for each of 21 ternary digits, of which 9 are the row."""
+    seq = HALTON["random"]
+    rng = np.random.default_rng(7)
+    x, y, sample = (jnp.asarray(rng.integers(0, n, 648, dtype=np.uint32)) for n in (8192, 8192, 26))
+    index, points, _ = map(np.asarray, inverted(samplers.screen(seq, 8192, 8192), x, y, sample))
+    exact, units = numerators(seq, index), np.array([2**19, 3**12])
+    assert np.array_equal(index // (2**13 * 3**9), sample)
+    assert np.array_equal(exact // units, np.stack([x, y], axis=1))
+    assert np.array_equal(points, (exact % units) / units)
+
+
+def test_halton_of_more_dimensions_is_the_sequence():
+    seq = HALTON["plain"]
+    sampler = samplers.screen(seq, 5, 10)
+    x, y, sample = pixels(8, 27, 3)
+    index, points, _ = map(np.asarray, inverted(sampler, x, y, sample))
+    both = np.asarray(drawn(sampler, x, y, sample, (2, 0)))
+    assert np.array_equal(both[:, 0], np.asarray(seq.points(index.size, dtype=jnp.float64))[index, 2])
+    assert np.array_equal(both[:, 1], points[:, 0])
+
+
+# Digital shifts.
+
+SCRAMBLED = {
+    "hammersley": lambda m: sequences.xor(sequences.hammersley_net(m), key=1),
+    "larcher_pillichshammer": lambda m: sequences.digit_scramble(
+        sequences.larcher_pillichshammer_net(m), key=2
+    ),
+    "permutation": lambda m: sequences.xor(sequences.permutation_net(m), key=3),
+    "optimized": lambda m: sequences.xor(sequences.optimized_net(m), key=4),
+    "3d, twice": lambda m: sequences.xor(sequences.xor(sequences.sobol_net_3d(m), key=5), key=6),
+    "jittered": lambda m: sequences.xor(sequences.jittered(2 ** (m // 2), 2, key=7), key=8),
+    "sobol": lambda m: sequences.xor(sequences.sobol(2), key=9),
+    "matousek": lambda m: sequences.matousek(sequences.larcher_pillichshammer(), key=10),
+}
+each_scrambled = pytest.mark.parametrize("make", SCRAMBLED.values(), ids=SCRAMBLED.keys())
+
+
+@each_scrambled
+def test_screen_of_a_scrambled_net_hands_out_its_points(make):
+    """All points once, four in each pixel; of a sequence, block s is sample s."""
+    net = make(8)
+    sampler = samplers.screen(net, SIDE, SIDE)
+    x, y, sample = pixels(SIDE, SIDE, 4)
+    index, inside, _ = map(np.asarray, inverted(sampler, x, y, sample))
+    assert np.array_equal(np.sort(index), first(256))
+    points = np.asarray(net.points(256, dtype=jnp.float64))[:, :2]
+    assert np.array_equal((np.stack([x, y], axis=1) + inside) / SIDE, points[index])
+    if net.size is None:
+        assert np.array_equal(index // 64, sample)
+
+
+@pytest.mark.parametrize("side", [1, 4096, 65536])
+@pytest.mark.parametrize("name", ["larcher_pillichshammer", "sobol"])
+def test_screen_of_a_scrambled_net_at_any_resolution(name, side):
+    """On exact 32-bit coordinates: the leading bits are the pixel, the others the offset."""
+    net = SCRAMBLED[name](32)
+    sampler = samplers.screen(net, side, side)
+    rng = np.random.default_rng(4)
+    x, y = (jnp.asarray(rng.integers(0, side, 200, dtype=np.uint32)) for _ in range(2))
+    sample = jnp.asarray(rng.integers(0, min(sampler.spp, 2**32 - 1), 200, dtype=np.uint32))
+    index, double, single = map(np.asarray, inverted(sampler, x, y, sample))
+    exact = np.asarray(at_indices(net, index)) * 2.0**32
+    unit = 2**32 // side
+    assert np.array_equal(exact // unit, np.stack([x, y], axis=1))
+    assert np.array_equal(double * unit, exact % unit)
+    assert np.array_equal(single, np.floor(double * 2**24) / 2**24)
+
+
+# Padded replications.
+
+OFFSETS = {"uniform": sequences.uniform(4, key=1), "halton": sequences.halton(4)}
+each_offsets = pytest.mark.parametrize("offsets", OFFSETS.values(), ids=OFFSETS.keys())
+
+
+def printed_program(net, m, shifts, jitter):
+    """Run the loop of thesis Sect. 5.2.5, with a table for its lookUp: exact points by pixel."""
+    n = 4**m
+    table = {}
+    for i, j in (np.asarray(net.bits(jnp.asarray(first(n)))) >> np.uint32(32 - 2 * m)).tolist():
+        table[i >> m, j >> m] = i, j
+    points = {}
+    for ey in range(2**m):
+        for ex in range(2**m):
+            sx, sy = (ex + shifts[0]) % 2**m, (ey + shifts[1]) % 2**m
+            i, j = table[sx, sy]
+            i, j = (i - (shifts[0] << m)) % n, (j - (shifts[1] << m)) % n
+            points[ex, ey] = (Fraction(i) + jitter[0]) / n, (Fraction(j) + jitter[1]) / n
+    return points
+
+
+@each_offsets
+@pytest.mark.parametrize("jitter", [False, True])
+def test_padded_replications_equal_the_printed_program(offsets, jitter):
+    net = sequences.larcher_pillichshammer_net(6)
+    sampler = samplers.padded_replications(net, SIDE, SIDE, offsets, jitter)
+    x, y, _ = pixels(SIDE, SIDE)
+    vectors = np.asarray(offsets.points(4, dtype=jnp.float64))
+    for s, vector in enumerate(vectors):
+        shifts = [int(u * SIDE) for u in vector[:2]]
+        # The part of the jitter that 32-bit fractions of a pixel hold.
+        fractions = [Fraction(int(u * 2**29), 2**29) if jitter else 0 for u in vector[2:]]
+        expected = printed_program(net, 3, shifts, fractions)
+        whole = on_screen(sampler, x, y, jnp.full_like(x, s), SIDE)
+        for pixel, point in zip(zip(x.tolist(), y.tolist(), strict=True), whole.tolist(), strict=True):
+            assert tuple(point) == tuple(map(float, expected[pixel]))
+    assert any(int(u * SIDE) for u in vectors[:, :2].ravel())
+
+
+@pytest.mark.parametrize(
+    ("make", "lost"),
+    [
+        (sequences.hammersley_net, {}),
+        (sequences.larcher_pillichshammer_net, {1: 48, 2: 32}),
+        (sequences.permutation_net, {4: 32}),
+    ],
+)
+def test_instances_keep_the_distance_and_may_lose_elementary_intervals(make, lost):
+    """All 64 shifts of a net by whole pixels; boxes of 2**-i x 2**(i - 6), i = 3 being the pixels."""
+    words = np.asarray(make(6).bits(jnp.asarray(first(64)))) >> np.uint32(26)
+    alone = analysis.squared_min_distance(words, side=64)
+    # The first 64 points of the Sobol' sequence lie in all 64 pixels: so many shifts.
+    sampler = samplers.padded_replications(make(6), SIDE, SIDE, sequences.sobol(2), jitter=False)
+    x, y, sample = pixels(SIDE, SIDE, 64)
+    points = (on_screen(sampler, x, y, sample, SIDE) * 64).astype(int)
+    instances = points.reshape(64, 64, 2).swapaxes(0, 1)
+    assert len(np.unique(instances.reshape(64, -1), axis=0)) > 1
+    assert {analysis.squared_min_distance(w, side=64) for w in instances} == {alone}
+    counted = {
+        i: sum(len(np.unique((w[:, 0] >> (6 - i)) * 64 + (w[:, 1] >> i))) < 64 for w in instances)
+        for i in range(7)
+    }
+    assert {i: n for i, n in counted.items() if n} == lost
+
+
+def test_replications_shift_further_coordinates_by_any_fraction():
+    net, offsets = sequences.sobol_net_3d(6), sequences.uniform(5, key=2)
+    sampler = samplers.padded_replications(net, SIDE, SIDE, offsets)
+    x, y, sample = pixels(SIDE, SIDE, 7)
+    third = np.asarray(drawn(sampler, x, y, sample, (2,))).reshape(64, 7)
+    vectors = np.asarray(offsets.points(7, dtype=jnp.float64))
+    grid = np.sort((third - vectors[:, 2]) % 1, axis=0)
+    assert np.array_equal(grid, np.tile(np.arange(64)[:, None] / 64, (1, 7)))
+    jitter = (np.asarray(drawn(sampler, x, y, sample)) * SIDE % 1).reshape(64, 7, 2)
+    assert np.array_equal(jitter, np.tile(np.floor(vectors[:, 3:] * 2**29) / 2**29, (64, 1, 1)))
+
+
+@pytest.mark.parametrize("net", [sequences.sobol(2), sequences.xor(sequences.hammersley_net(6), key=3)])
+def test_replications_of_sequences_and_scrambled_nets(net):
+    """Of a sequence the first frame in each instance; jitter stays inside the pixel, whatever the points."""
+    offsets = OFFSETS["uniform"]
+    x, y, sample = pixels(SIDE, SIDE, 5)
+    words = np.asarray(offsets.bits(jnp.asarray(first(5))))[np.asarray(sample)]
+    moved = (jnp.asarray((np.asarray(p) + (words[:, j] >> 29)) % SIDE) for j, p in enumerate((x, y)))
+    inside = np.asarray(drawn(samplers.screen(net, SIDE, SIDE), *moved, jnp.zeros_like(sample)))
+    sampler = samplers.padded_replications(net, SIDE, SIDE, offsets)
+    jitter = (words[:, 2:] >> 3) / 2.0**32
+    assert np.array_equal(drawn(sampler, x, y, sample), (inside + jitter) % 1)
+
+
+@pytest.mark.parametrize("side", [1, 65536])
+def test_replications_at_the_smallest_and_the_largest_resolution(side):
+    net, offsets = sequences.larcher_pillichshammer_net(32 if side > 1 else 0), OFFSETS["uniform"]
+    sampler = samplers.padded_replications(net, side, side, offsets)
+    rng = np.random.default_rng(6)
+    x, y = (rng.integers(0, side, 100, dtype=np.uint32) for _ in range(2))
+    sample = jnp.asarray(first(100))
+    words = np.asarray(offsets.bits(sample)).astype(np.uint64)
+    unit = np.uint64(2**32 // side)
+    column, row = (
+        (jnp.asarray(((p + words[:, j] // unit) % side).astype(np.uint32))) for j, p in enumerate((x, y))
+    )
+    index = net.index_in_cell(column, row, side.bit_length() - 1, jnp.zeros_like(sample))
+    offset = (np.asarray(net.bits(index)).astype(np.uint64) % unit) * np.uint64(side)
+    points = np.asarray(drawn(sampler, jnp.asarray(x), jnp.asarray(y), sample))
+    assert np.array_equal(points * 2.0**32, offset + words[:, 2:] // np.uint64(side))
+
+
+# All of them.
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Wave:
+    """A smooth plug-in scene, so that rounding does not decide."""
+
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return jnp.sin(7 * point[..., 0]) * jnp.cos(3 * point[..., 0] + 5 * point[..., 1])
+
+
+NET = sequences.larcher_pillichshammer_net(8)
+CASES = {
+    "halton": (lambda: samplers.screen(sequences.halton(2), 12, 9), 16, 9, sequences.halton(2)),
+    "halton, random": (
+        lambda: samplers.screen(sequences.halton(2, "random", key=5), 12, 9),
+        16,
+        9,
+        sequences.halton(2, "random", key=5),
+    ),
+    "xor": (
+        lambda: samplers.screen(sequences.xor(sequences.sobol(2), 3), 12, 9),
+        16,
+        16,
+        sequences.xor(sequences.sobol(2), 3),
+    ),
+    "padded": (lambda: samplers.padded_replications(NET, 12, 9, 4, jitter=False), 16, 16, None),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_render_equals_sorting_all_points_into_pixels(case):
+    make, columns, rows, seq = case
+    width, height, spp = 12, 9, 5
+    sampler = make()
+    if seq is None:
+        vectors = np.asarray(sampler.offsets.points(spp, dtype=jnp.float64))
+        net = np.asarray(NET.points(256, dtype=jnp.float64))
+        points = np.concatenate([(net - np.floor(v[:2] * 16) / 16) % 1 for v in vectors])
+    else:
+        points = np.asarray(seq.points(columns * rows * spp, dtype=jnp.float64))
+    points = points * [columns, rows]
+    # Ternary fractions of whole pixels are not exact.
+    x, y = np.floor(points + 1e-9).astype(int).T
+    values = np.asarray(Wave()(jnp.asarray(points / [width, height], jnp.float32)))
+    kept = (x < width) & (y < height)
+    assert np.all(
+        np.histogram2d(y[kept], x[kept], bins=[np.arange(height + 1), np.arange(width + 1)])[0] == spp
+    )
+    expected = np.zeros((height, width))
+    np.add.at(expected, (y[kept], x[kept]), values[kept] / spp)
+    assert np.allclose(qj.render(Wave(), sampler, width, height, spp), expected, atol=2e-6)
+
+
+KEYED = {
+    "screen, xor": lambda key: samplers.screen(sequences.xor(sequences.sobol(2), key), SIDE, SIDE),
+    "screen, xor of a net": lambda key: samplers.screen(
+        sequences.xor(sequences.permutation_net(8), key), SIDE, SIDE
+    ),
+    "screen, halton": lambda key: samplers.screen(sequences.halton(2, "random", key), SIDE, SIDE),
+    "padded": lambda key: samplers.padded_replications(sequences.hammersley_net(6), SIDE, SIDE, key),
+}
+
+
+@pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
+def test_a_new_key_gives_new_points_without_a_new_trace(make):
+    traces = []
+    x, y, sample = pixels(SIDE, SIDE, 4)
+
+    @jax.jit
+    def points(sampler):
+        traces.append(1)
+        return sampler(x, y, sample)
+
+    a, b = points(make(0)), points(make(jax.random.key(1)))
+    assert len(traces) == 1
+    assert np.mean(a == b) < 0.15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
+def test_samplers_can_be_made_from_traced_keys(make):
+    key = jax.random.key(1)
+    traced = jax.jit(lambda key: make(key)(*pixels(SIDE, SIDE, 4)))(key)
+    assert np.array_equal(traced, make(key)(*pixels(SIDE, SIDE, 4)))
+
+
+@pytest.mark.parametrize(
+    ("make", "limit"),
+    [
+        (CASES["halton"][0], 2**32 // (16 * 9)),
+        (CASES["padded"][0], 2**32),
+        (lambda: samplers.padded_replications(NET, 12, 9, sequences.jittered(8, 2, 1), jitter=False), 64),
+    ],
+)
+def test_check_knows_the_image_and_the_last_sample(make, limit):
+    sampler = make()
+    assert sampler.spp == limit
+    sampler.check(12, 9, limit)
+    with pytest.raises(ValueError, match=r"width, height must be .* 12 x 9, got 9 x 12"):
+        sampler.check(9, 12, 1)
+    with pytest.raises(ValueError, match=rf"spp must be at most {limit} .* got {limit + 1}"):
+        sampler.check(12, 9, limit + 1)
+
+
+def padded(net, offsets, side=SIDE, jitter=True):
+    return samplers.padded_replications(net, side, side, offsets, jitter)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: samplers.screen(sequences.van_der_corput(3), 8, 8),
+            r"net must have the bases 2 and 3 first .* got bases=\(3,\)",
+        ),
+        (lambda: samplers.screen(sequences.halton(1), 8, 8), r"net must .* got bases=\(2,\)"),
+        (
+            lambda: samplers.screen(sequences.halton(2), 65536, 65536),
+            r"width, height must .* got 65536 x 65536, which takes 2\*\*16 x 3\*\*11",
+        ),
+        (lambda: samplers.screen(sequences.halton(2), 0, 8), "width must .* got 0"),
+        (
+            lambda: samplers.screen(sequences.owen(sequences.sobol(2), 1), 8, 8),
+            "net must be invertible .* got Owen",
+        ),
+        (
+            lambda: samplers.screen(sequences.xor(sequences.uniform(2, 1), 1), 8, 8),
+            "net must be invertible .* got Uniform",
+        ),
+        (
+            lambda: samplers.screen(sequences.xor(sequences.hammersley_net(5), 1), 8, 8),
+            "m must be at least 6 .* got m=5",
+        ),
+        (lambda: padded(sequences.hammersley_net(8), 1), "net must have one point in each of 8 x 8 .* got 4"),
+        (lambda: padded(sequences.hammersley_net(5), 1), "m must be at least 6 .* got m=5"),
+        (lambda: padded(sequences.halton(2), 1), "net must be invertible .* got RadicalInverses"),
+        (lambda: padded(NET, 1, side=0), "width must .* got 0"),
+        (lambda: padded(sequences.hammersley_net(6), -1), "offsets must be .* got -1"),
+        (lambda: padded(sequences.hammersley_net(6), 0.5), "offsets must be .* got 0.5"),
+        (
+            lambda: padded(sequences.hammersley_net(6), sequences.sobol(3)),
+            "offsets must have 4 dimensions, for 2 shifts and 2 of jitter, got 3",
+        ),
+        (
+            lambda: padded(sequences.sobol_net_3d(6), sequences.sobol(2), jitter=False),
+            "offsets must have 3 dimensions, for 3 shifts, got 2",
+        ),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -76,7 +76,7 @@ def integrate(
     --------
     >>> from qmcjax import integrate, sequences
     >>> print(integrate(lambda points: points[:, 0] * points[:, 1], sequences.sobol(2), 2**16))
-    0.24999...
+    0.24999237
     """
     n = checks.integer("n", n, 1, sequence.limit)
     start = checks.integer("start", start, 0, sequence.limit - 1)

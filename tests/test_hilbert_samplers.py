@@ -100,7 +100,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES, ids=CASES)
-@pytest.mark.parametrize("side", [5, 8192])
+@pytest.mark.parametrize("side", [pytest.param(5, marks=pytest.mark.slow), 8192])
 def test_index_is_that_of_the_text(case, side):
     """Against Python integers, up to the last index below 2**32."""
     make, index_of, spp = CASES[case]

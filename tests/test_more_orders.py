@@ -275,6 +275,7 @@ def is_uniform(counts):
     return np.min(chance) > stats.norm.sf(5) / np.size(chance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VARIANTS)
 def test_all_24_permutations_are_equally_likely_at_each_node(drawn, name):
     """Over the keys, at each of 85 nodes; and over nodes and keys, where nodes are independent."""
@@ -286,6 +287,7 @@ def test_all_24_permutations_are_equally_likely_at_each_node(drawn, name):
         assert is_uniform(counts.sum(axis=0))
 
 
+@pytest.mark.slow
 def test_all_24_permutations_are_equally_likely_over_the_nodes():
     """For one key: by chance for the hash, as evenly as can be for the multiples of the golden ratio."""
     by_chance, evenly = (
@@ -309,12 +311,14 @@ def pairs_of_neighbours(nodes):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hash", "tree", "art"])
 def test_neighbouring_nodes_are_independent(drawn, name):
     for a, b in pairs_of_neighbours(drawn[name]).values():
         assert is_uniform(np.bincount((24 * a + b).ravel(), minlength=576))
 
 
+@pytest.mark.slow
 def test_neighbouring_nodes_of_the_multiplicative_hash_are_not():
     """Siblings are one step of the golden ratio apart: 14 or 15 of 24, and never the same."""
     for d in range(4):

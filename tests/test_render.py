@@ -58,8 +58,13 @@ def test_image_is_the_mean_of_the_samples(sampler):
     np.testing.assert_allclose(image, brute_force(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=2e-6)
 
 
-@pytest.mark.parametrize("size", [(32, 32), (20, 9), (1, 7)])
-@pytest.mark.parametrize("spp", [1, 3, 4, 6, 16])
+@pytest.mark.parametrize(
+    ("size", "spp"),
+    [((20, 9), 1), ((20, 9), 6), ((1, 7), 3), ((32, 32), 16)]
+    + [pytest.param((32, 32), spp, marks=pytest.mark.slow) for spp in (1, 3, 4, 6)]
+    + [pytest.param((20, 9), spp, marks=pytest.mark.slow) for spp in (3, 4, 16)]
+    + [pytest.param((1, 7), spp, marks=pytest.mark.slow) for spp in (1, 4, 6, 16)],
+)
 def test_colours_more_dimensions_and_any_size_and_count(size, spp):
     width, height = size
     sampler = samplers.contiguous(orders.hilbert(width, height), sequences.halton(5), spp)
@@ -165,7 +170,7 @@ def test_points_stay_in_the_half_open_square(width, dtype):
     assert not np.any(qj.render(Outside(), LastCorner(), width, 1, 1, dtype=dtype))
 
 
-@pytest.mark.parametrize("spp", [1, 4, 24])
+@pytest.mark.parametrize("spp", [pytest.param(1, marks=pytest.mark.slow), 4, 24])
 def test_gradient_through_scene_parameters(spp):
     """Against the closed form of a linear scene, and against finite differences of the zone plate."""
     sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(3), spp)

@@ -69,7 +69,7 @@ def scipy_engine(name: str, dims: int, n: int, **options: object) -> dict[str, D
 def qmcpy_net(name: str, dims: int, n: int, **options: object) -> dict[str, Draw]:
     """Return a discrete distribution of QMCPy's, if it is installed."""
     with contextlib.suppress(ImportError):
-        import qmcpy
+        import qmcpy  # pyright: ignore[reportMissingImports]
 
         net = getattr(qmcpy, name)(dims, **options)
         # It takes no other start than 0 or a power of 2: the same points each time.
@@ -80,7 +80,7 @@ def qmcpy_net(name: str, dims: int, n: int, **options: object) -> dict[str, Draw
 def torch_engine(dims: int, n: int, scramble: bool) -> dict[str, Draw]:
     """Return torch's Sobol' engine, if it is installed, drawing one block after the other."""
     with contextlib.suppress(ImportError):
-        import torch
+        import torch  # pyright: ignore[reportMissingImports]
 
         engine = torch.quasirandom.SobolEngine(dims, scramble=scramble, seed=1)
         return {"torch": lambda i: engine.draw(n, dtype=torch.float64)}

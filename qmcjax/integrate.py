@@ -14,7 +14,7 @@ from jax.typing import DTypeLike
 from qmcjax import _summation, checks
 from qmcjax.pytrees import pytree
 from qmcjax.sequences import BinarySequence, Sequence
-from qmcjax.sequences._blocks import part, tabulated
+from qmcjax.sequences._blocks import tabulated
 
 __all__ = ["integrate"]
 
@@ -118,7 +118,7 @@ def _mean(
         row = jax.lax.iota(jnp.uint32, _ROWS)
         if tables is None:
             return values(function, sequence._values(start + k * np.uint32(_ROWS) + row, dims, dtype))
-        return values(function, sequence._over(part(tables, k, 1))._values(row[None], dims, dtype))
+        return values(function, sequence._over(tables.part(k, 1))._all(1, _ROWS, dtype))
 
     def batch(parameters: Any, k: Array) -> Array:
         first = k * np.uint32(size)

@@ -3,6 +3,7 @@
 import abc
 from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,9 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.bits import reverse, to_unit
 from qmcjax.sequences._kept import ROWS, kept
+
+if TYPE_CHECKING:
+    from qmcjax.sequences._blocks import Blocks
 
 FEW = 8
 """Up to so many coordinates are computed one by one and stacked last: the compiler then sees elementwise
@@ -109,7 +113,7 @@ class Sequence(abc.ABC):
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
         """Return the function of (first, count) for points start + first, ..., in pieces of at least ROWS."""
-        return lambda first, count: _points(self, jnp.uint32(start + first), count, dtype)
+        return lambda first, count: _points(self, np.uint32(start + first), count, dtype)
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))
@@ -148,15 +152,11 @@ class BinarySequence(Sequence):
         linear = self._linear
         if linear is None or n < _TABULATED_FROM or start % ROWS:
             return super()._maker(start, n, dtype)
-        from qmcjax.sequences import _blocks
+        from qmcjax.sequences._blocks import tabulated
 
-        tables = _blocks.tabulated(linear, jnp.uint32(start), -(-n // ROWS))
+        tables = tabulated(linear, jnp.uint32(start), -(-n // ROWS))
 
-        def make(first: int, count: int) -> Array:
-            blocks = _blocks.part(tables, jnp.uint32(first // ROWS), -(-count // ROWS))
-            return _blockwise(self._over(blocks), count, dtype)
-
-        return make
+        return lambda first, count: _blockwise(self, tables, np.uint32(first // ROWS), count, dtype)
 
     @property
     def _linear(self) -> "BinarySequence | None":
@@ -166,6 +166,16 @@ class BinarySequence(Sequence):
     def _over(self, blocks: "BinarySequence") -> "BinarySequence":
         """Return this sequence with ``blocks`` in place of the innermost one."""
         return blocks
+
+    def _all(self, blocks: int, rows: int, dtype: DTypeLike) -> Array:
+        """Return the points of all blocks, shape (blocks * rows, dims), of a sequence over blocks."""
+        # Points side by side, until their coordinates fill a vector register.
+        beside = 1
+        while beside * self.dims < _LANES:
+            beside *= 2
+        index = jax.lax.iota(jnp.uint32, blocks * rows // beside).reshape(blocks, -1)
+        words = self._words(index, tuple(range(self.dims)) * beside)
+        return to_unit(words, dtype).reshape(-1, self.dims)
 
     def bits(self, index: Array | int, dims: tuple[int, ...] | None = None) -> Array:
         """Return the points of the given indices as exact 32-bit fractions.
@@ -191,15 +201,8 @@ class BinarySequence(Sequence):
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))
-def _blockwise(sequence: BinarySequence, n: int, dtype: DTypeLike) -> Array:
-    dims = sequence.dims
-    # Points side by side, until their coordinates fill a vector register.
-    beside = 1
-    while beside * dims < _LANES:
-        beside *= 2
-    rows = jax.lax.iota(jnp.uint32, -(-n // ROWS) * ROWS // beside).reshape(-1, ROWS // beside)
-    words = sequence._words(rows, tuple(range(dims)) * beside)
-    return to_unit(words, dtype).reshape(-1, dims)[:n]
+def _blockwise(sequence: BinarySequence, tables: "Blocks", first: Array, n: int, dtype: DTypeLike) -> Array:
+    return sequence._over(tables.part(first, -(-n // ROWS)))._all(-(-n // ROWS), ROWS, dtype)[:n]
 
 
 class DigitSequence(Sequence):

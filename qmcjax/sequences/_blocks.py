@@ -47,6 +47,11 @@ class Blocks(BinarySequence):
         high = jnp.tile(self.high[form], lanes // self.dims)
         return self.low[form].reshape(1, -1, lanes) ^ high[:, None]
 
+    def part(self, first: Array, count: int) -> "Blocks":
+        """Return ``count`` of the blocks."""
+        mirrors, words = (jax.lax.dynamic_slice_in_dim(high, first, count) for high in self.high)
+        return Blocks(self.low, (mirrors, words))
+
 
 # The tables have a program of their own: together with their use they would be fused into it, and recomputed
 # for every point.
@@ -60,10 +65,3 @@ def tabulated(sequence: BinarySequence, start: Array, blocks: int, rows: int = R
         (sequence._mirrors(low, dims), sequence._words(low, dims)),
         (sequence._mirrors(high, dims), sequence._words(high, dims)),
     )
-
-
-@partial(jax.jit, static_argnames="count")
-def part(blocks: Blocks, first: Array, count: int) -> Blocks:
-    """Return ``count`` of the blocks."""
-    mirrors, words = (jax.lax.dynamic_slice_in_dim(high, first, count) for high in blocks.high)
-    return Blocks(blocks.low, (mirrors, words))

@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-_CHUNK = 2**22
-"""Bytes made at a time: what stays in a processor's cache."""
+_CHUNK = 2**21
+"""Bytes made at a time: what stays in a processor's cache, while the next ones are made."""
 
 _LARGE = 2**25
 """Bytes from which memory is always new, never what an earlier array left behind."""
@@ -40,9 +40,10 @@ def kept(make: Callable[[int, int], Array], n: int, dims: int, dtype: np.dtype) 
         return make(0, n)
     rows = _aligned((n, dims), dtype)
     for first in range(0, n, count):
-        rows[first : first + count] = np.asarray(chunk)[: n - first]
-        if first + count < n:
-            chunk = make(first + count, min(count, n - first - count))
+        done, following = chunk, first + count
+        if following < n:
+            chunk = make(following, min(count, n - following))
+        rows[first:following] = np.asarray(done)[: n - first]
     return jax.device_put(rows)
 
 

@@ -90,6 +90,7 @@ SIDE, SPP = 32, 4
 SAMPLERS = {
     "independent, owen": samplers.independent(sequences.sobol(2), key=3),
     "independent, xor": samplers.independent(sequences.sobol(2), key=3, randomize="xor"),
+    "independent, shift": samplers.independent(sequences.halton(2), key=3, randomize="shift"),
     "independent, uniform": samplers.independent(sequences.uniform(2, key=1), key=3),
     "screen, hammersley": samplers.screen(sequences.hammersley_net(12), SIDE, SIDE),
     "screen, larcher_pillichshammer": samplers.screen(sequences.larcher_pillichshammer_net(12), SIDE, SIDE),
@@ -122,6 +123,9 @@ SAMPLERS = {
         orders.hilbert(SIDE, SIDE), sequences.halton(3, "faure_lemieux"), sequences.lattice(3)
     ),
     "randomized, contiguous, owen": samplers.randomized(owen_pass, key=3),
+    "z, hash": samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
+    "z, tree": samplers.z(SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)),
+    "z, plain, counts": samplers.z(SIDE, SIDE, SPP, None, "plain").adaptive([[SPP] * SIDE] * SIDE),
 }
 
 

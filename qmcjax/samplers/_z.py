@@ -1,0 +1,154 @@
+"""The Z-sampler: contiguous blocks of a sequence along hierarchically scrambled Morton orders."""
+
+from dataclasses import replace
+
+import jax
+from jax import Array
+
+from qmcjax import checks
+from qmcjax.orders import log_side
+from qmcjax.orders._base import size
+from qmcjax.orders._hierarchy import ScrambledMorton
+from qmcjax.orders._lookup_tree import LookupTree, random_permutations
+from qmcjax.orders._scrambled_morton import VARIANTS, scrambled_morton
+from qmcjax.samplers._z_blocks import Z
+from qmcjax.sequences import BinarySequence, sobol
+from qmcjax.sequences._base import binary
+
+PLAIN = "plain"
+
+MAX_SPP = 2**31
+"""Most samples of a pixel: so many fit a shift in words of 32 bits."""
+
+
+def z(
+    width: int,
+    height: int,
+    spp: int,
+    key: Array | int | None,
+    variant: str = "hash",
+    dims: int | None = None,
+    constituents: tuple[int, ...] | None = None,
+    sequence: BinarySequence | None = None,
+    alphabet: int | None = None,
+) -> Z:
+    """Sample the pixels with blocks of the Sobol' sequence in a scrambled Morton order, to diffuse the error.
+
+    The dimensions are padded: each pair, or single one, is a constituent with the first coordinates of the
+    same Sobol' sequence, and has an order of the pixels of its own. In a constituent, every aligned square of
+    ``2**k`` pixels a side has a contiguous aligned block of ``4**k * spp`` points. The order of the pixels
+    goes on below them, with the numbers of their samples.
+
+    Parameters
+    ----------
+    width, height : int
+        In [1, 65536]. The orders fill the next square with a power of two as side.
+    spp : int
+        Samples of each pixel: a power of two, at most 2**31. Fewer can be taken, see Notes; for more, see
+        ``Z.extended``; for different numbers, ``Z.adaptive``.
+    key : jax.random.key, or int in [0, 2**32)
+        A new key gives new orders and compiles nothing anew. Not used by "plain": it may be None there.
+    variant : {"plain", "hash", "multiplicative", "tree", "art"}
+        "plain" is the paper's Z0: Morton's order for all constituents. Hence these are the same, and their
+        coordinates repeat: take a joint ``sequence`` for more than two dimensions. The others are those of
+        :func:`orders.scrambled_morton`. "tree" and "art" have one production for all constituents, with
+        permutations for each (Eq. 13 to 18).
+    dims : int, optional
+        Number of coordinates, by default 2, in pairs; if it is odd, the last one is single.
+    constituents : tuple of int, optional
+        Instead: the sizes of the constituents, each 1 or 2, for coordinates 0, 1, ... from left to right.
+    sequence : sequence in base 2, optional
+        Instead: a joint sequence for all dimensions, with a single order.
+    alphabet : int, optional
+        For "tree" and only there: the number of letters, in [1, 65536], by default 4096.
+
+    Returns
+    -------
+    Z
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, ``spp`` is no power of two, two of ``dims``, ``constituents`` and
+        ``sequence`` are given, or ``sequence`` has fewer points than the padded raster has samples.
+
+    Notes
+    -----
+    Where the raster has more than 2**32 samples, the indices of a padded sampler take two words, and the
+    coordinates are exact to 32 digits. Joint sequences end at 2**32 points.
+
+    Where spp is an odd power of two, the last bit of a sample's number is flipped by a random bit.
+
+    All samples of a pixel are a (0, log2(spp), 2)-net in each constituent of two dimensions. To end early is
+    best after ``4**k`` samples if spp is a power of four, else after ``2 * 4**k``: these are nets, too. With
+    twice as many, only a third of the pixels have a net. At two positions that differ in the last bit only,
+    any two samples differ in each coordinate by an odd multiple of ``1 / (2 * spp)`` [1]_ (Appendix A says
+    so of four samples, but prints the multiples of 1/8 for eight).
+
+    Nothing but the orders is random: over the keys, a pixel's mean is that of the points of all pixels, not
+    the integral. With a randomised joint ``sequence`` it is.
+
+    References
+    ----------
+    .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+       Hierarchical Ordering of Pixels", 2020, Sect. 3, 4.4, and Appendix A.
+
+    Examples
+    --------
+    >>> sampler = z(64, 64, 4, key=1, dims=5)
+    >>> print(sampler(3, 5, 0, dims=(2, 3, 4)).shape)
+    (3,)
+    >>> print(z(64, 64, 1, None, "plain")(3, 1, 0))  # point 7 of the Sobol' sequence
+    [0.875 0.875]
+    """
+    width, height = size(width, height)
+    spp = checks.integer("spp", spp, 1, MAX_SPP)
+    if spp & (spp - 1):
+        raise ValueError(f"spp must be a power of two, got {spp}")
+    if sum(given is not None for given in (dims, constituents, sequence)) > 1:
+        raise ValueError(
+            f"dims, constituents, sequence: at most one must be given, got dims={dims}, "
+            f"constituents={constituents}, sequence={sequence}"
+        )
+    if sequence is None:
+        sizes, sequence = _padded(2 if dims is None else dims, constituents), sobol(2)
+    else:
+        sizes = (binary("sequence", sequence).dims,)
+        pixels = 4 ** log_side(width, height)
+        if pixels * spp > sequence.limit:
+            raise ValueError(
+                f"spp must be at most {sequence.limit // pixels}: the padded raster has {pixels} pixels and "
+                f"the sequence {sequence.limit} indices, got {spp}"
+            )
+    orders = _orders(width, height, key, variant, alphabet, len(sizes))
+    return Z(orders, sequence, width, height, spp, sizes)
+
+
+def _padded(dims: int, constituents: tuple[int, ...] | None) -> tuple[int, ...]:
+    if constituents is None:
+        pairs, single = divmod(checks.integer("dims", dims, 1, checks.INDEX_LIMIT - 1), 2)
+        return (2,) * pairs + (1,) * single
+    if not isinstance(constituents, tuple) or not constituents or set(constituents) - {1, 2}:
+        raise ValueError(f"constituents must be a tuple of 1s and 2s, got {constituents!r}")
+    return tuple(map(int, constituents))
+
+
+def _orders(
+    width: int, height: int, key: Array | int | None, variant: str, alphabet: int | None, count: int
+) -> tuple[ScrambledMorton, ...]:
+    if variant == PLAIN:
+        if alphabet is not None:
+            raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
+        return ()
+    if variant not in VARIANTS:
+        raise ValueError(f"variant must be one of {(PLAIN, *VARIANTS)}, got {variant!r}")
+    random = checks.prng_key("key", key)
+    of_first, of_others = jax.random.split(random)
+    order = scrambled_morton(width, height, of_first, variant, alphabet)
+    keys = jax.random.split(of_others, count - 1) if count > 1 else ()
+    if isinstance(order, LookupTree):
+        letters = order.permutations.shape[0]
+        others = [replace(order, permutations=random_permutations(letters, k)) for k in keys]
+    else:
+        others = [scrambled_morton(width, height, k, variant) for k in keys]
+    return (order, *others)

@@ -1,0 +1,215 @@
+"""The classes of the Z-sampler: with one number of samples for all pixels, or one for each."""
+
+from dataclasses import dataclass, field, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike, DTypeLike
+
+from qmcjax import checks
+from qmcjax.orders import log_side
+from qmcjax.orders._hierarchy import ScrambledMorton
+from qmcjax.orders._morton import Morton
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._z_index import Index, append, scrambled_number, scrambled_numbers
+from qmcjax.sequences import BinarySequence
+
+
+@pytree
+@dataclass(frozen=True)
+class Z(Sampler):
+    """Pixel p of a constituent's order takes the points spp * p, ..., in an order of its own."""
+
+    orders: tuple[ScrambledMorton, ...]
+    """One for each constituent; none for Z0, whose order is Morton's for all."""
+
+    sequence: BinarySequence
+    """Each constituent has its first coordinates."""
+
+    width: int = field(metadata={"static": True})
+    height: int = field(metadata={"static": True})
+    spp: int = field(metadata={"static": True})
+    constituents: tuple[int, ...] = field(metadata={"static": True})
+    rounds: int = field(default=1, metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return sum(self.constituents)
+
+    @property
+    def log_spp(self) -> int:
+        """Binary logarithm of ``spp``."""
+        return self.spp.bit_length() - 1
+
+    @property
+    def log_side(self) -> int:
+        """Binary logarithm of the side of the padded raster."""
+        return log_side(self.width, self.height)
+
+    def extended(self, rounds: int) -> "Z":
+        """Let the pixels go on after ``spp`` samples, up to ``rounds * spp``.
+
+        In round r (samples ``r * spp`` and on) the pixel at position p of an order takes the points of that
+        at position p xor r, in its own order: in round 1 two siblings swap theirs. With ``rounds`` a power
+        of two, a pixel has a contiguous aligned block of the sequence after the last one. The first round
+        is the same as without.
+
+        Parameters
+        ----------
+        rounds : int
+            At least 1, at most as many as the padded raster has pixels, and ``rounds * spp < 2**32``.
+
+        Returns
+        -------
+        Z
+
+        Raises
+        ------
+        ValueError
+            If ``rounds`` is out of range.
+
+        Notes
+        -----
+        A joint sequence gives a pixel the very points that another one has had. With several constituents
+        they are combined anew, since the orders differ. In both cases neighbours have similar errors in the
+        rounds after the first: a larger ``spp`` is better than more rounds [1]_.
+
+        References
+        ----------
+        .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+           Hierarchical Ordering of Pixels", 2020, Appendix A, third scenario.
+        """
+        most = min(4**self.log_side, (checks.INDEX_LIMIT - 1) // self.spp)
+        return replace(self, rounds=checks.integer("rounds", rounds, 1, most))
+
+    def adaptive(self, counts: ArrayLike) -> "AdaptiveZ":
+        """Nominate a number of samples for each pixel.
+
+        A pixel with c samples has those of the sampler with ``spp=c`` and the same key. Error is diffused
+        among pixels with equal counts; among others, points may coincide [1]_.
+
+        Parameters
+        ----------
+        counts : integer ArrayLike, shape (height, width)
+            Powers of two in [1, spp], for pixel (x, y) in ``counts[y, x]``. New counts compile nothing
+            anew.
+
+        Returns
+        -------
+        AdaptiveZ
+
+        Raises
+        ------
+        ValueError
+            If ``counts`` has another shape or a number that is known not to be such a power.
+
+        References
+        ----------
+        .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+           Hierarchical Ordering of Pixels", 2020, Appendix A, first scenario.
+        """
+        counts = jnp.asarray(counts)
+        if counts.shape != (self.height, self.width) or not jnp.issubdtype(counts.dtype, jnp.integer):
+            raise ValueError(
+                f"counts must be integers of shape {(self.height, self.width)}, got {counts.dtype} "
+                f"of shape {counts.shape}"
+            )
+        if not isinstance(counts, Tracer):
+            wrong = (counts < 1) | (counts > self.spp) | (jax.lax.population_count(counts) != 1)
+            if wrong.any():
+                raise ValueError(
+                    f"counts must be powers of two in [1, spp={self.spp}], got {int(counts[wrong][0])}"
+                )
+        return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(counts.astype(jnp.uint32)))
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        sample = checks.unsigned("sample", sample, self.rounds * self.spp)
+        return self._points(x, y, sample, dims, dtype, self.log_spp)
+
+    def _points(
+        self,
+        x: Array,
+        y: Array,
+        sample: Array,
+        dims: tuple[int, ...],
+        dtype: DTypeLike,
+        log_count: int | Array,
+    ) -> Array:
+        code = Morton(self.width, self.height).position(x, y)
+        places = [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
+        wanted = [places[j] for j in dims]
+        indices = {c: self._index(c, code, sample, log_count) for c in sorted({c for c, _ in wanted})}
+        if len(self.constituents) == 1 and not self._wide:
+            return self.sequence._values(indices[0][1], dims, dtype)
+        return jnp.stack([self._coordinate(indices[c], j, dtype) for c, j in wanted], axis=-1)
+
+    def _index(self, constituent: int, code: Array, sample: Array, log_count: int | Array) -> Index:
+        position, number, passed = code, sample, np.uint32(0)
+        if self.rounds > 1:
+            passed = sample >> log_count
+            number = sample ^ (passed << log_count)
+        if self.orders:
+            order = self.orders[constituent]
+            position, node = order.scrambled(code, self.log_side)
+            if isinstance(log_count, int):
+                number = scrambled_number(order, number, log_count, node)
+            else:
+                number = scrambled_numbers(order, number, log_count, self.log_spp, node)
+        return append(position ^ passed, number, log_count)
+
+    @property
+    def _wide(self) -> bool:
+        return 4**self.log_side * self.spp > checks.INDEX_LIMIT
+
+    def _coordinate(self, index: Index, dim: int, dtype: DTypeLike) -> Array:
+        high, low = index
+        if self._wide and dim == 1:
+            # Column 32 + k of Pascal's matrix begins with the 32 digits of column k, by Lucas' theorem; the
+            # other columns of the first matrix begin with 32 zeros.
+            low = low ^ high
+        return self.sequence.coordinate(low, dim, dtype)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the sampler's image and each pixel has so many samples."""
+        check_size("sampler", (self.width, self.height), (width, height))
+        check_count(spp, self.rounds * self.spp, "samples of a pixel")
+
+
+@pytree
+@dataclass(frozen=True)
+class AdaptiveZ(Sampler):
+    """The Z-sampler with an own number of samples for each pixel."""
+
+    sampler: Z
+    log_counts: Array
+    """uint32 (height, width): binary logarithms of the numbers."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sampler.dims
+
+    @property
+    def _limits(self) -> Array:
+        return np.uint32(self.sampler.rounds) << self.log_counts
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        x = checks.unsigned("x", x, self.sampler.width)
+        y = checks.unsigned("y", y, self.sampler.height)
+        beyond = sample >= self._limits[y, x]
+        if not isinstance(beyond, Tracer) and beyond.any():
+            raise ValueError(
+                f"sample must be below the {int(self._limits[y, x][beyond][0])} samples of its pixel, "
+                f"got {int(sample[beyond][0])}"
+            )
+        return self.sampler._points(x, y, sample, dims, dtype, self.log_counts[y, x])
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless this is the sampler's image and each pixel has so many samples."""
+        check_size("sampler", (self.sampler.width, self.sampler.height), (width, height))
+        check_count(spp, int(self._limits.min()), "samples of the pixel that has fewest")

@@ -11,6 +11,7 @@ from analysis._intervals import is_latin_hypercube as is_latin_hypercube
 from analysis._intervals import is_stratified as is_stratified
 from analysis._matrix_search import MatrixSearch as MatrixSearch
 from analysis._matrix_search import search_matrices as search_matrices
+from analysis._neighbours import neighbour_differences as neighbour_differences
 from analysis._net_search import NetSearch as NetSearch
 from analysis._net_search import search_net as search_net
 from analysis._nets import projection_t_values as projection_t_values

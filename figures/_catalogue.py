@@ -31,7 +31,14 @@ CATALOGUE = {
     "thesis-6.3": Entry("figures.thesis_6_3", "The zone plate at 64 samples per pixel"),
     "thesis-6.4": Entry("figures.thesis_6_4", "Convergence on the zone plate"),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
-    "hilbert-1": Entry(
-        "figures.hilbert_1", "Morton and Hilbert curves and their segments in a 3x3 neighbourhood"
-    ),
+    "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),
+    "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),
+    "hilbert-3": Entry("figures.hilbert_3", "Radical inverses along the curves"),
+    "hilbert-4": Entry("figures.hilbert_4", "Scrambled radical inverses along the curves"),
+    "z-2": Entry("figures.z_2", "The Morton order of 8 x 8 pixels"),
+    "z-3": Entry("figures.z_3", "A soft shadow at one sample a pixel, with and without Morton order"),
+    "z-4": Entry("figures.z_4", "The accordion order, unfolded cut by cut"),
+    "z-5": Entry("figures.z_5", "The permutations of a scrambled Morton order"),
+    "z-6": Entry("figures.z_6", "The samples of 128 x 128 pixels and their star discrepancies"),
+    "z-8": Entry("figures.z_8", "Dimension 5 of the global Sobol' sequence"),
 }

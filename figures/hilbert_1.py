@@ -1,83 +1,153 @@
-"""Hilbert paper Fig. 1: the Morton and the Hilbert curve, and their segments in 3x3 neighbourhoods."""
+"""Hilbert paper Fig. 1: four space-filling curves, and their segments in 3x3 neighbourhoods."""
 
+import math
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
 import analysis
-from qmcjax import orders
+from figures._curves import CURVES, Table, square
+from figures._peano_variants import VARIANTS, meander, peano_variants
 
-CURVES = {"Morton": orders.morton, "Hilbert": orders.hilbert}
-SHOWN = 16
-"""Side of the pixel grid that is drawn."""
+SHOWN = (16, 27)
+"""Sides of the pixel grids that are drawn, in base 2 and 3."""
 
-COUNTED = 512
-"""Side of the pixel grid that the histogram is of."""
+COUNTED = {"draft": (128, 243), "paper": (512, 729)}
+"""Sides of the pixel grids that the histogram is of."""
+
+VARIANT_DIGITS = 3
 
 NOTE = (
-    "A segment is a maximal run of consecutive positions among a neighbourhood's 9 pixels. Only interior "
-    "pixels, whose neighbourhood lies in the image, are counted; the picture shows the clipped counts at the "
-    "border too. The paper's sentence compares four curves; Moore and Peano are not in this figure."
+    "A segment is a maximal run of consecutive positions among a neighbourhood's 9 pixels. The histogram is "
+    "of interior pixels, whose neighbourhood lies in the image; the pictures show the clipped counts at the "
+    "border too. By the caption the maximum 'is smallest for the Hilbert and Moore curves', by Sect. 3 it is "
+    "smaller than that of the Morton and of the Peano curve. The first holds, as a tie: Peano's own curve "
+    "has the same maximum, 4. Half of its neighbourhoods have it, and a fifth of Hilbert's and Moore's. The "
+    "second is true of Morton, and of other curves that bear Peano's name: of the 512 that transpose a fixed "
+    "choice of his nine parts at every level, 508 have the maximum 5, and so has Wunderlich's meander. The "
+    "other four are Peano's own, its transpose, and the two that transpose every other part. The definition "
+    "does not decide between the curves: the maxima are the same with the border, whose neighbourhoods are "
+    "clipped; if a segment counts only where the curve steps into the neighbourhood, so that the one that "
+    "starts the curve does not; and if the ends of a closed curve are joined. Counted as edges across the "
+    "neighbourhood's outline all numbers double, but for neighbourhoods with an end of the curve. The means "
+    "do not tell Hilbert, Moore and Peano apart: all approach 3."
 )
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Draw both curves with the number of segments in every pixel, and the histogram of a larger grid."""
-    del quality  # Exact, and quick at full size.
-    figure = Figure(figsize=(15, 5.4), layout="constrained")
-    *panels, histogram = figure.subplots(1, 3)
+    """Draw the curves with the number of segments in every pixel, and the histograms of larger grids."""
+    sides = COUNTED[quality]
+    figure = Figure(figsize=(16.5, 11), layout="constrained")
+    panels = figure.subplots(2, 3)
+    histogram, variants = panels[:, 2]
     measured = {}
-    for (name, make_order), axes in zip(CURVES.items(), panels, strict=True):
-        _draw_curve(axes, make_order(SHOWN, SHOWN), name)
-        counts = analysis.segment_counts(make_order(COUNTED, COUNTED))[1:-1, 1:-1]
-        values, numbers = np.unique(counts, return_counts=True)
-        offset = 0.4 * list(CURVES).index(name) - 0.2
-        histogram.bar(values + offset, numbers / counts.size, 0.4, label=f"{name}, mean {counts.mean():.2f}")
-        measured[name] = {
-            "maximum": int(counts.max()),
-            "mean": float(counts.mean()),
-            "histogram": {str(v): int(n) for v, n in zip(values, numbers, strict=True)},
-        }
-        progress(len(measured) / len(CURVES))
+    for k, (name, axes) in enumerate(zip(CURVES, panels[:, :2].ravel(), strict=True)):
+        _draw_curve(axes, square(name, *SHOWN), name)
+        measured[name] = _measure(square(name, *sides))
+        counts = measured[name]["histogram"]
+        shares = np.array(list(counts.values())) / sum(counts.values())
+        histogram.bar(
+            [int(count) + 0.2 * k - 0.3 for count in counts],
+            shares,
+            0.2,
+            label=f"{name}, mean {measured[name]['mean']:.2f}",
+        )
+        progress((k + 1) / (len(CURVES) + 1))
     histogram.set(
         xlabel="segments in the 3x3 neighbourhood",
-        ylabel="part of the interior pixels",
-        title=f"{COUNTED} x {COUNTED} pixels",
+        ylabel="share of the interior pixels",
+        title=f"{sides[0]} x {sides[0]} pixels, Peano {sides[1]} x {sides[1]}",
+        xlim=(0.4, 5.6),
+        xticks=range(1, 6),
     )
-    histogram.set_xticks(range(1, 7))
-    histogram.legend()
+    histogram.legend(loc="upper left")
+    measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
+    measured["maxima of the 512 variants of the Peano curve"] = _draw_variants(variants)
     figure.suptitle(
         "Space-filling curves and the segments that enter a 3x3 neighbourhood (Hilbert paper, Fig. 1)"
     )
-    claim = {
-        "the maximum is smaller for Hilbert than for Morton": _maximum(measured, "Hilbert")
-        < _maximum(measured, "Morton")
-    }
-    return figure, {"measured": measured, "printed": claim, "note": NOTE}
+    return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
 
 
-def _maximum(measured: dict, name: str) -> int:
-    return measured[name]["maximum"]
-
-
-def _draw_curve(axes: Axes, order: orders.Order, name: str) -> None:
-    counts = analysis.segment_counts(order)
-    axes.imshow(counts, cmap="Greens", vmin=0, vmax=8, alpha=0.6)
-    x, y = (np.asarray(c).astype(int) for c in order.pixel(jnp.arange(order.length, dtype=jnp.uint32)))
-    axes.plot(x, y, color="0.55", lw=1)
+def _measure(curve: Table) -> dict:
+    counts = analysis.segment_counts(curve)
     interior = counts[1:-1, 1:-1]
-    row, column = (int(c) + 1 for c in np.unravel_index(interior.argmax(), interior.shape))
+    values, numbers = np.unique(interior, return_counts=True)
+    return {
+        "maximum": int(interior.max()),
+        "maximum with the border": int(counts.max()),
+        "maximum of the steps that enter": int(_entering(curve, counts).max()),
+        "maximum if the ends of a closed curve are joined": int(_joined(curve, counts).max()),
+        "share at the maximum": float(np.mean(interior == interior.max())),
+        "mean": float(interior.mean()),
+        "histogram": {str(v): int(n) for v, n in zip(values, numbers, strict=True)},
+    }
+
+
+def _around(curve: Table, position: int) -> NDArray[np.bool_]:
+    """Tell which neighbourhoods hold the pixel at a position."""
+    x, y = (int(c[position]) for c in curve.path())
+    rows, columns = np.indices(curve.positions.shape)
+    return np.maximum(np.abs(columns - x), np.abs(rows - y)) <= 1
+
+
+def _entering(curve: Table, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Leave out the segment that starts the curve: it enters no neighbourhood."""
+    return counts - _around(curve, 0)
+
+
+def _joined(curve: Table, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Count the first and the last segment as one where they meet."""
+    x, y = curve.path()
+    is_closed = abs(x[0] - x[-1]) + abs(y[0] - y[-1]) == 1
+    return counts - (_around(curve, 0) & _around(curve, -1)) if is_closed else counts
+
+
+def _claims(measured: dict) -> dict[str, bool]:
+    maximum = {name: measured[name]["maximum"] for name in CURVES}
+    largest = max(maximum["Hilbert"], maximum["Moore"])
+    return {
+        "no maximum is smaller than that of Hilbert and Moore": largest == min(maximum.values()),
+        "the maximum is smaller for Hilbert and Moore than for Morton": largest < maximum["Morton"],
+        "the maximum is smaller for Hilbert and Moore than for Peano": largest < maximum["Peano"],
+        "it is smaller than for Wunderlich's meander": largest < measured["Wunderlich's meander"]["maximum"],
+    }
+
+
+def _draw_curve(axes: Axes, curve: Table, name: str) -> None:
+    counts = analysis.segment_counts(curve)
+    axes.imshow(counts, cmap="Greens", vmin=0, vmax=8, alpha=0.6)
+    x, y = curve.path()
+    axes.plot(x, y, color="0.55", lw=1)
+    largest = np.argwhere(counts == counts[1:-1, 1:-1].max())
+    row, column = min(largest.tolist(), key=lambda pixel: math.dist(pixel, (len(counts) / 2,) * 2))
     axes.add_patch(Rectangle((column - 1.5, row - 1.5), 3, 3, fill=False, color="darkgreen", lw=2))
     inside = np.flatnonzero((abs(x - column) <= 1) & (abs(y - row) <= 1))
     for k, run in enumerate(np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)):
         axes.plot(x[run], y[run], "o-", color=matplotlib.colormaps["tab10"](k), lw=3, ms=4)
     for (v, u), count in np.ndenumerate(counts):
-        axes.text(u + 0.32, v + 0.36, str(count), fontsize=6, ha="center", va="center")
+        axes.text(u + 0.27, v + 0.27, str(count), fontsize=110 / len(counts), ha="center", va="center")
     axes.set(
         title=f"{name}: {counts[row, column]} segments in the marked neighbourhood", xticks=[], yticks=[]
     )
+
+
+def _draw_variants(axes: Axes) -> dict[str, int]:
+    maxima = [
+        int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in peano_variants(VARIANT_DIGITS)
+    ]
+    values, numbers = np.unique(maxima, return_counts=True)
+    axes.bar_label(axes.bar(values, numbers, 0.6, color="0.6"))
+    axes.set(
+        xlabel="maximum of the segments in interior 3x3 neighbourhoods",
+        ylabel="curves",
+        title=f"{VARIANTS} Peano curves with transposed parts, 27 x 27 pixels",
+        xlim=(0.4, 5.6),
+        xticks=range(1, 6),
+    )
+    return {str(v): int(n) for v, n in zip(values, numbers, strict=True)}

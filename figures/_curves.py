@@ -1,0 +1,116 @@
+"""The space-filling curves of the two rendering papers, as tables, as images and as sheets of them."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from qmcjax import orders, sequences
+
+CURVES = {
+    "Morton": orders.morton,
+    "Hilbert": orders.hilbert,
+    "Moore": orders.moore,
+    "Peano": orders.peano,
+}
+"""In the order of the columns of the Hilbert paper's figures."""
+
+STRONGEST = 0.01
+"""The part of an image's frequencies whose share of the power tells regular structures."""
+
+LOW = 1 / 16
+"""Cycles a pixel, below which the eye sees errors from afar."""
+
+EXPLAINED = (
+    "White noise has a share of 0.05 of the power in the strongest 1 % of the frequencies, regular "
+    "structures up to 1. The power at low frequencies, below 1/16 of a cycle a pixel, is 1 for white noise."
+)
+"""What `structure` measures."""
+
+DPI = 150
+"""Pixels an inch of the picture."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """An order that fills a square, given by its positions, [y, x]."""
+
+    positions: NDArray[np.int64]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return self.positions.shape[1]
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return self.positions.shape[0]
+
+    def position(self, x: NDArray, y: NDArray) -> NDArray[np.int64]:
+        """Return the positions of pixels."""
+        return self.positions[y, x]
+
+    def path(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return columns and rows along the curve."""
+        y, x = np.divmod(np.argsort(self.positions, axis=None), self.width)
+        return x, y
+
+
+def tabulated(order: orders.Order) -> Table:
+    """Evaluate an order whose image is its whole raster."""
+    x = jnp.arange(order.width, dtype=jnp.uint32)[None, :]
+    y = jnp.arange(order.height, dtype=jnp.uint32)[:, None]
+    return Table(np.asarray(jax.jit(lambda: order.position(x, y))()).astype(np.int64))
+
+
+def square(name: str, binary: int, ternary: int) -> Table:
+    """Make one of the curves to fill a square, whose side is a power of the curve's base."""
+    side = ternary if name == "Peano" else binary
+    return tabulated(CURVES[name](side, side))
+
+
+def enumerated(curve: Table, sequence: sequences.Sequence, dim: int = 0) -> NDArray[np.float64]:
+    """Return the image of one coordinate of a sequence whose points go along the curve, one a pixel."""
+    points = sequence.points(curve.positions.size, dtype=jnp.float64)
+    return np.asarray(points)[curve.positions, dim]
+
+
+def structure(image: NDArray[np.float64]) -> dict[str, float]:
+    """Measure how regular an image is, and how much of it shows from afar; see `EXPLAINED`."""
+    spectrum = analysis.error_spectrum(image, np.zeros_like(image))
+    strongest = np.sort(spectrum, axis=None)[::-1][: round(STRONGEST * spectrum.size)]
+    distance = np.hypot(*np.meshgrid(*(np.fft.fftfreq(side) for side in spectrum.shape)))
+    return {
+        "share of the strongest 1 % of frequencies": float(strongest.sum() / spectrum.size),
+        "power at low frequencies": float(spectrum[(distance > 0) & (distance < LOW)].mean()),
+    }
+
+
+def image_sheet(title: str, rows: dict[str, dict[str, NDArray]], panel: int = 330) -> Figure:
+    """Show rows of square images of values in [0, 1], from label to column to image, ``panel`` pixels wide.
+
+    Each pixel of an image is a whole number of the picture's: anything else would add patterns.
+    """
+    names = list(next(iter(rows.values())))
+    margin, gap, top = 40, 12, 75
+    width, height = margin + len(names) * (panel + gap), top + len(rows) * (panel + gap)
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(title, y=1 - 14 / height, fontsize=9)
+    for row, (label, images) in enumerate(rows.items()):
+        for column, image in enumerate(images.values()):
+            side = len(image) * (panel // len(image))
+            left, bottom = margin + column * (panel + gap), height - top - row * (panel + gap) - side
+            axes = figure.add_axes((left / width, bottom / height, side / width, side / height))
+            axes.imshow(image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
+            axes.set(xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
+            if row == 0:
+                axes.set_title(names[column], fontsize=8)
+            if column == 0:
+                axes.set_ylabel(label, fontsize=7)
+    return figure

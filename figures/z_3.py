@@ -1,0 +1,96 @@
+"""Z paper Fig. 3: a soft shadow at one sample a pixel, with the (0,2)-sequence and in Morton order."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+
+import analysis
+import qmcjax as qj
+from figures._curves import EXPLAINED, image_sheet, structure
+from qmcjax import orders, samplers, sequences
+from qmcjax.pytrees import pytree
+
+SIDE, KEY = 256, 1
+REFERENCE_SPP = {"draft": 256, "paper": 4096}
+
+TOP, LEFT, CROP = 32, 96, 64
+"""The magnified area, in pixels: in the penumbra."""
+
+NOTE = (
+    "The paper renders a scene of its own; here a disc casts the shadow of a square light onto the floor, "
+    "seen from above: four dimensions, two of the pixel and two of the light. At one sample a pixel, the "
+    "(0,2)-sequence with its xor scrambling is one random point in each pixel. Z0 has the same samples for "
+    "pixel and light, as the paper says of it. The reference has {spp} samples a pixel. The spectra are of "
+    f"the errors, in logarithmic shades from 0.01 to 100. {EXPLAINED}"
+)
+
+
+@pytree
+@dataclass(frozen=True)
+class SoftShadow:
+    """The part of a square light above the floor's middle that a disc, halfway up, leaves visible."""
+
+    light: Array | float
+    """Side of the light; that of the floor is 1."""
+
+    radius: Array | float
+    """Of the disc."""
+
+    needs: ClassVar[tuple[str, ...]] = ("x", "y", "light", "light")
+
+    def __call__(self, point: Array) -> Array:
+        """Return 1 where the floor sees the point on the light, else 0."""
+        light, radius = (jnp.asarray(value).astype(point.dtype) for value in (self.light, self.radius))
+        crossing = 0.5 * ((point[..., :2] - 0.5) + light * (point[..., 2:] - 0.5))
+        return jnp.where(jnp.sum(crossing**2, axis=-1) < radius**2, 0.0, 1.0).astype(point.dtype)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Render the shadow with both samplers, and show the spectra of their errors."""
+    scene, spp = SoftShadow(0.5, 0.2), REFERENCE_SPP[quality]
+    compared = {
+        "(0,2)-sequence, xor-scrambled": samplers.independent(sequences.sobol(4), KEY, randomize="xor"),
+        "Z0": samplers.z(SIDE, SIDE, 1, None, "plain", dims=4),
+    }
+    images = {
+        name: np.asarray(qj.render(scene, sampler, SIDE, SIDE, 1), np.float64)
+        for name, sampler in compared.items()
+    }
+    progress(0.3)
+    many = samplers.contiguous(orders.morton(SIDE, SIDE), sequences.sobol(4), spp)
+    reference = np.asarray(qj.render(scene, many, SIDE, SIDE, spp), np.float64)
+    progress(0.9)
+    spectra = {name: analysis.error_spectrum(image, reference) for name, image in images.items()}
+    shown = images | {f"reference, {spp} samples a pixel": reference}
+    rows = {
+        "image": shown,
+        "magnified 4 times": {
+            name: image[TOP : TOP + CROP, LEFT : LEFT + CROP] for name, image in shown.items()
+        },
+        "spectrum of the error": {
+            name: np.clip((np.log10(np.fft.fftshift(power) + 1e-9) + 2) / 4, 0, 1)
+            for name, power in spectra.items()
+        },
+    }
+    title = "A soft shadow at 1 sample a pixel, with and without Morton order (Z paper, Fig. 3)"
+    measured = {
+        name: {"RMS error": float(np.sqrt(np.mean((image - reference) ** 2)))} | structure(image - reference)
+        for name, image in images.items()
+    }
+    numbers = {"measured": measured, "printed": _claims(*measured.values()), "note": NOTE.format(spp=spp)}
+    return image_sheet(title, rows, panel=SIDE), numbers
+
+
+def _claims(random: dict[str, float], morton: dict[str, float]) -> dict[str, bool]:
+    low, share = "power at low frequencies", "share of the strongest 1 % of frequencies"
+    return {
+        "excellent error diffusion: Z0 has less than half the power at low frequencies": morton[low]
+        < 0.5 * random[low],
+        "significant aliasing: Z0 has more than twice the share of the strongest frequencies": morton[share]
+        > 2 * random[share],
+    }

@@ -1,0 +1,103 @@
+"""Z paper Fig. 8: dimension 5 of the global Sobol' sequence over a screen, on a grey ramp."""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from figures._curves import image_sheet
+from qmcjax import samplers, sequences
+
+SIDE, DIM = 256, 5
+COMPARED = tuple(range(2, 10))
+SAMPLES = 64
+
+NOTE = (
+    "Dimensions count from 0, so that 0 and 1 are the pixel, as in PBRT; the matrices are Joe and Kuo's. "
+    "Of the dimensions 2 to 9 only 5 has halves that are made of aligned blocks of 2 x 2 pixels; swapping "
+    "the halves between the first and the second 64k samples is no rarity. 'error' is the root mean "
+    "square, over the pixels, of the mean of so many samples minus 1/2: for n independent samples it is "
+    "0.29 / sqrt(n), for n equidistant ones with a random shift 0.29 / n."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Show the first sample of each pixel, the second, and the average of both."""
+    del progress
+    sampler = samplers.screen(sequences.sobol(max(COMPARED) + 1), SIDE, SIDE)
+    first, second = (_values(sampler, sample) for sample in range(2))
+    shown = {
+        "(a) first sample": first[..., DIM - 2],
+        "(b) second sample": second[..., DIM - 2],
+        "(c) average": (first + second)[..., DIM - 2] / 2,
+    }
+    measured = {
+        f"dimension {dim}": {
+            "part of the pixels whose second sample is in the other half": float(
+                np.mean((a < 0.5) != (b < 0.5))
+            ),
+            "side of the aligned blocks whose first samples share a half": _block_side(a < 0.5),
+            "range of the average of two samples": [float(((a + b) / 2).min()), float(((a + b) / 2).max())],
+        }
+        for dim, a, b in zip(COMPARED, np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0), strict=True)
+    }
+    count = SAMPLES if quality == "paper" else SAMPLES // 4
+    measured["error"] = _errors(sampler, count)
+    printed = {
+        "each half of dimension 5 goes with certain blocks of pixels": measured[f"dimension {DIM}"][
+            "side of the aligned blocks whose first samples share a half"
+        ]
+        > 1,
+        "the subsequent 64k samples swap the association": measured[f"dimension {DIM}"][
+            "part of the pixels whose second sample is in the other half"
+        ]
+        == 1.0,
+        "a fair distribution may call for many samples: 8 are worse than independent ones": measured["error"][
+            f"dimension {DIM}"
+        ]["n = 8"]
+        > (12 * 8) ** -0.5,
+    }
+    figure = image_sheet(
+        "Dimension 5 of the global Sobol' sequence on a grey ramp (Z paper, Fig. 8)",
+        {"": shown},
+        panel=2 * SIDE,
+    )
+    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+
+
+def _values(sampler: samplers.Sampler, sample: int) -> NDArray[np.float64]:
+    return np.asarray(_sampled(sampler, np.uint32(sample)), np.float64)
+
+
+@jax.jit
+def _sampled(sampler: samplers.Sampler, sample: Array) -> Array:
+    """Return the compared coordinates of one sample of each pixel."""
+    y, x = jnp.indices((SIDE, SIDE), dtype=jnp.uint32)
+    return sampler(x, y, jnp.full_like(x, sample), dims=COMPARED)
+
+
+def _block_side(upper: NDArray[np.bool_]) -> int:
+    """Return the side of the largest aligned squares within each of which all values agree."""
+    side = SIDE
+    while True:
+        cells = upper.reshape(SIDE // side, side, SIDE // side, side)
+        if np.all(cells == cells[:, :1, :, :1]):
+            return side
+        side //= 2
+
+
+def _errors(sampler: samplers.Sampler, count: int) -> dict[str, dict[str, float]]:
+    errors: dict[str, dict[str, float]] = {f"dimension {dim}": {} for dim in COMPARED}
+    total = np.zeros((SIDE, SIDE, len(COMPARED)))
+    for sample in range(count):
+        total += _values(sampler, sample)
+        n = sample + 1
+        if n & (n - 1) == 0:
+            found = np.sqrt(np.mean((total / n - 0.5) ** 2, axis=(0, 1)))
+            for of_dimension, error in zip(errors.values(), found.tolist(), strict=True):
+                of_dimension[f"n = {n}"] = error
+    return errors

@@ -114,28 +114,48 @@ def _accumulate(
 ) -> State:
     """Add ``batches`` times ``batch`` samples of every pixel."""
     del classes  # Part of the cache's key.
+    scene, sampler = pair
+    dims = tuple(range(len(scene.needs)))
+    if hasattr(sampler, "of_pixels"):
+        sampler = sampler.of_pixels(*_pixels(width, height), dims)
 
     def batch_sum(pair: tuple[Any, Any], k: Array) -> Array:
-        start = k * np.uint32(batch)
-        samples = [_sample(*pair, start + np.uint32(i), width, height, state[0].dtype) for i in range(batch)]
-        return _summation.pairwise(samples)
+        # Or else what the samples of a pixel share would be moved out of the loop, once for each of a batch.
+        (scene, sampler), k = jax.lax.optimization_barrier((pair, k))
+        x, y = _pixels(width, height)
+        points = _points(sampler, x, y, k, batch, dims, state[0].dtype)
+        return _summation.pairwise([scene(_on_screen(point, x, y)) for point in points])
 
-    return _summation.add_terms(batch_sum, pair, state, first, batches)
+    return _summation.add_terms(batch_sum, (scene, sampler), state, first, batches)
 
 
-def _sample(scene: Any, sampler: Any, sample: Array, width: int, height: int, dtype: np.dtype) -> Array:
-    """Return the value of one sample of every pixel."""
-    x = jax.lax.broadcasted_iota(jnp.uint32, (height, width), 1)
-    y = jax.lax.broadcasted_iota(jnp.uint32, (height, width), 0)
-    dims = tuple(range(len(scene.needs)))
-    drawn = sampler(x, y, jnp.broadcast_to(sample, x.shape), dims, dtype)
+def _points(
+    sampler: Any, x: Array, y: Array, k: Array, batch: int, dims: tuple[int, ...], dtype: np.dtype
+) -> list[Array]:
+    """Return batch number k of the samples of every pixel."""
+    if hasattr(sampler, "samples"):
+        return sampler.samples(x, y, k, batch, dims, dtype)
+    numbers = [k * np.uint32(batch) + np.uint32(i) for i in range(batch)]
+    return [sampler(x, y, jnp.broadcast_to(number, x.shape), dims, dtype) for number in numbers]
+
+
+def _on_screen(point: Array, x: Array, y: Array) -> Array:
+    """Take the first two coordinates from the pixel to the screen."""
+    dtype = point.dtype
+    height, width = x.shape
     below_one = np.nextafter(np.ones((), dtype), np.zeros((), dtype))
     on_screen = [
         # The last pixel's sum may round up to 1.
-        jnp.minimum((pixel.astype(dtype) + drawn[..., j]) * np.asarray(1 / side, dtype), below_one)
+        jnp.minimum((pixel.astype(dtype) + point[..., j]) * np.asarray(1 / side, dtype), below_one)
         for j, (pixel, side) in enumerate(((x, width), (y, height)))
     ]
-    return scene(jnp.stack([*on_screen, *(drawn[..., j] for j in dims[2:])], axis=-1))
+    return jnp.stack([*on_screen, *(point[..., j] for j in range(2, point.shape[-1]))], axis=-1)
+
+
+def _pixels(width: int, height: int) -> tuple[Array, Array]:
+    """Return column and row of every pixel."""
+    shape = (height, width)
+    return jax.lax.broadcasted_iota(jnp.uint32, shape, 1), jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
 
 
 @jax.jit

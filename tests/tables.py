@@ -18,7 +18,7 @@ SEQUENCES = {
     "halton(3)": sequences.halton(3),
     "halton(12)": sequences.halton(12),
     "halton, zaremba": sequences.halton(5, "zaremba"),
-    "halton, faure_lemieux": sequences.halton(20, "faure_lemieux"),
+    "halton, faure_lemieux": sequences.halton(10, "faure_lemieux"),
     "halton, random": sequences.halton(5, "random", key=7),
     "faure(10)": sequences.faure(10),
     "faure(2, modified)": sequences.faure(2, modified=1),
@@ -35,6 +35,7 @@ SEQUENCES = {
     "owen(sobol(9))": sequences.owen(sequences.sobol(9), key=7),
     "owen(permutation_net(12))": sequences.owen(sequences.permutation_net(12), key=7),
     "optimized_net(12)": sequences.optimized_net(12),
+    "optimized_sequence": sequences.optimized_sequence(),
     "sobol_net_3d(12)": sequences.sobol_net_3d(12),
     "larcher_pillichshammer_net_3d(12)": sequences.larcher_pillichshammer_net_3d(12),
     "permutation_net_3d(11)": sequences.permutation_net_3d(11),
@@ -122,6 +123,9 @@ SAMPLERS = {
     "shifted, hilbert, lattice": samplers.shifted(
         orders.hilbert(SIDE, SIDE), sequences.halton(3, "faure_lemieux"), sequences.lattice(3)
     ),
+    "dither, numbers": samplers.dither(samplers.blue_noise_mask(1), sequences.halton(3)),
+    "dither, vectors": samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(3)),
+    "ranked": samplers.ranked(3, key=3),
     "randomized, contiguous, owen": samplers.randomized(owen_pass, key=3),
     "z, hash": samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
     "z, tree": samplers.z(SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)),

@@ -12,46 +12,66 @@ each_sampler = pytest.mark.parametrize("sampler", SAMPLERS.values(), ids=SAMPLER
 each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
 
 
+values = jax.jit(
+    lambda sampler, *where, dtype=jnp.float32: sampler(*where, dtype=dtype), static_argnames="dtype"
+)
+
+
 def all_samples(side=SIDE, spp=SPP):
     """Every x, y, sample of a square image, flat."""
     y, x, sample = np.meshgrid(first(side), first(side), first(spp), indexing="ij")
     return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
 
 
-@each_sampler
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_points_are_in_the_half_open_square(sampler, dtype):
-    points = np.asarray(sampler(*all_samples(), dtype=dtype))
-    assert points.shape == (SIDE * SIDE * SPP, 2)
-    assert points.dtype == dtype
-    assert points.min() >= 0
-    assert points.max() < 1
+@jax.jit
+def ways(sampler, x, y, sample):
+    """Return all points in a row, and one by one with their coordinates backwards."""
+    one_by_one = jax.vmap(lambda *where: sampler(*where, dims=(1, 0)))
+    return sampler(x, y, sample), one_by_one(x, y, sample)
+
+
+@jax.jit
+def in_a_table(sampler):
+    """Return all points in a table, in float64."""
+    side, sample = jnp.arange(SIDE, dtype=jnp.uint32), jnp.arange(SPP, dtype=jnp.uint32)
+    return sampler(side[None, :, None], side[:, None, None], sample, dtype=jnp.float64)
 
 
 @each_sampler
 def test_any_pixel_any_sample_on_its_own(sampler):
-    """Backwards, one by one, under jit and vmap: the same points."""
+    """Backwards, one by one, under jit and vmap, in any shape, any coordinates: the same points."""
     x, y, sample = all_samples()
     points = np.asarray(sampler(x, y, sample))
-    assert np.array_equal(sampler(x[::-1], y[::-1], sample[::-1]), points[::-1])
-    assert np.array_equal(sampler(int(x[77]), int(y[77]), int(sample[77])), points[77])
-    assert np.array_equal(jax.jit(lambda s, *a: s(*a))(sampler, x, y, sample), points)
-    assert np.array_equal(jax.vmap(sampler)(x[:200], y[:200], sample[:200]), points[:200])
+    assert points.shape == (SIDE * SIDE * SPP, 2)
+    assert points.dtype == np.float32
+    assert points.min() >= 0
+    assert points.max() < 1
+    assert np.array_equal(sampler(int(x[77]), int(y[77]), int(sample[77]), dims=(1,)), points[77, 1:])
+    there, one_by_one = ways(sampler, *(jnp.asarray(np.asarray(a)[::-1]) for a in (x, y, sample)))
+    assert np.array_equal(there[::-1], points)
+    assert np.array_equal(one_by_one[::-1], points[:, ::-1])
+    table = np.asarray(in_a_table(sampler))
+    assert table.shape == (SIDE, SIDE, SPP, 2)
+    assert table.dtype == np.float64
+    assert table.min() >= 0
+    assert table.max() < 1
+    assert np.max(np.abs(table.reshape(-1, 2) - points)) < 2.0**-24
 
 
 @each_sampler
-def test_arguments_broadcast(sampler):
-    side, sample = jnp.asarray(first(SIDE)), jnp.asarray(first(SPP))
-    points = sampler(side[None, :, None], side[:, None, None], sample)
-    assert points.shape == (SIDE, SIDE, SPP, 2)
-    assert np.array_equal(points.reshape(-1, 2), sampler(*all_samples()))
+def test_loops_over_samples_take_the_same_points(sampler):
+    """What a pixel's samples share is computed once, and pairs of samples come together."""
+    dims = tuple(range(sampler.dims))[::-1]
 
+    @jax.jit
+    def in_pairs(sampler, x, y):
+        sampler = sampler.of_pixels(x, y, dims)
+        pairs = [sampler.samples(x, y, jnp.uint32(k), 2, dims, jnp.float32) for k in range(SPP // 2)]
+        return [*pairs[0], *pairs[1], sampler(x, y, np.uint32(1), dims)]
 
-@each_sampler
-def test_wanted_dimensions_are_columns(sampler):
-    both = np.asarray(sampler(*all_samples()))
-    assert np.array_equal(sampler(*all_samples(), dims=(1,)), both[:, 1:])
-    assert np.array_equal(sampler(*all_samples(), dims=(1, 0)), both[:, ::-1])
+    x, y = jnp.asarray(first(SIDE)), jnp.asarray(first(SIDE)[::-1].copy())
+    expected = np.moveaxis(np.asarray(sampler(x[:, None], y[:, None], jnp.asarray(first(SPP)), dims)), 1, 0)
+    assert np.array_equal(in_pairs(sampler, x, y), [*expected, expected[1]])
 
 
 def test_only_wanted_dimensions_are_computed():
@@ -74,7 +94,7 @@ def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
     sampler = samplers.screen(points, 16, 16)
     assert sampler.spp == spp
     x, y, sample = all_samples(16, spp)
-    inside = np.asarray(sampler(x, y, sample, dtype=jnp.float64))
+    inside = np.asarray(values(sampler, x, y, sample, dtype=jnp.float64))
     whole = (np.stack([x, y], axis=1) + inside) / 16
     assert sorted(map(tuple, whole.tolist())) == sorted(
         map(tuple, points.points(points.size, dtype=jnp.float64).tolist())
@@ -210,7 +230,7 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
         (lambda: samplers.independent(sequences.halton(2), 0), "sequence must be .* base 2 .* got Radical"),
         (
             lambda: samplers.independent(SOBOL, 0, "scramble"),
-            r"randomize must be one of \['owen', 'xor'\], got 'scramble'",
+            r"randomize must be one of \['owen', 'shift', 'xor'\], got 'scramble'",
         ),
         (lambda: samplers.independent(SOBOL, None), "key must be one .* got None"),
         (lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)), r"dims must be .* got \[2\]"),

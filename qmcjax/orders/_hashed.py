@@ -7,7 +7,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.bits import hash_word
-from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
+from qmcjax.orders._hierarchy import ScrambledMorton, permutation_number
 from qmcjax.pytrees import pytree
 
 GOLDEN = np.uint32(0x9E3779B9)
@@ -32,7 +32,7 @@ class Hashed(ScrambledMorton):
         return self.seed
 
     def _permutation(self, node: Array) -> Array:
-        return scaled(node, PERMUTATIONS)
+        return permutation_number(node)
 
     def _child(self, node: Array, digit: Array) -> Array:
         # Plus one, since the hash keeps 0.
@@ -53,7 +53,7 @@ class Multiplicative(ScrambledMorton):
         return jnp.uint32(0)
 
     def _permutation(self, node: Array) -> Array:
-        return scaled((node ^ (np.uint32(0x55555555) * self.dim)) * GOLDEN, PERMUTATIONS)
+        return permutation_number((node ^ (np.uint32(0x55555555) * self.dim)) * GOLDEN)
 
     def _child(self, node: Array, digit: Array) -> Array:
         return (node << 2) | digit

@@ -1,8 +1,10 @@
 """The interface of a sampler: from a pixel and the number of a sample to a point."""
 
 import abc
+from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
@@ -58,6 +60,48 @@ class Sampler(abc.ABC):
             checks.unsigned("x", x), checks.unsigned("y", y), checks.unsigned("sample", sample)
         )
         return self._values(x, y, sample, wanted, checks.floating(dtype))
+
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the sampler of some pixels alone, with what is the same for all their samples computed.
+
+        For loops over samples, like those of :func:`qmcjax.render`: a compiler that could move the position
+        on a curve, for instance, out of the loop does not, lest the memory it takes be too much.
+
+        Parameters
+        ----------
+        x, y : uint32 Array, of one shape
+        dims : tuple of int
+            The coordinates that will be asked for, static.
+
+        Returns
+        -------
+        Sampler
+            To be called with the same x, y and dims, and any sample. By default ``self``.
+        """
+        return self
+
+    def samples(
+        self, x: Array, y: Array, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> list[Array]:
+        """Return the samples ``block * count``, ``block * count + 1``, ... of some pixels.
+
+        For loops over samples that unroll a few of them.
+
+        Parameters
+        ----------
+        x, y : uint32 Array, of one shape
+        block : uint32 Array, shape ()
+        count : int
+            How many.
+        dims : tuple of int
+        dtype : float32 or float64
+
+        Returns
+        -------
+        list of Array of ``dtype``, shape ``x.shape + (len(dims),)``
+        """
+        numbers = [block * np.uint32(count) + np.uint32(i) for i in range(count)]
+        return [self(x, y, number, dims, dtype) for number in numbers]
 
     @abc.abstractmethod
     def check(self, width: int, height: int, spp: int) -> None:

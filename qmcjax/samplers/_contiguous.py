@@ -1,6 +1,7 @@
 """Contiguous blocks of one sequence along a curve through the pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jax import Array
@@ -8,6 +9,7 @@ from jax.typing import DTypeLike
 
 from qmcjax import checks
 from qmcjax.orders import Order
+from qmcjax.orders._visited import Visited, visited
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import Sequence
@@ -18,7 +20,7 @@ from qmcjax.sequences import Sequence
 class Contiguous(Sampler):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
 
-    order: Order
+    order: Order | Visited
     sequence: Sequence
     spp: int = field(metadata={"static": True})
 
@@ -30,6 +32,10 @@ class Contiguous(Sampler):
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         index = self.order.position(x, y) * np.uint32(self.spp) + sample
         return self.sequence(index, dims, dtype)
+
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the sampler of some pixels alone, with their positions computed."""
+        return replace(self, order=visited(self.order, x, y))
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and no pixel needs more than its block."""

@@ -12,26 +12,33 @@ from qmcjax import checks
 from qmcjax.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
-from qmcjax.sequences import BinarySequence
+from qmcjax.samplers._rotation import rotated
+from qmcjax.sequences import BinarySequence, Sequence
+
+Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
 
 
-def _xor(mirror: Array, seed: Array) -> Array:
-    return mirror ^ seed
+def _owen(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
+    return to_unit(reverse(owen_hash(sequence.mirror(sample, dim), seed)), dtype)
 
 
-_RANDOMIZERS: dict[str, Callable[[Array, Array], Array]] = {"owen": owen_hash, "xor": _xor}
+def _xor(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
+    return to_unit(reverse(sequence.mirror(sample, dim) ^ seed), dtype)
+
+
+_RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": rotated, "xor": _xor}
 
 
 @pytree
 @dataclass(frozen=True)
 class Independent(Sampler):
-    """The points of a sequence, scrambled with a seed from pixel and coordinate."""
+    """The points of a sequence, randomised with a seed from pixel and coordinate."""
 
-    sequence: BinarySequence
+    sequence: Sequence
     seeds: Array
     """uint32 (dims, 2)."""
 
-    randomizer: Callable[[Array, Array], Array] = field(metadata={"static": True})
+    randomizer: Randomizer = field(metadata={"static": True})
 
     @property
     def dims(self) -> int:
@@ -39,28 +46,58 @@ class Independent(Sampler):
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return jnp.stack([self._coordinate(x, y, sample, j, dtype) for j in dims], axis=-1)
+        return self.of_pixels(x, y, dims)._values(x, y, sample, dims, dtype)
 
-    def _coordinate(self, x: Array, y: Array, sample: Array, dim: int, dtype: DTypeLike) -> Array:
-        mirror = self.sequence.mirror(sample, dim)
-        seed = hash_word(hash_word(x ^ self.seeds[dim, 0]) + y ^ self.seeds[dim, 1])
-        return to_unit(reverse(self.randomizer(mirror, seed)), dtype)
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "IndependentPixels":
+        """Return the sampler of some pixels alone, with their seeds computed."""
+        seeds = tuple(hash_word(hash_word(x ^ self.seeds[j, 0]) + y ^ self.seeds[j, 1]) for j in dims)
+        return IndependentPixels(self.sequence, seeds, self.randomizer)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError if the sequence has fewer points than samples are wanted."""
         check_count(spp, self.sequence.limit, "for this sequence")
 
 
-def independent(sequence: BinarySequence, key: Array | int, randomize: str = "owen") -> Independent:
+@pytree
+@dataclass(frozen=True)
+class IndependentPixels(Sampler):
+    """The same for some pixels, in the coordinates that there are seeds for."""
+
+    sequence: Sequence
+    seeds: tuple[Array, ...]
+    """uint32, each of the pixels' shape."""
+
+    randomizer: Randomizer = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        values = [
+            self.randomizer(self.sequence, sample, j, seed, dtype)
+            for j, seed in zip(dims, self.seeds, strict=True)
+        ]
+        return jnp.stack(values, axis=-1)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError if the sequence has fewer points than samples are wanted."""
+        check_count(spp, self.sequence.limit, "for this sequence")
+
+
+def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -> Independent:
     """Sample every pixel with the first points of a sequence, randomised independently per pixel.
 
     Parameters
     ----------
-    sequence : BinarySequence
-        Any sequence that has ``bits``.
+    sequence : Sequence
+        One that has ``bits``; to be shifted, any.
     key : jax.random.key, or int in [0, 2**32)
-    randomize : {"owen", "xor"}
-        Owen scrambling by hashing, or xor with a random word (a digital shift).
+    randomize : {"owen", "xor", "shift"}
+        Owen scrambling by hashing, xor with a random word (a digital shift), or a sum with one modulo 1 (a
+        Cranley-Patterson rotation [2]_), for sequences that are uniform on the torus, like lattices. The
+        sum is exact in base 2, and for any other sequence rounded once from float64, never to 1.
 
     Returns
     -------
@@ -69,12 +106,15 @@ def independent(sequence: BinarySequence, key: Array | int, randomize: str = "ow
     Raises
     ------
     ValueError
-        If ``sequence`` is not in base 2, ``key`` is no key or ``randomize`` no randomisation.
+        If ``sequence`` is not in base 2 and not to be shifted, ``key`` is no key or ``randomize`` no
+        randomisation.
 
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error
        via Hierarchical Ordering of Pixels", 2020, Sect. 4 (the (0,2)-sequence sampler it compares with).
+    .. [2] R. Cranley, T. N. L. Patterson, "Randomization of Number Theoretic Methods for Multiple
+       Integration", SIAM J. Numer. Anal. 13, 1976.
 
     Examples
     --------
@@ -83,9 +123,14 @@ def independent(sequence: BinarySequence, key: Array | int, randomize: str = "ow
     >>> print(sampler(0, 0, 1).shape, bool((sampler(0, 0, 1) == sampler(1, 0, 1)).any()))
     (2,) False
     """
-    if not isinstance(sequence, BinarySequence):
-        raise ValueError(f"sequence must be in base 2 (one that has .bits), got {sequence!r}")
     if randomize not in _RANDOMIZERS:
         raise ValueError(f"randomize must be one of {sorted(_RANDOMIZERS)}, got {randomize!r}")
+    if randomize == "shift":
+        if not isinstance(sequence, Sequence):
+            raise ValueError(f"sequence must be a Sequence, got {sequence!r}")
+    elif not isinstance(sequence, BinarySequence):
+        raise ValueError(
+            f"sequence must be in base 2 (one that has .bits) for randomize={randomize!r}, got {sequence!r}"
+        )
     seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
     return Independent(sequence, seeds, _RANDOMIZERS[randomize])

@@ -1,6 +1,7 @@
 """One sequence partitioned into as many as there are pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,7 @@ from qmcjax import checks
 from qmcjax.bits import reverse
 from qmcjax.digits import word
 from qmcjax.orders import Order
+from qmcjax.orders._visited import Visited, visited
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._radical_base import inverse_permutations, is_identity, radical_bases
@@ -25,7 +27,7 @@ from qmcjax.sequences._prime_digital import PrimeDigital
 class Partitioned(Sampler):
     """Pixel j of the curve takes every N-th point from number j on, without the partitioning component."""
 
-    order: Order
+    order: Order | Visited
     sequence: Sequence
     component: int = field(metadata={"static": True})
     """The partitioning one."""
@@ -48,6 +50,10 @@ class Partitioned(Sampler):
         index = sample * word(self.order.length) + self._first(self.order.position(x, y))
         left = tuple(j if j < self.component else j + 1 for j in dims)
         return self.sequence(index, left, dtype)
+
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the sampler of some pixels alone, with their positions computed."""
+        return replace(self, order=visited(self.order, x, y))
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and the indices suffice."""

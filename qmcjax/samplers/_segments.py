@@ -2,7 +2,8 @@
 
 import math
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from jax.typing import DTypeLike
 from qmcjax import checks
 from qmcjax.digits import word
 from qmcjax.orders import Order
+from qmcjax.orders._visited import Visited, visited
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._radical_base import radical_bases
@@ -24,7 +26,7 @@ from qmcjax.sequences import Sequence
 class Segments(Sampler):
     """An iteration of n samples after the first S: pixel j takes the n points from number S N + j n on."""
 
-    order: Order
+    order: Order | Visited
     sequence: Sequence
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in the first iteration."""
@@ -55,6 +57,10 @@ class Segments(Sampler):
             return rounds * spp, jnp.full_like(sample, spp)
         power = spp << (np.uint32(31) - jax.lax.clz(rounds | np.uint32(1)))
         return jnp.where(rounds == 0, np.uint32(0), power), power
+
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the sampler of some pixels alone, with their positions computed."""
+        return replace(self, order=visited(self.order, x, y))
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and its iterations have indices."""

@@ -31,11 +31,11 @@ class ShiftedAlong(Sampler):
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        offsets = self._offsets(self.order.position(x, y), dims)
-        if isinstance(self.sequence, BinarySequence):
-            return to_unit(self.sequence.bits(sample, dims) + offsets, dtype)
-        with jax.enable_x64(True):
-            return wrapped(self.sequence(sample, dims, jnp.float64), offsets, dtype)
+        return self.of_pixels(x, y, dims)._values(x, y, sample, dims, dtype)
+
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "ShiftedPixels":
+        """Return the sampler of some pixels alone, with their shifts computed."""
+        return ShiftedPixels(self.sequence, self._offsets(self.order.position(x, y), dims))
 
     def _offsets(self, position: Array, dims: tuple[int, ...]) -> Array:
         """Return the shifts as 32-bit fractions, rounded down."""
@@ -47,6 +47,31 @@ class ShiftedAlong(Sampler):
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and the sequence has as many points."""
         check_size("order", (self.order.width, self.order.height), (width, height))
+        check_count(spp, self.sequence.limit, "for this sequence")
+
+
+@pytree
+@dataclass(frozen=True)
+class ShiftedPixels(Sampler):
+    """The same for some pixels, in the coordinates that ``offsets`` have."""
+
+    sequence: Sequence
+    offsets: Array
+    """uint32, shape of the pixels + (coordinates,): fractions."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        if isinstance(self.sequence, BinarySequence):
+            return to_unit(self.sequence.bits(sample, dims) + self.offsets, dtype)
+        with jax.enable_x64(True):
+            return wrapped(self.sequence(sample, dims, jnp.float64), self.offsets, dtype)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError if the sequence has fewer points."""
         check_count(spp, self.sequence.limit, "for this sequence")
 
 

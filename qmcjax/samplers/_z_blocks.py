@@ -13,9 +13,10 @@ from qmcjax import checks
 from qmcjax.orders import log_side
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._morton import Morton
+from qmcjax.orders._visited import VisitedNodes, visited_nodes
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._z_index import Index, append, scrambled_number, scrambled_numbers
+from qmcjax.samplers._z_index import Index, Number, append, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
 
 
@@ -24,7 +25,7 @@ from qmcjax.sequences import BinarySequence
 class Z(Sampler):
     """Pixel p of a constituent's order takes the points spp * p, ..., in an order of its own."""
 
-    orders: tuple[ScrambledMorton, ...]
+    orders: tuple[ScrambledMorton | VisitedNodes, ...]
     """One for each constituent; none for Z0, whose order is Morton's for all."""
 
     sequence: BinarySequence
@@ -127,40 +128,70 @@ class Z(Sampler):
                 )
         return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(counts.astype(jnp.uint32)))
 
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "Z":
+        """Return the sampler of some pixels alone, with their positions in the wanted orders computed."""
+        if not self.orders:
+            return self
+        code = Morton(self.width, self.height).position(x, y)
+        wanted = {self._places[j][0] for j in dims}
+        return replace(
+            self,
+            orders=tuple(
+                visited_nodes(order, code, self.log_side) if c in wanted else order
+                for c, order in enumerate(self.orders)
+            ),
+        )
+
+    @property
+    def _places(self) -> list[tuple[int, int]]:
+        """The constituent of each coordinate, and its number there."""
+        return [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
+
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         sample = checks.unsigned("sample", sample, self.rounds * self.spp)
-        return self._points(x, y, sample, dims, dtype, self.log_spp)
+        return self._points(x, y, Number(sample), dims, dtype, self.log_spp)
+
+    def samples(
+        self, x: Array, y: Array, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> list[Array]:
+        """Return consecutive samples, which share what comes before the last digits of their numbers."""
+        bits = count.bit_length() - 1
+        if count != 2**bits or bits > self.log_spp or self.rounds > 1:
+            return super().samples(x, y, block, count, dims, dtype)
+        numbers = [Number(block, low, bits) for low in range(count)]
+        return [self._points(x, y, number, dims, dtype, self.log_spp) for number in numbers]
 
     def _points(
         self,
         x: Array,
         y: Array,
-        sample: Array,
+        number: Number,
         dims: tuple[int, ...],
         dtype: DTypeLike,
         log_count: int | Array,
     ) -> Array:
         code = Morton(self.width, self.height).position(x, y)
-        places = [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
-        wanted = [places[j] for j in dims]
-        indices = {c: self._index(c, code, sample, log_count) for c in sorted({c for c, _ in wanted})}
+        wanted = [self._places[j] for j in dims]
+        indices = {c: self._index(c, code, number, log_count) for c in sorted({c for c, _ in wanted})}
         if len(self.constituents) == 1 and not self._wide:
             return self.sequence._values(indices[0][1], dims, dtype)
         return jnp.stack([self._coordinate(indices[c], j, dtype) for c, j in wanted], axis=-1)
 
-    def _index(self, constituent: int, code: Array, sample: Array, log_count: int | Array) -> Index:
-        position, number, passed = code, sample, np.uint32(0)
+    def _index(self, constituent: int, code: Array, number: Number, log_count: int | Array) -> Index:
+        position, passed = code, np.uint32(0)
         if self.rounds > 1:
-            passed = sample >> log_count
-            number = sample ^ (passed << log_count)
+            passed = number.word >> log_count
+            number = Number(number.word ^ (passed << log_count))
         if self.orders:
             order = self.orders[constituent]
             position, node = order.scrambled(code, self.log_side)
             if isinstance(log_count, int):
-                number = scrambled_number(order, number, log_count, node)
+                place = scrambled_number(order, number, log_count, node)
             else:
-                number = scrambled_numbers(order, number, log_count, self.log_spp, node)
-        return append(position ^ passed, number, log_count)
+                place = scrambled_numbers(order, number, log_count, self.log_spp, node)
+        else:
+            place = number.word
+        return append(position ^ passed, place, log_count)
 
     @property
     def _wide(self) -> bool:
@@ -194,6 +225,10 @@ class AdaptiveZ(Sampler):
         """Number of coordinates."""
         return self.sampler.dims
 
+    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "AdaptiveZ":
+        """Return the sampler of some pixels alone, with their positions in the wanted orders computed."""
+        return replace(self, sampler=self.sampler.of_pixels(x, y, dims))
+
     @property
     def _limits(self) -> Array:
         return np.uint32(self.sampler.rounds) << self.log_counts
@@ -207,7 +242,7 @@ class AdaptiveZ(Sampler):
                 f"sample must be below the {int(self._limits[y, x][beyond][0])} samples of its pixel, "
                 f"got {int(sample[beyond][0])}"
             )
-        return self.sampler._points(x, y, sample, dims, dtype, self.log_counts[y, x])
+        return self.sampler._points(x, y, Number(sample), dims, dtype, self.log_counts[y, x])
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the sampler's image and each pixel has so many samples."""

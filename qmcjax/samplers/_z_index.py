@@ -1,10 +1,15 @@
 """Indices of the Z-sampler: the digits of a pixel and of its sample, in one scrambled order."""
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.orders._hierarchy import ScrambledMorton
+from qmcjax.orders._visited import VisitedNodes
+
+_Order = ScrambledMorton | VisitedNodes
 
 Index = tuple[Array, Array]
 """High and low word."""
@@ -16,30 +21,57 @@ def append(position: Array, number: Array, log_count: int | Array) -> Index:
     return position >> 1 >> (31 - log_count), (position << log_count) | number
 
 
-def scrambled_number(order: ScrambledMorton, number: Array, log_count: int, node: Array) -> Array:
+class Number(NamedTuple):
+    """The number of a sample, ``high * 2**known + low``: what is known when a program is traced comes last.
+
+    Programs that unroll some consecutive samples then see which digits these share.
+    """
+
+    high: Array
+    low: int = 0
+    known: int = 0
+
+    @property
+    def word(self) -> Array:
+        """The number itself."""
+        return (self.high << self.known) | np.uint32(self.low)
+
+    def bit(self, place: int) -> Array:
+        """Return the bit with weight ``2**place``."""
+        if place < self.known:
+            return jnp.uint32((self.low >> place) & 1)
+        return (self.high >> (place - self.known)) & np.uint32(1)
+
+    def digit(self, place: int) -> Array:
+        """Return the two bits from ``place`` on."""
+        if place >= self.known:
+            return (self.high >> (place - self.known)) & np.uint32(3)
+        return (self.bit(place + 1) << 1) | self.bit(place)
+
+
+def scrambled_number(order: _Order, number: Number, log_count: int, node: Array) -> Array:
     """Permute the numbers 0 to 2**log_count - 1 of a pixel's samples, from its node on (Eq. 16 and 17)."""
-    digits, odd = divmod(log_count, 2)
-    result, node = order.scrambled(number >> odd, digits, node)
-    return _with_last_bit(order, result, number, node) if odd else result
+    places = range(log_count - 2, -1, -2)
+    result, node = order.scrambled_digits([number.digit(place) for place in places], node)
+    return _with_last_bit(order, result, number, node) if log_count % 2 else result
 
 
-def scrambled_numbers(
-    order: ScrambledMorton, number: Array, log_counts: Array, log_most: int, node: Array
-) -> Array:
+def scrambled_numbers(order: _Order, number: Number, log_counts: Array, log_most: int, node: Array) -> Array:
     """Do the same with as many samples as each pixel has, at most ``2**log_most``."""
     odd = (log_counts & np.uint32(1)) == 1
-    rest, digits = jnp.where(odd, number >> 1, number), log_counts >> 1
-    result = jnp.zeros_like(number)
+    digits = log_counts >> 1
+    result = jnp.zeros_like(node)
     for level in range(log_most // 2 - 1, -1, -1):
-        digit, child = order.scrambled((rest >> (2 * level)) & np.uint32(3), 1, node)
+        digit = jnp.where(odd, number.digit(2 * level + 1), number.digit(2 * level))
+        digit, child = order.scrambled_digits([digit], node)
         here = digits > level
         result = jnp.where(here, (result << 2) | digit, result)
         node = jnp.where(here, child, node)
     return jnp.where(odd, _with_last_bit(order, result, number, node), result)
 
 
-def _with_last_bit(order: ScrambledMorton, result: Array, number: Array, node: Array) -> Array:
+def _with_last_bit(order: _Order, result: Array, number: Number, node: Array) -> Array:
     """Append the last bit of odd powers of two, xor a random bit (Z paper, after Eq. 18)."""
     # Child 0 of the node is in any of four places, of which every other is odd.
-    coin, _ = order.scrambled(jnp.zeros_like(number), 1, node)
-    return (result << 1) | ((number ^ coin) & np.uint32(1))
+    coin, _ = order.scrambled_digits([jnp.uint32(0)], node)
+    return (result << 1) | (number.bit(0) ^ (coin & np.uint32(1)))

@@ -1,0 +1,212 @@
+"""Make the blue-noise masks and the tables of the ranked sampler.
+
+Run once (minutes on one core): ``python qmcjax/samplers/_data/make_blue_noise.py``.
+
+Both the mask of vectors and the tables are a pool of 64**2 candidates, of which each pixel of a tile takes
+one so that an energy of pairs of close pixels becomes small. This is usually annealed, swapping two pixels
+at a time. Here it is descended 64 pixels at a time: for pixels that are farther apart than the energy
+reaches, it is a sum of costs of single pixels, and the best of all 64! permutations is the solution of a
+linear assignment problem.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from qmcjax import sequences
+from qmcjax.sequences._owen import Owen
+
+SIDE = 64
+POOL = SIDE**2
+
+LARGE_SIDE = 128
+"""Of the void-and-cluster mask."""
+
+REACH = 8
+"""Pixels that are reassigned together differ by as much in at least one coordinate."""
+
+MASK_WIDTH = 2.1
+"""The weight of two pixels of a mask at distance r is exp(-(r / width)**2), by Georgiev and Fajardo."""
+
+FILTER = 1.5
+"""Standard deviation in pixels of the Gaussian filter after which the errors of ranked samples are small."""
+
+SPP = 16
+LEVELS = 5
+"""Prefixes of 1, 2, 4, 8 and 16 samples."""
+
+WEIGHTS = (4, 2, 1, 1, 1)
+"""Of the levels: fewer samples have more error to hide."""
+
+HALF_SPACES, COMPONENTS = 1024, 64
+"""Integrands, and principal components of their errors that are kept at each level."""
+
+SWEEPS = 200
+"""How often each pixel is reassigned on average."""
+
+Cost = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]], NDArray[np.floating]]
+
+
+def void_and_cluster(rng: np.random.Generator, sigma: float = 1.5) -> NDArray[np.uint16]:
+    """Return the ranks of a dither mask, by R. Ulichney, "The void-and-cluster method", 1993.
+
+    The largest void of the ones is the tightest cluster of the zeros, since the filter's sums over both add
+    up to a constant on the torus: so the paper's second and third phase are one here. The sums are of
+    integers, so that ties do not hang on rounding.
+    """
+    distance = np.minimum(np.arange(LARGE_SIDE), LARGE_SIDE - np.arange(LARGE_SIDE))
+    bump = np.exp(-(distance[:, None] ** 2 + distance**2) / (2 * sigma**2))
+    bump = np.rint(bump * 2.0**40).astype(np.int64)
+    bumps = np.tile(bump, (2, 2))
+    ones = np.zeros(LARGE_SIDE**2, bool)
+    density = np.zeros((LARGE_SIDE, LARGE_SIDE), np.int64)
+
+    def put(pixel: int, value: bool) -> None:
+        y, x = divmod(pixel, LARGE_SIDE)
+        bump_here = bumps[LARGE_SIDE - y : 2 * LARGE_SIDE - y, LARGE_SIDE - x : 2 * LARGE_SIDE - x]
+        density[...] += bump_here if value else -bump_here
+        ones[pixel] = value
+
+    def cluster() -> int:
+        return int(np.argmax(np.where(ones, density.ravel(), -1)))
+
+    def void() -> int:
+        return int(np.argmin(np.where(ones, np.iinfo(np.int64).max, density.ravel())))
+
+    for pixel in rng.permutation(ones.size)[: ones.size // 10]:
+        put(int(pixel), True)
+    while True:
+        tightest = cluster()
+        put(tightest, False)
+        largest = void()
+        put(largest, True)
+        if largest == tightest:
+            break
+    prototype, count = np.flatnonzero(ones), int(ones.sum())
+    ranks = np.empty(ones.size, np.uint16)
+    for rank in reversed(range(count)):
+        pixel = cluster()
+        put(pixel, False)
+        ranks[pixel] = rank
+    for pixel in prototype:
+        put(int(pixel), True)
+    for rank in range(count, ones.size):
+        pixel = void()
+        put(pixel, True)
+        ranks[pixel] = rank
+    return ranks.reshape(LARGE_SIDE, LARGE_SIDE)
+
+
+def far_apart(rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return 64 pixels of a sheared grid, at random: over time, any two come together."""
+    column, row = np.mgrid[: SIDE // REACH, : SIDE // REACH].reshape(2, -1)
+    shear, top, left = rng.integers(REACH), rng.integers(SIDE), rng.integers(SIDE)
+    y, x = (REACH * row + top) % SIDE, (REACH * column + shear * row + left) % SIDE
+    return (y, x) if rng.integers(2) else (x, y)
+
+
+def neighbours(
+    tile: NDArray[np.int64], y: NDArray[np.int64], x: NDArray[np.int64], width: float
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Return the candidates around pixels, shape (pixels, neighbours), and their weights, above 0.001."""
+    dy, dx = np.mgrid[1 - REACH : REACH, 1 - REACH : REACH].reshape(2, -1)
+    weight = np.exp(-(dy**2 + dx**2) / width**2)
+    near = (weight > 1e-3) & (weight < 1)
+    around = tile[(y[:, None] + dy[near]) % SIDE, (x[:, None] + dx[near]) % SIDE]
+    return around, weight[near].astype(np.float32)
+
+
+def arranged(cost: Cost, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return a tile of low energy; ``cost(tile, y, x)`` is of each pixel with each of their candidates."""
+    tile = rng.permutation(POOL).reshape(SIDE, SIDE)
+    for _ in range(SWEEPS * REACH**2):
+        y, x = far_apart(rng)
+        _, best = linear_sum_assignment(cost(tile, y, x))
+        tile[y, x] = tile[y, x][best]
+    return tile
+
+
+def vector_mask(dims: int, rng: np.random.Generator) -> NDArray[np.uint16]:
+    """Return the ranks of a mask of vectors, whose values are a net.
+
+    The energy is that of I. Georgiev, M. Fajardo, "Blue-noise dithered sampling", 2016. Distances of
+    values are not toroidal: if they were, each channel alone would be far from blue.
+    """
+    ranks = np.asarray(sequences.sobol(dims).bits(jnp.arange(POOL, dtype=jnp.uint32))) >> 20
+    values = (ranks / POOL).astype(np.float32)
+
+    def cost(tile: NDArray, y: NDArray, x: NDArray) -> NDArray:
+        around, weight = neighbours(tile, y, x, MASK_WIDTH)
+        difference = values[around][:, None] - values[tile[y, x]][None, :, None]
+        return np.exp(-(np.square(difference).sum(axis=-1) ** (dims / 4))) @ weight
+
+    return ranks[arranged(cost, rng)].astype(np.uint16)
+
+
+def ranked(
+    dims: int, seeds: NDArray[np.uint32], rng: np.random.Generator
+) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+    """Return scrambling and ranking keys of a tile.
+
+    Candidate c has the ranking key r = c // 256, and a scrambling key that takes point r of the scrambled
+    sequence to point c of the Sobol' sequence. So the first samples of a tile's pixels are the first 4096
+    points, and other samples are 16 digitally shifted blocks of 256 points, however candidates are arranged.
+
+    The energy is, up to a constant, the mean square of the errors after a Gaussian filter: the errors of the
+    means over each prefix, for random half-spaces as integrands. Its weight of a pair of pixels is
+    the filter convolved with itself, exp(-r**2 / (4 FILTER**2)). All errors of a level are divided by their
+    root mean square before they are weighted.
+    """
+    index = jnp.arange(POOL, dtype=jnp.uint32)
+    goals = np.asarray(sequences.sobol(dims).bits(index)) >> 16
+    points = np.asarray(Owen(sequences.sobol(dims), jnp.asarray(seeds[:dims])).bits(index[:SPP]))
+    ranks = np.arange(POOL) // (POOL // SPP)
+    keys = goals ^ (points[ranks] >> 16)
+    samples = (points[np.arange(SPP) ^ ranks[:, None]] ^ (keys[:, None] << 16)) / 2.0**32
+    errors = error_components(samples, rng)
+
+    def cost(tile: NDArray, y: NDArray, x: NDArray) -> NDArray:
+        around, weight = neighbours(tile, y, x, 2 * FILTER)
+        return np.einsum("pnc,n->pc", errors[around], weight, optimize=True) @ errors[tile[y, x]].T
+
+    tile = arranged(cost, rng)
+    return keys[tile].astype(np.uint16), ranks[tile].astype(np.uint8)
+
+
+def error_components(samples: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Return vectors, one for each candidate, with about the inner products of their weighted errors.
+
+    The planes go through uniform points, with uniform directions. Errors are differences from the
+    mean over the pool.
+    """
+    dims = samples.shape[-1]
+    normals = rng.normal(size=(dims, HALF_SPACES))
+    offsets = np.sum(rng.random((HALF_SPACES, dims)) * normals.T, axis=1)
+    inside = np.matmul(samples.astype(np.float32), normals.astype(np.float32)) > offsets
+    vectors = []
+    for level in range(LEVELS):
+        error = inside[:, : 2**level].mean(axis=1, dtype=np.float32)
+        error -= error.mean(axis=0)
+        power, axes = np.linalg.eigh((error.T @ error).astype(np.float64))
+        vectors.append(error @ (axes[:, -COMPONENTS:] * np.sqrt(WEIGHTS[level] / power.sum())))
+    return np.concatenate(vectors, axis=1).astype(np.float32)
+
+
+def main() -> None:
+    """Write masks.npz and ranked.npz beside this file."""
+    folder = Path(__file__).parent
+    scalars, vectors = void_and_cluster(np.random.default_rng(1)), vector_mask(2, np.random.default_rng(1))
+    np.savez_compressed(folder / "masks.npz", scalars=scalars, vectors=vectors)
+    tables: dict[str, NDArray] = {"seeds": np.random.default_rng(1).integers(2**32, size=4, dtype=np.uint32)}
+    for dims in (2, 3, 4):
+        keys, ranks = ranked(dims, tables["seeds"], np.random.default_rng(dims))
+        tables |= {f"keys_{dims}": keys, f"ranks_{dims}": ranks}
+    np.savez_compressed(folder / "ranked.npz", allow_pickle=False, **tables)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""One sequence in every pixel, shifted by a tiled mask."""
+
+from dataclasses import dataclass
+from importlib import resources
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike, DTypeLike
+from numpy.typing import NDArray
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._rotation import rotated
+from qmcjax.sequences import Sequence
+
+_STRIDE = (0.5698402909980532, 0.7548776662466927)
+"""1/p**2 and 1/p, where p**3 = p + 1: multiples of these, modulo 1, stay far apart."""
+
+
+@pytree
+@dataclass(frozen=True)
+class Dithered(Sampler):
+    """Sample s of a pixel is point s of the sequence plus the pixel's vector in a mask, modulo 1."""
+
+    offsets: Array
+    """uint32 (rows, columns, channels): fractions."""
+
+    sequence: Sequence
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        return jnp.stack(
+            [rotated(self.sequence, sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1
+        )
+
+    def _offset(self, x: Array, y: Array, dim: int) -> Array:
+        """Return the shifts of one coordinate."""
+        rows, columns, channels = self.offsets.shape
+        copy, channel = divmod(dim, channels)
+        down, right = (int(copy * s % 1 * n) for s, n in zip(_STRIDE, (rows, columns), strict=True))
+        row = (y % np.uint32(rows) + np.uint32(down)) % np.uint32(rows)
+        column = (x % np.uint32(columns) + np.uint32(right)) % np.uint32(columns)
+        return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError if the sequence has fewer points than samples are wanted."""
+        check_count(spp, self.sequence.limit, "for this sequence")
+
+
+def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
+    """Sample every pixel with the same points, shifted on the torus by its value in a tiled mask.
+
+    With a mask of blue noise, :func:`blue_noise_mask`, the values of neighbours differ, and so do their
+    errors: at few samples per pixel these are less visible than those of independent shifts.
+
+    Parameters
+    ----------
+    mask : float or uint32 ArrayLike, shape (rows, columns) or (rows, columns, channels)
+        Floats in [0, 1), rounded down to 32-bit fractions; or these fractions. Pixel (x, y) has the shift
+        ``mask[y % rows, x % columns]``. Coordinates of the sequence beyond the channels take the channels
+        again, from the mask translated, by far and each time by another vector.
+    sequence : Sequence
+        Best one that is uniform on the torus, like :func:`qmcjax.sequences.lattice`. Shifts do not
+        keep elementary intervals.
+
+    Returns
+    -------
+    Dithered
+        The sum is exact in base 2, and for any other sequence rounded once from float64, never to 1. A new
+        mask of the same shape compiles nothing anew.
+
+    Raises
+    ------
+    ValueError
+        If ``mask`` has another shape or dtype or leaves [0, 1), or ``sequence`` is none.
+
+    Notes
+    -----
+    A single sample has the spectrum of the mask where the integrand is nearly linear. Of many samples,
+    the errors are periodic functions of the shift that vary the faster, the more samples there are, and their
+    spectrum tends to that of white noise.
+
+    References
+    ----------
+    .. [1] I. Georgiev, M. Fajardo, "Blue-noise Dithered Sampling", SIGGRAPH Talks, 2016.
+    .. [2] R. Cranley, T. N. L. Patterson, "Randomization of Number Theoretic Methods for Multiple
+       Integration", SIAM J. Numer. Anal. 13, 1976.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> sampler = dither([[0.0, 0.25], [0.5, 0.75]], sequences.sobol(1))
+    >>> print(sampler(1, 2, 0, dims=(0,)), sampler(1, 2, 1, dims=(0,)))
+    [0.25] [0.75]
+    """
+    if not isinstance(sequence, Sequence):
+        raise ValueError(f"sequence must be a Sequence, got {sequence!r}")
+    return Dithered(_fractions(mask), sequence)
+
+
+def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
+    """Return a mask of blue noise that tiles.
+
+    Parameters
+    ----------
+    channels : int
+        1 for numbers, 2 for vectors.
+
+    Returns
+    -------
+    float64 array, shape (128, 128) or (64, 64, 2)
+        In (0, 1), exact in float32. The n pixels of a channel have the values (k + 1/2) / n, each once. The
+        vectors are, but for the halves, the first 4096 points of the Sobol' sequence, a (0,12,2)-net.
+
+    Raises
+    ------
+    ValueError
+        If ``channels`` is neither.
+
+    Notes
+    -----
+    Numbers were arranged by the void-and-cluster method [1]_, with a filter of standard deviation 1.5.
+    Vectors were arranged to minimise the energy of [2]_, the sum over pairs of pixels p, q of values u, v in
+    d = 2 dimensions of exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2)); only pixels wrap around.
+
+    References
+    ----------
+    .. [1] R. Ulichney, "The Void-and-Cluster Method for Dither Array Generation", 1993.
+    .. [2] I. Georgiev, M. Fajardo, "Blue-noise Dithered Sampling", SIGGRAPH Talks, 2016.
+
+    Examples
+    --------
+    >>> mask = blue_noise_mask(1)
+    >>> print(mask.shape, mask.min() * 2**15, mask.mean())
+    (128, 128) 1.0 0.5
+    """
+    channels = checks.integer("channels", channels, 1, 2)
+    source = resources.files("qmcjax.samplers") / "_data" / "masks.npz"
+    with source.open("rb") as stream, np.load(stream) as table:
+        ranks = table["scalars" if channels == 1 else "vectors"]
+    return (ranks + 0.5) / (ranks.shape[0] * ranks.shape[1])
+
+
+def _fractions(mask: ArrayLike) -> Array:
+    """Return a mask as 32-bit fractions with a last axis of channels; products with 2**32 are exact."""
+    array = mask if isinstance(mask, Tracer) else np.asarray(mask)
+    if array.dtype not in (np.float32, np.float64, np.uint32) or array.ndim not in (2, 3) or not array.size:
+        raise ValueError(
+            "mask must be floats in [0, 1) or uint32 fractions of shape (rows, columns) or "
+            f"(rows, columns, channels), got {array.dtype} {array.shape}"
+        )
+    if array.ndim == 2:
+        array = array[:, :, None]
+    if array.dtype == np.uint32:
+        return jnp.asarray(array)
+    if not isinstance(array, Tracer):
+        outside = ~((array >= 0) & (array < 1))
+        if outside.any():
+            raise ValueError(f"mask must be in [0, 1), got {float(array[outside][0])!r}")
+    with checks.precision(array.dtype):
+        return (jnp.asarray(array) * jnp.asarray(2.0**32, array.dtype)).astype(jnp.uint32)

@@ -1,0 +1,309 @@
+"""Samplers that make blue noise of the errors of pixels, and independent rotations to compare with."""
+
+from fractions import Fraction
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from tables import boxes, first, is_net
+
+from analysis import error_spectrum, radial_average
+from qmcjax import samplers, sequences
+
+SOBOL = sequences.sobol(2)
+MASKS = {channels: samplers.blue_noise_mask(channels) for channels in (1, 2)}
+
+
+@partial(jax.jit, static_argnames="dims")
+def values(sampler, x, y, sample, dims):
+    return sampler(x, y, sample, dims, jnp.float64)
+
+
+@jax.jit
+def bits(sequence, index):
+    return sequence.bits(index)
+
+
+def image(sampler, side, spp, dims=(0, 1), start=0):
+    """Return the samples of a square image, shape (side, side, spp, len(dims))."""
+    x, y = first(side)[None, :, None], first(side)[:, None, None]
+    return np.asarray(values(sampler, x, y, first(spp) + np.uint32(start), dims))
+
+
+def words(points):
+    return (points * 2.0**32).astype(np.uint32)
+
+
+def low_power(values):
+    """Return the mean radial power below 1/16 of a cycle per pixel, 1 for white noise."""
+    frequency, power = radial_average(error_spectrum(values, np.zeros_like(values)))
+    return power[frequency < len(values) / 16].mean()
+
+
+def test_masks_have_every_value_once():
+    assert [MASKS[c].shape for c in (1, 2)] == [(128, 128), (64, 64, 2)]
+    for mask in (MASKS[1], MASKS[2][..., 0], MASKS[2][..., 1]):
+        assert np.array_equal(np.sort(mask, axis=None) * mask.size, np.arange(mask.size) + 0.5)
+        assert np.array_equal(mask, mask.astype(np.float32))
+    assert is_net((MASKS[2].reshape(-1, 2) * 2**32).astype(np.uint32), 12)
+
+
+@pytest.mark.parametrize(
+    ("mask", "bound"), [(MASKS[1], 1e-4), (MASKS[2][..., 0], 0.02), (MASKS[2][..., 1], 0.02)]
+)
+def test_masks_have_no_low_frequencies(mask, bound):
+    """The spectrum takes the mask as periodic: its edges fit."""
+    assert low_power(mask) < bound
+    assert (
+        low_power(mask.reshape(-1)[np.random.default_rng(1).permutation(mask.size)].reshape(mask.shape)) > 0.5
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.uint32])
+def test_dither_adds_the_mask_in_fixed_point(dtype):
+    mask = np.random.default_rng(2).random((5, 3, 2))
+    mask[0, 0] = 0, 1 - 2.0**-24
+    given = (mask * 2**32).astype(np.uint32) if dtype == np.uint32 else mask.astype(dtype)
+    fractions = given if dtype == np.uint32 else (given.astype(np.float64) * 2**32).astype(np.uint32)
+    sampler = samplers.dither(given, sequences.owen(SOBOL, 1))
+    y, x = np.meshgrid(first(11), first(7), indexing="ij")
+    for sample in (0, 3, 2**32 - 1):
+        expected = fractions[y % 5, x % 3] + np.asarray(bits(sampler.sequence, np.uint32(sample)))
+        points = np.asarray(values(sampler, x, y, np.uint32(sample), (0, 1)))
+        assert np.array_equal(words(points), expected)
+    far = np.full_like(y, 2**32 - 1)
+    near = values(sampler, x, far % 5, np.uint32(0), (0, 1))
+    assert np.array_equal(values(sampler, x, far, np.uint32(0), (0, 1)), near)
+
+
+ROTATED = {
+    "dither": lambda seq: samplers.dither(np.random.default_rng(3).random((8, 8, 2)), seq),
+    "independent": lambda seq: samplers.independent(seq, 3, "shift"),
+}
+
+
+@pytest.mark.parametrize("name", ROTATED)
+@pytest.mark.parametrize("seq", [SOBOL, sequences.lattice(2), sequences.halton(2)])
+def test_a_rotation_moves_all_points_of_a_pixel_alike(name, seq):
+    """The first points of these sequences are 0: the first sample is the shift."""
+    points = image(ROTATED[name](seq), 8, 9)
+    exact = np.asarray(seq.points(9, dtype=jnp.float64))
+    assert not exact[0].any()
+    assert points.max() < 1
+    for pixel in points.reshape(-1, 9, 2)[::7]:
+        for j in range(2):
+            shift = Fraction(pixel[0, j])
+            assert shift * 2**32 % 1 == 0
+            for s in range(9):
+                off = (Fraction(exact[s, j]) + shift) % 1 - Fraction(pixel[s, j])
+                assert abs(off) <= 2.0**-53
+
+
+@pytest.mark.parametrize("seq", [SOBOL, sequences.halton(2)])
+def test_pixels_are_shifted_independently(seq):
+    shifts = image(samplers.independent(seq, 5, "shift"), 64, 1)[:, :, 0] - 0.5
+    sigma = 1 / 12 / 64
+    assert np.all(np.abs(shifts.mean(axis=(0, 1))) < 5 / np.sqrt(12) / 64)
+    assert abs((shifts**2).mean() - 1 / 12) < 5 / np.sqrt(180) / 64 / np.sqrt(2)
+    for other in (shifts[..., ::-1], np.roll(shifts, 1, axis=0), np.roll(shifts, 1, axis=1)):
+        assert np.all(np.abs((shifts * other).mean(axis=(0, 1))) < 5 * sigma * np.sqrt(2))
+
+
+@pytest.mark.parametrize("channels", [1, 2])
+def test_further_coordinates_take_the_mask_translated_far(channels):
+    mask, copies = MASKS[channels].reshape(*MASKS[channels].shape[:2], channels), 12
+    side = len(mask)
+    origin = np.asarray(
+        samplers.dither(mask, sequences.lattice(copies * channels))(0, 0, 0, tuple(range(copies * channels)))
+    )
+    places = []
+    for copy in range(copies):
+        value = origin[copy * channels : (copy + 1) * channels]
+        (place,) = np.argwhere((mask == value).all(axis=-1))
+        places.append(place)
+    assert not places[0].any()
+    for k in range(1, copies):
+        apart = np.abs(np.array(places[:k]) - places[k])
+        assert np.hypot(*np.minimum(apart, side - apart).T).min() > side / 8
+    # The pixel after the last is the first, translated or not.
+    sampler = samplers.dither(mask, sequences.lattice(2 * channels))
+    last = (2 * channels - 1,)
+    assert np.array_equal(sampler(side, 2 * side, 0, last), sampler(0, 0, 0, last))
+
+
+@pytest.mark.parametrize("dims", [2, 3, 4])
+def test_keys_only_reorder_and_shift_digitally(dims):
+    """The samples of each pixel are the points s xor r, xor one word a coordinate, r below 16."""
+    sampler = samplers.ranked(dims, key=1)
+    pixels = words(image(sampler, 64, 16, tuple(range(dims)))).reshape(4096, 16, dims)
+    points = np.asarray(bits(sampler.sequence, first(16)))
+    patterns = np.stack([points[first(16) ^ r] ^ points[r] for r in range(16)])
+    found = ((pixels ^ pixels[:, :1])[:, None] == patterns).all(axis=(2, 3))
+    assert np.all(found.sum(axis=1) == 1)
+    assert np.array_equal(found.sum(axis=0), np.full(16, 256))
+
+
+@pytest.mark.parametrize("start", [0, 16, 2**32 - 16])
+def test_every_aligned_block_of_samples_is_a_net(start):
+    pixels = words(image(samplers.ranked(2, key=1), 64, 16, start=start)).reshape(4096, 16, 2)
+    for pixel in pixels[::17]:
+        assert all(is_net(block, m) for m in range(1, 5) for block in pixel.reshape(-1, 2**m, 2))
+
+
+def test_the_pixels_of_a_tile_are_stratified_at_every_sample():
+    """First samples are a (0,12,2)-net; others 16 (0,8,2)-nets; in 4-D each coordinate is even."""
+    for start in (0, 1008):
+        plane = words(image(samplers.ranked(2, 1), 64, 16, start=start)).reshape(4096, 16, 2)
+        space = words(image(samplers.ranked(4, 1), 64, 16, (0, 1, 2, 3), start)).reshape(4096, 16, 4)
+        if start == 0:
+            assert is_net(plane[:, 0], 12)
+            expected = np.asarray(bits(sequences.sobol(4), first(4096)))
+            assert np.array_equal(np.unique(space[:, 0] >> 20, axis=0), np.unique(expected >> 20, axis=0))
+        for sample in (0, 1, 2, 7, 15):
+            for i in range(9):
+                cells = boxes(plane[:, sample], 8, i).astype(np.int64)
+                assert np.all(np.bincount(cells, minlength=256) == 16)
+            for j in range(4):
+                assert np.all(np.bincount(space[:, sample, j] >> 24, minlength=256) == 16)
+
+
+def test_keys_translate_the_tile():
+    images = []
+    for key in (1, 2):
+        sampler = samplers.ranked(2, key)
+        images.append(words(image(sampler, 64, 16)))
+        right, down = (np.asarray(sampler.translation) % 64).tolist()
+        assert right and down
+        ranks, scrambles = (
+            np.roll(table, (-down, -right), axis=(0, 1)) for table in (sampler.ranks, sampler.scrambles)
+        )
+        points = np.asarray(bits(sampler.sequence, first(16)))
+        assert np.array_equal(images[-1][:, :, 0], points[ranks] ^ scrambles)
+    assert not np.array_equal(*images)
+
+
+INTEGRANDS = {
+    "x y": lambda p: p.prod(axis=-1),
+    "disc": lambda p: 1.0 * (np.square(p - 0.5).sum(axis=-1) < 0.16),
+    "x + y < 1": lambda p: 1.0 * (p.sum(axis=-1) < 1),
+    "bump": lambda p: np.exp(-10 * np.square(p - (0.4, 0.55)).sum(axis=-1)),
+}
+
+# Upper bounds of the mean power below W/16, by number of samples and integrand; 1 for white noise.
+BLUE = {
+    "dither, vectors": (
+        samplers.dither(MASKS[2], SOBOL),
+        {1: (0.01, 0.18, 0.05, 0.01), 4: (0.6, 0.85, 0.26, 0.06), 16: (0.45, 0.7, 0.3, 0.06)},
+    ),
+    "dither, numbers": (samplers.dither(MASKS[1], SOBOL), {1: (0.25, 0.4, 0.45, 0.25)}),
+    "ranked": (
+        samplers.ranked(2, key=0),
+        {1: (0.03, 0.25, 0.14, 0.05), 4: (0.23, 0.3, 0.17, 0.09), 16: (0.37, 0.13, 0.2, 0.3)},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BLUE)
+def test_errors_are_blue_noise(name):
+    sampler, bounds = BLUE[name]
+    points = image(sampler, *((128, 1) if name == "dither, numbers" else (64, 16)))
+    for spp, uppers in bounds.items():
+        for integrand, upper in zip(INTEGRANDS.values(), uppers, strict=True):
+            assert low_power(integrand(points[:, :, :spp]).mean(axis=2)) < upper
+
+
+@pytest.mark.parametrize(("dims", "one", "more"), [(2, 0.5, 0.6), (3, 0.6, 0.77), (4, 0.65, 0.87)])
+def test_low_pass_errors_are_smaller_than_of_random_arrangements(dims, one, more):
+    """What the keys were searched for, at the prefixes of the search, against the same pixels shuffled."""
+    points = image(samplers.ranked(dims, key=0), 64, 16, tuple(range(dims)))
+    values = (points.prod(axis=-1), 1.0 * (points.sum(axis=-1) < dims / 2), INTEGRANDS["disc"](points))
+    rng = np.random.default_rng(8)
+
+    def rms(errors):
+        return gaussian_filter(errors - errors.mean(), 1.5, mode="wrap").std()
+
+    for spp in (1, 2, 4, 8, 16):
+        errors = [v[:, :, :spp].mean(axis=2) for v in values]
+        shuffled = [
+            np.mean([rms(rng.permutation(e.ravel()).reshape(64, 64)) for _ in range(20)]) for e in errors
+        ]
+        ratio = np.mean([rms(e) / s for e, s in zip(errors, shuffled, strict=True)])
+        assert ratio < (one if spp == 1 else more)
+
+
+@pytest.mark.parametrize("randomize", ["owen", "xor", "shift"])
+def test_errors_of_independent_pixels_are_white_noise(randomize):
+    """The mean of annuli 1 to 15 has variance (1 + 1/2 + ... + 1/15) / (225 pi), about 0.0047."""
+    points = image(samplers.independent(SOBOL, 3, randomize), 256, 1)
+    assert abs(low_power(points[:, :, 0].prod(axis=-1)) - 1) < 5 * np.sqrt(0.0047)
+
+
+def test_a_new_mask_or_key_makes_no_new_trace():
+    traces = []
+
+    @jax.jit
+    def point(sampler):
+        traces.append(1)
+        return sampler(3, 70, 5)
+
+    rng = np.random.default_rng(4)
+    for make in (
+        lambda k: samplers.dither(rng.random((4, 6)), SOBOL),
+        lambda k: samplers.ranked(2, k),
+        lambda k: samplers.independent(sequences.halton(2), k, "shift"),
+    ):
+        traces.clear()
+        a, b = make(1), make(2)
+        assert not np.array_equal(point(a), point(b))
+        assert np.array_equal(point(b), b(3, 70, 5))
+        assert len(traces) == 1
+
+
+@pytest.mark.slow
+def test_stored_numbers_come_from_the_program():
+    from qmcjax.samplers._data.make_blue_noise import void_and_cluster
+
+    assert np.array_equal((void_and_cluster(np.random.default_rng(1)) + 0.5) / 2**14, MASKS[1])
+
+
+GOOD = np.zeros((2, 2))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: samplers.blue_noise_mask(3), r"channels must be an integer in \[1, 2\], got 3"),
+        (lambda: samplers.dither(np.zeros(4), SOBOL), r"mask must be floats .* got float64 \(4,\)"),
+        (lambda: samplers.dither(np.zeros((0, 4)), SOBOL), r"mask must be floats .* got float64 \(0, 4\)"),
+        (lambda: samplers.dither(np.zeros((2, 2), int), SOBOL), r"mask must be floats .* got int64 \(2, 2\)"),
+        (lambda: samplers.dither(GOOD + 1, SOBOL), r"mask must be in \[0, 1\), got 1.0"),
+        (lambda: samplers.dither(GOOD - 0.5, SOBOL), r"mask must be in \[0, 1\), got -0.5"),
+        (lambda: samplers.dither(GOOD * np.nan, SOBOL), r"mask must be in \[0, 1\), got nan"),
+        (lambda: samplers.dither(GOOD, 7), "sequence must be a Sequence, got 7"),
+        (
+            lambda: samplers.dither(GOOD, sequences.hammersley_net(3)).check(8, 8, 9),
+            "spp must be at most 8 .* got 9",
+        ),
+        (lambda: samplers.ranked(5, 0), r"dims must be an integer in \[2, 4\], got 5"),
+        (lambda: samplers.ranked(2, None), "key must be one .* got None"),
+        (
+            lambda: samplers.ranked(2, 0).check(8, 8, 2**32 + 1),
+            "spp must be at most 4294967296 .* got 4294967297",
+        ),
+        (lambda: samplers.independent(7, 0, "shift"), "sequence must be a Sequence, got 7"),
+        (
+            lambda: samplers.independent(sequences.halton(2), 0, "xor"),
+            "sequence must be in base 2 .* for randomize='xor', got Radical",
+        ),
+        (
+            lambda: samplers.independent(SOBOL, 0, "CP"),
+            r"randomize must be one of \['owen', 'shift', 'xor'\], got 'CP'",
+        ),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

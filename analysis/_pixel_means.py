@@ -1,0 +1,103 @@
+"""Images of one integrand that is the same in every pixel."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import _summation, checks
+from qmcjax.orders import MAX_SIDE
+
+__all__ = ["pixel_means"]
+
+
+def pixel_means(
+    function: Callable[[Array], Array],
+    sampler: Any,
+    width: int,
+    height: int,
+    spp: int,
+    dims: tuple[int, ...] = (0, 1),
+    *,
+    dtype: DTypeLike = jnp.float32,
+) -> Array:
+    """Average one function over the samples of each pixel: the error of a sampler, free of any scene.
+
+    Where all pixels have the same integral, what an image shows is error only, and how neighbours share it.
+
+    Parameters
+    ----------
+    function : callable
+        From points, shape (height, width, len(dims)), to values, shape (height, width, ...). The same
+        function object compiles once.
+    sampler : Sampler
+    width, height : int
+        In [1, 65536].
+    spp : int
+        Samples per pixel, at least 1 and as many as the sampler allows.
+    dims : tuple of int
+        The coordinates of the points: the position in the pixel by default. Samplers that hand out one net
+        over the screen have spent theirs on the pixel: take later ones.
+    dtype : float32 or float64
+        Of points, values and sums. Sums are compensated.
+
+    Returns
+    -------
+    Array of ``dtype``, shape (height, width, ...)
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range, the sampler was made for another one, or a coordinate is not there.
+
+    References
+    ----------
+    .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+       Hierarchical Ordering of Pixels", 2020, Sect. 5.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers
+    >>> print(pixel_means(lambda p: p[..., 0] * p[..., 1], samplers.z(2, 2, 16, 1, "plain"), 2, 2, 16))
+    [[0.22265625 0.25390625]
+     [0.25390625 0.23828125]]
+    """
+    width = checks.integer("width", width, 1, MAX_SIDE)
+    height = checks.integer("height", height, 1, MAX_SIDE)
+    spp = checks.integer("spp", spp, 1, 2**32 - 1)
+    wanted = checks.dimensions(dims, sampler.dims)
+    dtype = checks.floating(dtype)
+    sampler.check(width, height, spp)
+    with checks.precision(dtype):
+        # Samplers of two classes may look alike to JAX: see qmcjax.pytrees.
+        classes = str(jax.tree.structure(sampler))
+        return _means(function, sampler, (height, width), spp, wanted, dtype, classes)
+
+
+@partial(jax.jit, static_argnames=("function", "shape", "spp", "dims", "dtype", "classes"))
+def _means(
+    function: Callable[[Array], Array],
+    sampler: Any,
+    shape: tuple[int, int],
+    spp: int,
+    dims: tuple[int, ...],
+    dtype: DTypeLike,
+    classes: str,
+) -> Array:
+    del classes  # Part of the cache's key.
+    x = jax.lax.broadcasted_iota(jnp.uint32, shape, 1)
+    y = jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
+    if hasattr(sampler, "of_pixels"):
+        sampler = sampler.of_pixels(x, y, dims)
+
+    def values(sampler: Any, sample: Array) -> Array:
+        return function(sampler(x, y, jnp.full(shape, sample, jnp.uint32), dims, dtype)).astype(dtype)
+
+    state = _summation.zeros(jax.eval_shape(values, sampler, jnp.uint32(0)))
+    state = _summation.add_terms(values, sampler, state, jnp.uint32(0), jnp.uint32(spp))
+    return _summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]

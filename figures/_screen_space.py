@@ -1,0 +1,171 @@
+"""Methods of both rendering papers and their competitors, on integrands that are the same in every pixel."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from scipy.special import erf
+
+import analysis
+from qmcjax import orders, samplers, sequences
+
+KEY = 1
+SIDE = {"draft": 64, "paper": 256}
+CROP = 64
+"""Pixels that are shown of the images, a side."""
+
+RADIUS, SHARPNESS, CENTRE = 0.4, 10.0, (0.4, 0.55)
+
+
+def _integrands(point: Array) -> Array:
+    x, y = point[..., 0], point[..., 1]
+    inside = (x - 0.5) ** 2 + (y - 0.5) ** 2 < RADIUS**2
+    bump = jnp.exp(-SHARPNESS * ((x - CENTRE[0]) ** 2 + (y - CENTRE[1]) ** 2))
+    return jnp.stack([x * y, 1.0 * inside, 1.0 * (x + y < 1), bump], axis=-1)
+
+
+def _bump() -> float:
+    root = np.sqrt(SHARPNESS)
+    parts = [0.5 * np.sqrt(np.pi) / root * (erf(root * (1 - c)) + erf(root * c)) for c in CENTRE]
+    return float(np.prod(parts))
+
+
+INTEGRALS = {"x y": 0.25, "disc": np.pi * RADIUS**2, "x + y < 1": 0.5, "bump": _bump()}
+
+
+class Method(NamedTuple):
+    """A sampler of a square image for some samples per pixel."""
+
+    make: Callable[[int, int], samplers.Sampler]
+    dims: tuple[int, int] = (0, 1)
+    """The coordinates that are shown."""
+
+
+def _along(order, sequence) -> Method:
+    return Method(lambda side, spp: samplers.contiguous(order(side, side), sequence, spp))
+
+
+def methods() -> dict[str, Method]:
+    """Return the methods by name, each as its paper has it."""
+    sobol, halton = sequences.sobol(2), sequences.halton(2)
+    dithered = sequences.lattice(2)
+    permuted = sequences.halton(3, "faure_lemieux")
+    return {
+        "random": _along(orders.raster, sequences.uniform(2, KEY)),
+        "(0,2), xor per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY, "xor")),
+        "(0,2), Owen per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY)),
+        "lattice, rotated": Method(lambda side, spp: samplers.independent(dithered, KEY, "shift")),
+        "global Sobol'": Method(
+            lambda side, spp: samplers.screen(sequences.sobol(4), side, side), dims=(2, 3)
+        ),
+        "global Halton": Method(
+            lambda side, spp: samplers.screen(sequences.halton(4), side, side), dims=(2, 3)
+        ),
+        "dither, vectors": Method(lambda side, spp: samplers.dither(samplers.blue_noise_mask(2), dithered)),
+        "ranked (Heitz)": Method(lambda side, spp: samplers.ranked(2, KEY)),
+        "Z0": Method(lambda side, spp: samplers.z(side, side, spp, None, "plain")),
+        "Z, hash": Method(lambda side, spp: samplers.z(side, side, spp, KEY)),
+        "Z, tree": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "tree")),
+        "Z, ART": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "art")),
+        "Hilbert, Halton (2,3)": _along(orders.hilbert, halton),
+        "Hilbert, Halton (3,5)": _along(orders.hilbert, sequences.components(sequences.halton(3), (1, 2))),
+        "Hilbert, Owen-Sobol'": _along(orders.hilbert, sequences.owen(sobol, KEY)),
+        "Moore, Halton (2,3)": _along(orders.moore, halton),
+        "Peano, Halton (2,5)": _along(orders.peano, sequences.components(sequences.halton(3), (0, 2))),
+        "Hilbert, shifted lattice": Method(
+            lambda side, spp: samplers.shifted(orders.hilbert(side, side), permuted, sequences.lattice(3))
+        ),
+        "Hilbert, segments (3,5)": Method(
+            lambda side, spp: samplers.segments(
+                orders.hilbert(side, side), sequences.components(sequences.halton(3), (1, 2)), 1
+            )
+        ),
+        "Hilbert, partitioned": Method(
+            lambda side, spp: samplers.partitioned(
+                orders.hilbert(side, side), sequences.halton(3), exact=True
+            )
+        ),
+    }
+
+
+def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+    """Return the errors, shape (side, side, 4), and their measures by integrand."""
+    image = analysis.pixel_means(_integrands, method.make(side, spp), side, side, spp, method.dims)
+    image = np.asarray(image, np.float64)
+    measured = {}
+    for k, (name, exact) in enumerate(INTEGRALS.items()):
+        reference = np.full((side, side), exact)
+        measured[name] = {
+            "RMS error": float(np.sqrt(np.mean((image[..., k] - exact) ** 2))),
+            "low-frequency power": analysis.low_frequency_power(image[..., k], reference),
+            "filtered error": analysis.filtered_error(image[..., k], reference),
+        }
+    return image - np.array(list(INTEGRALS.values())), measured
+
+
+NOTE = (
+    "{side} x {side} pixels, {spp} sample(s) each. Integrands of the two coordinates that a pixel samples, "
+    f"the same in every pixel: x y, a disc of radius {RADIUS}, x + y < 1, and "
+    f"exp(-{SHARPNESS:.0f} |p - {CENTRE}|^2). Errors are against the exact integrals; power is 1 for white "
+    "noise, low is the radial mean below 1/16 of a cycle per pixel, filtered the RMS error after a Gaussian "
+    "of 1.5 pixels; images are taken as periodic. The global sequences show their dimensions 2 and 3, since "
+    "0 and 1 are the pixel. Peano's curve fills 3**k pixels a side, of which a part is used. One key for "
+    "what is random. At one sample, segments and the shifted lattice are the contiguous blocks of their "
+    "Halton components."
+)
+
+
+def sheet(spp: int, quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the errors of all methods and their radial spectra."""
+    side, listed = SIDE[quality], methods()
+    rows = -(-len(listed) // 2)
+    figure = Figure(figsize=(20, 1.75 * rows), layout="constrained")
+    figure.suptitle(
+        f"Errors at {spp} sample{'s' * (spp > 1)} a pixel: {', '.join(INTEGRALS)}, and their radial spectra"
+    )
+    panels = figure.subplots(rows, 10, width_ratios=(1, 1, 1, 1, 1.7) * 2)
+    measured = {}
+    for k, (name, method) in enumerate(listed.items()):
+        errors, measured[name] = measure(method, side, spp)
+        row, first = k % rows, 5 * (k // rows)
+        _draw(panels[row, first : first + 5], name, errors, measured[name])
+        progress((k + 1) / len(listed))
+    for axes in panels.flat[2 * len(listed) * 5 :]:
+        axes.set_axis_off()
+    numbers = {"measured": measured, "printed": _claims(measured), "note": NOTE.format(side=side, spp=spp)}
+    return figure, numbers
+
+
+def _draw(panels: list[Axes], name: str, errors: np.ndarray, measured: dict[str, dict[str, float]]) -> None:
+    *images, spectra = panels
+    for k, (axes, (integrand, values)) in enumerate(zip(images, measured.items(), strict=True)):
+        # Three standard deviations of the method's own errors: what is compared is their pattern.
+        scale = 3 * values["RMS error"]
+        axes.imshow(errors[:CROP, :CROP, k], cmap="gray", vmin=-scale, vmax=scale, interpolation="nearest")
+        axes.set(xticks=[], yticks=[])
+        axes.set_title(f"RMS {values['RMS error']:.2g}, low {values['low-frequency power']:.2g}", fontsize=7)
+        frequency, power = analysis.radial_average(
+            analysis.error_spectrum(errors[..., k], np.zeros(errors.shape[:2]))
+        )
+        spectra.plot(frequency / errors.shape[0], power, lw=0.8, label=integrand)
+    images[0].set_ylabel(name, fontsize=7)
+    spectra.axhline(1, color="k", lw=0.5)
+    spectra.set(ylim=(0, 3), xlim=(0, 0.5))
+    spectra.set_title("power at cycles per pixel", fontsize=7)
+    spectra.tick_params(labelsize=6)
+    spectra.legend(fontsize=5, loc="upper left")
+
+
+def _claims(measured: dict[str, dict[str, dict[str, float]]]) -> dict[str, dict[str, float]]:
+    """Return the low-frequency power on x y of the methods that diffuse errors, and of those that do not."""
+    return {
+        "low-frequency power on x y: below 0.15 at 1 sample for Z and Hilbert, 1 for (0,2)": {
+            name: values["x y"]["low-frequency power"]
+            for name, values in measured.items()
+            if name.startswith(("Z", "Hilbert", "(0,2)"))
+        }
+    }

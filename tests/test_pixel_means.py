@@ -1,0 +1,137 @@
+"""Errors of one integrand in every pixel, and what an eye sees of them."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import SAMPLERS, SIDE, SPP, first
+
+import analysis
+from qmcjax import orders, samplers, sequences
+
+
+def product(point):
+    return point[..., 0] * point[..., 1]
+
+
+def zeros(side):
+    return np.zeros((side, side))
+
+
+@pytest.mark.parametrize("name", ["z, hash", "randomized, contiguous, owen", "shifted, hilbert, lattice"])
+def test_the_mean_is_that_of_the_samples(name):
+    sampler = SAMPLERS[name]
+    dims = (1, 2) if sampler.dims > 2 else (1, 0)
+    y, x, sample = np.meshgrid(first(SIDE), first(SIDE), first(SPP), indexing="ij")
+    points = np.asarray(sampler(*(jnp.asarray(a) for a in (x, y, sample)), dims), np.float64)
+    means = analysis.pixel_means(product, sampler, SIDE, SIDE, SPP, dims)
+    np.testing.assert_allclose(means, product(points).mean(axis=2), rtol=0, atol=2e-7)
+
+
+def test_values_of_several_functions_and_of_float64():
+    sampler = samplers.z(8, 4, 16, key=3)
+    values = analysis.pixel_means(lambda p: p, sampler, 8, 4, 16, dtype=jnp.float64)
+    assert values.shape == (4, 8, 2)
+    assert values.dtype == jnp.float64
+    # 16 points of a net in each pixel: k/16 + less than 1/16, each once.
+    assert np.all(np.abs(np.asarray(values) - 0.5) <= 1 / 32)
+
+
+def test_what_a_gaussian_leaves_of_waves():
+    """It scales a wave of frequency f by exp(-2 (pi sigma f)**2)."""
+    x = np.arange(64)
+    for cycles in (2, 8):
+        wave = np.broadcast_to(np.cos(2 * np.pi * cycles * x / 64), (64, 64))
+        for sigma in (1.0, 1.5):
+            expected = np.sqrt(0.5) * np.exp(-2 * (np.pi * sigma * cycles / 64) ** 2)
+            assert analysis.filtered_error(wave + 3, np.full((64, 64), 3.0), sigma) == pytest.approx(
+                expected, rel=2e-3
+            )
+
+
+def test_low_frequencies_of_waves_and_of_noise():
+    x = np.arange(64)
+    low, high = (np.broadcast_to(np.cos(2 * np.pi * c * x / 64), (64, 64)) for c in (3, 4))
+    assert analysis.low_frequency_power(high, zeros(64)) < 1e-20
+    # All power, 64**2, is in two of the frequencies of annulus 3, one of three annuli.
+    radius = np.hypot(*np.meshgrid(*[np.fft.fftfreq(64, 1 / 64)] * 2))
+    count = np.sum((radius >= 2.5) & (radius < 3.5))
+    assert analysis.low_frequency_power(low, zeros(64)) == pytest.approx(64**2 / count / 3)
+    noise = np.random.default_rng(1).normal(size=(40, 128, 128))
+    powers = [analysis.low_frequency_power(image, zeros(128)) for image in noise]
+    assert abs(np.mean(powers) - 1) < 5 * np.std(powers) / np.sqrt(len(powers))
+
+
+def along(order, components):
+    curve = sequences.components(sequences.halton(3), components)
+    return lambda spp: samplers.contiguous(order(256, 256), curve, spp)
+
+
+def measures(sampler, spp):
+    image = np.asarray(analysis.pixel_means(product, sampler, 256, 256, spp), np.float64)
+    exact = np.full((256, 256), 0.25)
+    error = np.sqrt(np.mean((image - 0.25) ** 2))
+    return error, analysis.low_frequency_power(image, exact), analysis.filtered_error(image, exact)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "spp", "expected", "low_margin", "margin"),
+    [
+        (lambda spp: samplers.z(256, 256, spp, None, "plain"), 1, (0.2205, 0.037, 0.0159), 0.005, 0.01),
+        (lambda spp: samplers.z(256, 256, spp, key=1), 1, (0.2205, 0.046, 0.0201), 0.01, 0.03),
+        (lambda spp: samplers.z(256, 256, spp, key=1), 4, (0.0536, 0.052, 0.0049), 0.015, 0.03),
+        (along(orders.hilbert, (0, 1)), 1, (0.2205, 0.012, 0.0127), 0.002, 0.01),
+        (along(orders.hilbert, (0, 1)), 4, (0.0623, 0.011, 0.0034), 0.002, 0.01),
+        (along(orders.hilbert, (1, 2)), 1, (0.2205, 0.037, 0.0184), 0.005, 0.01),
+    ],
+)
+def test_methods_that_diffuse_the_error(make, spp, expected, low_margin, margin):
+    """RMS error, power at low frequencies and filtered error, against measurements with plain numpy."""
+    error, low, filtered = measures(make(spp), spp)
+    assert error == pytest.approx(expected[0], rel=2e-3)
+    assert abs(low - expected[1]) < low_margin
+    assert filtered == pytest.approx(expected[2], rel=margin)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spp", [1, 4])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda spp, key: samplers.contiguous(orders.raster(256, 256), sequences.uniform(2, key), spp),
+        lambda spp, key: samplers.independent(sequences.sobol(2), key, "xor"),
+    ],
+    ids=["random", "(0,2), xor"],
+)
+def test_methods_that_do_not(make, spp):
+    """The power of one image has a standard deviation of 0.068: 0.1 is 5.9 times that of 16 images."""
+    measured = np.array([measures(make(spp, key), spp) for key in range(16)])
+    assert abs(np.mean(measured[:, 1]) - 1) < 0.1
+    assert 0.068 * 0.1 < np.std(measured[:, 1]) < 0.068 * 1.9
+    # White noise keeps 1 / (4 pi sigma**2) of its variance.
+    np.testing.assert_allclose(measured[:, 2] / measured[:, 0], 0.5 / np.sqrt(np.pi) / 1.5, rtol=0.05)
+
+
+SAMPLER = samplers.independent(sequences.sobol(2), key=1)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: analysis.pixel_means(product, SAMPLER, 0, 4, 1), "width must be .* got 0"),
+        (lambda: analysis.pixel_means(product, SAMPLER, 4, 4, 0), "spp must be .* got 0"),
+        (lambda: analysis.pixel_means(product, SAMPLER, 4, 4, 1, (0, 2)), "dims .* 2"),
+        (
+            lambda: analysis.pixel_means(product, samplers.z(4, 4, 2, 1), 4, 4, 4),
+            "spp must be at most 2 .* got 4",
+        ),
+        (lambda: analysis.pixel_means(product, SAMPLER, 4, 4, 1, dtype=jnp.int32), "dtype must be .*int32"),
+        (lambda: analysis.filtered_error(zeros(4), zeros(5)), r"one shape .* \(4, 4\) and \(5, 5\)"),
+        (lambda: analysis.filtered_error(zeros(4) + np.nan, zeros(4)), "must be finite"),
+        (lambda: analysis.filtered_error(zeros(4), zeros(4), 0.0), "sigma must be positive, got 0.0"),
+        (lambda: analysis.low_frequency_power(np.eye(8), zeros(8), 0.05), "cutoff must be .* got 0.05"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

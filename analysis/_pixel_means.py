@@ -12,6 +12,7 @@ from jax.typing import DTypeLike
 
 from qmcjax import _summation, checks
 from qmcjax.orders import MAX_SIDE
+from qmcjax.samplers import completed
 
 __all__ = ["pixel_means"]
 
@@ -73,6 +74,7 @@ def pixel_means(
     wanted = checks.dimensions(dims, sampler.dims)
     dtype = checks.floating(dtype)
     sampler.check(width, height, spp)
+    sampler = completed(sampler)
     with checks.precision(dtype):
         # Samplers of two classes may look alike to JAX: see qmcjax.pytrees.
         classes = str(jax.tree.structure(sampler))
@@ -92,8 +94,7 @@ def _means(
     del classes  # Part of the cache's key.
     x = jax.lax.broadcasted_iota(jnp.uint32, shape, 1)
     y = jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
-    if hasattr(sampler, "of_pixels"):
-        sampler = sampler.of_pixels(x, y, dims)
+    sampler = sampler.of_pixels(x, y, dims)
 
     def values(sampler: Any, sample: Array) -> Array:
         return function(sampler(x, y, jnp.full(shape, sample, jnp.uint32), dims, dtype)).astype(dtype)

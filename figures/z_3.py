@@ -46,8 +46,9 @@ class SoftShadow:
     def __call__(self, point: Array) -> Array:
         """Return 1 where the floor sees the point on the light, else 0."""
         light, radius = (jnp.asarray(value).astype(point.dtype) for value in (self.light, self.radius))
-        crossing = 0.5 * ((point[..., :2] - 0.5) + light * (point[..., 2:] - 0.5))
-        return jnp.where(jnp.sum(crossing**2, axis=-1) < radius**2, 0.0, 1.0).astype(point.dtype)
+        x, y, u, v = (point[..., j] - 0.5 for j in range(4))
+        squared = (0.5 * (x + light * u)) ** 2 + (0.5 * (y + light * v)) ** 2
+        return jnp.where(squared < radius**2, 0.0, 1.0).astype(point.dtype)
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

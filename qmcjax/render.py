@@ -13,13 +13,11 @@ from jax.typing import DTypeLike
 
 from qmcjax import _summation, checks
 from qmcjax._summation import State
+from qmcjax.samplers import completed
 
 __all__ = ["render"]
 
 _MAX_SIDE = 2**16
-
-_BATCH = 8
-"""Samples that are added pairwise before they go into the compensated sum: memory traffic is what counts."""
 
 _CALL = 2**26
 """Samples of the whole image in one call of the compiled program: progress is reported between calls."""
@@ -83,11 +81,14 @@ def render(
             f"{sampler.dims}: {scene.needs[sampler.dims :]} are missing"
         )
     sampler.check(width, height, spp)
+    sampler, dims = completed(sampler), tuple(range(len(scene.needs)))
 
     with checks.precision(dtype):
         point = jax.ShapeDtypeStruct((height, width, len(scene.needs)), dtype)
         state = _summation.zeros(jax.eval_shape(scene, point))
-        batch = math.gcd(spp, _BATCH)
+        # So many values are added pairwise before they go into the compensated sum: memory traffic is what
+        # counts.
+        batch = math.gcd(spp, sampler.unrolled(dims))
         # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.pytrees.
         classes = str(jax.tree.structure((scene, sampler)))
         per_call = max(1, _CALL // (width * height * batch)) * batch
@@ -116,27 +117,16 @@ def _accumulate(
     del classes  # Part of the cache's key.
     scene, sampler = pair
     dims = tuple(range(len(scene.needs)))
-    if hasattr(sampler, "of_pixels"):
-        sampler = sampler.of_pixels(*_pixels(width, height), dims)
+    sampler = sampler.of_pixels(*_pixels(width, height), dims)
 
     def batch_sum(pair: tuple[Any, Any], k: Array) -> Array:
         # Or else what the samples of a pixel share would be moved out of the loop, once for each of a batch.
         (scene, sampler), k = jax.lax.optimization_barrier((pair, k))
         x, y = _pixels(width, height)
-        points = _points(sampler, x, y, k, batch, dims, state[0].dtype)
+        points = sampler.samples(x, y, k, batch, dims, state[0].dtype)
         return _summation.pairwise([scene(_on_screen(point, x, y)) for point in points])
 
     return _summation.add_terms(batch_sum, (scene, sampler), state, first, batches)
-
-
-def _points(
-    sampler: Any, x: Array, y: Array, k: Array, batch: int, dims: tuple[int, ...], dtype: np.dtype
-) -> list[Array]:
-    """Return batch number k of the samples of every pixel."""
-    if hasattr(sampler, "samples"):
-        return sampler.samples(x, y, k, batch, dims, dtype)
-    numbers = [k * np.uint32(batch) + np.uint32(i) for i in range(batch)]
-    return [sampler(x, y, jnp.broadcast_to(number, x.shape), dims, dtype) for number in numbers]
 
 
 def _on_screen(point: Array, x: Array, y: Array) -> Array:

@@ -2,6 +2,8 @@
 
 from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from qmcjax import orders, samplers, sequences
@@ -136,6 +138,11 @@ SAMPLERS = {
 def first(n: int) -> np.ndarray:
     """Return the first n indices."""
     return np.arange(n, dtype=np.uint32)
+
+
+def again(array: np.ndarray, n: int) -> jax.Array:
+    """Return the flat array over and over, up to n entries: in one shape, operations compile but once."""
+    return jnp.asarray(np.resize(array, n))
 
 
 def boxes(bits: np.ndarray, m: int, i: int) -> np.ndarray:

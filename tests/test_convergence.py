@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import analysis._convergence
-from analysis import ConvergenceTable, convergence
+from analysis import ConvergenceRow, ConvergenceTable, convergence
 from qmcjax import samplers, sequences
 
 
@@ -227,3 +227,56 @@ def test_real_renderer():
     assert table.slope("random") == pytest.approx(-0.5, abs=0.05)
     assert table.slope("owen") < -1
     assert all(row.seconds > 0 and row.first_seconds > 0 for row in table.rows)
+
+
+def scattered(exponent, scatter, seed, count=10):
+    """Return a table whose errors are a power of spp times log-normal noise."""
+    spps = 2.0 ** np.arange(count)
+    noise = np.exp(scatter * np.random.default_rng(seed).normal(size=len(spps)))
+    errors = spps**exponent * noise
+    rows = [
+        ConvergenceRow("a", int(n), {"whole": float(e)}, 0.5, 1.0) for n, e in zip(spps, errors, strict=True)
+    ]
+    return ConvergenceTable(tuple(rows), 0.0)
+
+
+def test_intervals_hold_the_slope_as_often_as_they_say():
+    """95 % of 400: within 5 standard deviations, 0.0109 each; residuals are few, hence the room below."""
+    tables = [scattered(-0.7, 0.2, seed) for seed in range(400)]
+    held = np.mean(
+        [lo < -0.7 < hi for lo, hi in (table.slope_interval("a", resamples=999) for table in tables)]
+    )
+    assert 0.85 < held < 0.95 + 5 * 0.0109
+    narrow = np.mean([np.diff(table.slope_interval("a", level=0.5, resamples=999)) for table in tables])
+    wide = np.mean([np.diff(table.slope_interval("a", resamples=999)) for table in tables])
+    # Of a normal distribution, 1.96 / 0.6745.
+    assert wide / narrow == pytest.approx(2.906, rel=0.1)
+
+
+def test_an_exact_power_has_an_interval_of_no_length():
+    table = scattered(-1.5, 0.0, seed=0)
+    assert table.slope_interval("a") == pytest.approx((-1.5, -1.5))
+    assert table.slope_interval("a") == table.slope_interval("a")
+
+
+def test_efficiency():
+    table = scattered(-0.5, 0.0, seed=0)
+    np.testing.assert_allclose(table.efficiency("a"), 2.0 * 2 ** np.arange(10))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda table: table.slope_interval("a", level=1.0), r"level must be in \(0, 1\), got 1.0"),
+        (lambda table: table.slope_interval("a", resamples=0), "resamples must be .* got 0"),
+        (lambda table: table.slope_interval("b"), r"sampler must be one of \['a'\], got 'b'"),
+        (lambda table: table.efficiency("a", "upper"), "region must be .* got 'upper'"),
+        (
+            lambda table: scattered(-1, 0.1, 0, count=2).slope_interval("a"),
+            "three or more errors",
+        ),
+    ],
+)
+def test_what_a_table_cannot_tell(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(scattered(-0.5, 0.1, seed=0))

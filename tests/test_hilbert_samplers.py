@@ -190,11 +190,12 @@ def test_a_component_that_is_not_co_prime_to_the_curve_never_fills_a_pixel():
         UserWarning, match="component 1 .* base 2, and the curve of length 64 are not co-prime"
     ):
         sampler = samplers.segments(order, sequences.components(HALTON, (1, 0, 2)), 1)
-    pixel = np.asarray(sampler(3, 3, jnp.asarray(first(512)), (0, 1, 2)))
+    there = np.uint32(3), np.uint32(3), first(512)
+    pixel = np.asarray(points_of(sampler, *there, (0, 1, 2)))
     assert np.ptp(pixel[:, 1]) < 1 / 64
     assert np.all(np.ptp(pixel[:, [0, 2]], axis=0) > 0.99)
     doubling = samplers.segments(order, HALTON, 1, doubling=True)
-    assert np.ptp(np.asarray(doubling(3, 3, jnp.asarray(first(512))))[:, 0]) > 0.99
+    assert np.ptp(np.asarray(points_of(doubling, *there))[:, 0]) > 0.99
     samplers.segments(orders.peano(9, 9), sequences.components(HALTON, (0, 2, 3)), 1)
     samplers.segments(order, sequences.components(SOBOL, (1,)), 1)
     with pytest.warns(UserWarning, match="component 0 .* base 3"):

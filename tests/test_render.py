@@ -53,7 +53,17 @@ def brute_force(scene, sampler, width, height, spp):
     return np.asarray(evaluate(scene, drawn), np.float64).mean(axis=2)
 
 
-@pytest.mark.parametrize("sampler", SAMPLERS.values(), ids=SAMPLERS.keys())
+ONE_OF_EACH_KIND = {type(sampler): name for name, sampler in SAMPLERS.items()}.values()
+each_sampler = pytest.mark.parametrize(
+    "sampler",
+    [
+        pytest.param(sampler, id=name, marks=() if name in ONE_OF_EACH_KIND else pytest.mark.slow)
+        for name, sampler in SAMPLERS.items()
+    ],
+)
+
+
+@each_sampler
 def test_image_is_the_mean_of_the_samples(sampler):
     scene = qj.scenes.zone_plate(10.0)
     image = qj.render(scene, sampler, SIDE, SIDE, SPP)
@@ -219,7 +229,9 @@ def test_vmap_over_scene_parameters_equals_a_loop():
     sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
     image = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 8, 8, 4)  # noqa: E731
     frequencies = jnp.array([10.0, 20.0, 30.0], jnp.float32)
-    np.testing.assert_allclose(jax.vmap(image)(frequencies), [image(f) for f in frequencies], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        jax.vmap(image)(frequencies), [image(f) for f in frequencies], rtol=0, atol=1e-6
+    )
 
 
 SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]

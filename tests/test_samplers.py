@@ -25,9 +25,9 @@ def all_samples(side=SIDE, spp=SPP):
 
 @jax.jit
 def ways(sampler, x, y, sample):
-    """Return all points in a row, and one by one with their coordinates backwards."""
+    """Return all points in a row, and one by one from the last on, with their coordinates backwards."""
     one_by_one = jax.vmap(lambda *where: sampler(*where, dims=(1, 0)))
-    return sampler(x, y, sample), one_by_one(x, y, sample)
+    return sampler(x, y, sample), one_by_one(x[::-1], y[::-1], sample[::-1])
 
 
 @jax.jit
@@ -39,39 +39,23 @@ def in_a_table(sampler):
 
 @each_sampler
 def test_any_pixel_any_sample_on_its_own(sampler):
-    """Backwards, one by one, under jit and vmap, in any shape, any coordinates: the same points."""
+    """Backwards, one by one, with and without jit and vmap, in any shape, any dimensions: the same points."""
     x, y, sample = all_samples()
-    points = np.asarray(sampler(x, y, sample))
+    points, one_by_one = (np.asarray(a) for a in ways(sampler, x, y, sample))
     assert points.shape == (SIDE * SIDE * SPP, 2)
     assert points.dtype == np.float32
     assert points.min() >= 0
     assert points.max() < 1
-    assert np.array_equal(sampler(int(x[77]), int(y[77]), int(sample[77]), dims=(1,)), points[77, 1:])
-    there, one_by_one = ways(sampler, *(jnp.asarray(np.asarray(a)[::-1]) for a in (x, y, sample)))
-    assert np.array_equal(there[::-1], points)
-    assert np.array_equal(one_by_one[::-1], points[:, ::-1])
+    assert np.array_equal(one_by_one, points[::-1, ::-1])
+    where = int(x[77]), int(y[77]), int(sample[77])
+    assert np.array_equal(sampler(*where), points[77])
+    assert np.array_equal(sampler(*where, dims=(1,)), points[77, 1:])
     table = np.asarray(in_a_table(sampler))
     assert table.shape == (SIDE, SIDE, SPP, 2)
     assert table.dtype == np.float64
     assert table.min() >= 0
     assert table.max() < 1
     assert np.max(np.abs(table.reshape(-1, 2) - points)) < 2.0**-24
-
-
-@each_sampler
-def test_loops_over_samples_take_the_same_points(sampler):
-    """What a pixel's samples share is computed once, and pairs of samples come together."""
-    dims = tuple(range(sampler.dims))[::-1]
-
-    @jax.jit
-    def in_pairs(sampler, x, y):
-        sampler = sampler.of_pixels(x, y, dims)
-        pairs = [sampler.samples(x, y, jnp.uint32(k), 2, dims, jnp.float32) for k in range(SPP // 2)]
-        return [*pairs[0], *pairs[1], sampler(x, y, np.uint32(1), dims)]
-
-    x, y = jnp.asarray(first(SIDE)), jnp.asarray(first(SIDE)[::-1].copy())
-    expected = np.moveaxis(np.asarray(sampler(x[:, None], y[:, None], jnp.asarray(first(SPP)), dims)), 1, 0)
-    assert np.array_equal(in_pairs(sampler, x, y), [*expected, expected[1]])
 
 
 def test_only_wanted_dimensions_are_computed():
@@ -214,7 +198,10 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
     ("call", "message"),
     [
         (lambda: samplers.contiguous(HILBERT, SOBOL, 0), "spp must be an integer .* got 0"),
-        (lambda: samplers.contiguous(HILBERT, SOBOL, 257), "spp must be at most 256: .* got 257"),
+        (
+            lambda: samplers.contiguous(HILBERT, sequences.halton(2, "faure"), 257),
+            "spp must be at most 256: .* got 257",
+        ),
         (
             lambda: samplers.contiguous(orders.raster(4, 4), sequences.hammersley_net(6), 5),
             "spp must be at most 4: the curve has 16 positions and the sequence 64 indices, got 5",

@@ -379,7 +379,7 @@ SMALL = samplers.z(5, 3, 4, 0)
         (lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)), "at most one .* sequence=Dig"),
         (lambda: samplers.z(8, 8, 1, 0, sequence=sequences.halton(2)), "sequence must be .* base 2 .* got"),
         (
-            lambda: samplers.z(8192, 8192, 128, 0, sequence=sequences.sobol(4)),
+            lambda: samplers.z(8192, 8192, 128, 0, sequence=sequences.faure(2)),
             "spp must be at most 64: the padded raster has 67108864 pixels .* 4294967296 indices, got 128",
         ),
         (

@@ -5,6 +5,7 @@ Every sampler is called with ``(x, y, sample, dims)``. Coordinates 0 and 1 are t
 """
 
 from qmcjax.samplers._base import Sampler as Sampler
+from qmcjax.samplers._base import completed as completed
 from qmcjax.samplers._contiguous import contiguous as contiguous
 from qmcjax.samplers._dither import blue_noise_mask as blue_noise_mask
 from qmcjax.samplers._dither import dither as dither

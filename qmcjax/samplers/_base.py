@@ -1,6 +1,7 @@
 """The interface of a sampler: from a pixel and the number of a sample to a point."""
 
 import abc
+from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import checks
+from qmcjax.pytrees import pytree
 
 
 class Sampler(abc.ABC):
@@ -80,6 +82,21 @@ class Sampler(abc.ABC):
         """
         return self
 
+    def unrolled(self, dims: tuple[int, ...]) -> int:
+        """Return how many samples such a loop best takes together, a power of two.
+
+        Parameters
+        ----------
+        dims : tuple of int
+            The coordinates that will be asked for.
+
+        Returns
+        -------
+        int
+            More are faster while compilers still vectorise the program.
+        """
+        return 8 if len(dims) <= 2 else 2
+
     def samples(
         self, x: Array, y: Array, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> list[Array]:
@@ -100,12 +117,38 @@ class Sampler(abc.ABC):
         -------
         list of Array of ``dtype``, shape ``x.shape + (len(dims),)``
         """
-        numbers = [block * np.uint32(count) + np.uint32(i) for i in range(count)]
-        return [self(x, y, number, dims, dtype) for number in numbers]
+        first = block * np.uint32(count)
+        numbers = [jnp.broadcast_to(first + np.uint32(i), x.shape) for i in range(count)]
+        return [self._values(x, y, number, dims, dtype) for number in numbers]
 
     @abc.abstractmethod
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless an image of this size and number of samples can be made."""
+
+
+@pytree
+@dataclass(frozen=True)
+class PlugIn(Sampler):
+    """An object with ``dims``, ``check`` and a sampler's call."""
+
+    sampler: Any
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates that can be asked for."""
+        return self.sampler.dims
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        return self.sampler(x, y, sample, dims, dtype)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless an image of this size and number of samples can be made."""
+        self.sampler.check(width, height, spp)
+
+
+def completed(sampler: Any) -> Sampler:
+    """Give any object that is a sampler the methods that have defaults."""
+    return sampler if isinstance(sampler, Sampler) else PlugIn(sampler)
 
 
 def check_size(name: str, made_for: tuple[int, int], wanted: tuple[int, int]) -> None:

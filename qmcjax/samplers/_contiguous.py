@@ -12,6 +12,8 @@ from qmcjax.orders import Order
 from qmcjax.orders._visited import Visited, visited
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._linear_blocks import linear_blocks
+from qmcjax.samplers._two_words import plus, times
 from qmcjax.sequences import Sequence
 
 
@@ -30,12 +32,22 @@ class Contiguous(Sampler):
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        index = self.order.position(x, y) * np.uint32(self.spp) + sample
-        return self.sequence(index, dims, dtype)
+        position = self.order.position(x, y)
+        if self.order.length * self.spp > checks.INDEX_LIMIT:
+            high, low = plus(times(position, self.spp), sample)
+            return self.sequence.beyond(high)(low, dims, dtype)
+        return self.sequence(position * np.uint32(self.spp) + sample, dims, dtype)
 
     def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the sampler of some pixels alone, with their positions computed."""
-        return replace(self, order=visited(self.order, x, y))
+        """Return the sampler of some pixels alone, with their positions or first points computed."""
+        order = visited(self.order, x, y)
+        # Two components of a (0,2)-sequence cost less than the memory that their first points take.
+        if len(dims) > 2 and self.order.length * self.spp <= checks.INDEX_LIMIT:
+            first = order.positions * np.uint32(self.spp)
+            blocks = linear_blocks(self.sequence, first, self.spp, dims)
+            if blocks is not None:
+                return blocks
+        return replace(self, order=order)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and no pixel needs more than its block."""
@@ -61,7 +73,13 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     Raises
     ------
     ValueError
-        If the sequence, or 2**32 indices, do not suffice for ``order.length * spp`` points.
+        If the sequence does not have ``order.length * spp`` points.
+
+    Notes
+    -----
+    More than 2**32 points take indices of two words. These sequences have them: :func:`sequences.sobol`,
+    ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``; what
+    ``components`` and ``shift`` make of these; and in base 2 what ``xor``, ``owen`` and ``owen_exact`` do.
 
     References
     ----------
@@ -75,9 +93,10 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     [0.1875 0.3125]
     """
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
-    if order.length * spp > sequence.limit:
+    limit = sequence.wide_limit
+    if order.length * spp > limit:
         raise ValueError(
-            f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions "
-            f"and the sequence {sequence.limit} indices, got {spp}"
+            f"spp must be at most {limit // order.length}: the curve has {order.length} positions "
+            f"and the sequence {limit} indices, got {spp}"
         )
     return Contiguous(order, sequence, spp)

@@ -16,6 +16,7 @@ from qmcjax.orders._visited import Visited, visited
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._radical_base import inverse_permutations, is_identity, radical_bases
+from qmcjax.samplers._two_words import plus, require, times
 from qmcjax.sequences import Digital, Sequence
 from qmcjax.sequences._components import BinaryComponents, Components
 from qmcjax.sequences._halton import RadicalInverses
@@ -31,6 +32,8 @@ class Partitioned(Sampler):
     sequence: Sequence
     component: int = field(metadata={"static": True})
     """The partitioning one."""
+    wide: bool = field(metadata={"static": True})
+    """Whether indices take two words."""
 
     @property
     def dims(self) -> int:
@@ -40,15 +43,26 @@ class Partitioned(Sampler):
     @property
     def most(self) -> int:
         """Largest number of samples, for which the indices suffice."""
-        return self.sequence.limit // self.order.length
+        return self._limit // self.order.length
+
+    @property
+    def _limit(self) -> int:
+        """Number of indices; sample numbers are one word in any case."""
+        if not self.wide:
+            return self.sequence.limit
+        return min(self.sequence.wide_limit, self.order.length * checks.INDEX_LIMIT)
 
     def _first(self, position: Array) -> Array:
         """Return the index of a pixel's first point, below N."""
         return position
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        index = sample * word(self.order.length) + self._first(self.order.position(x, y))
         left = tuple(j if j < self.component else j + 1 for j in dims)
+        if self.wide:
+            first = self._first(self.order.position(x, y))
+            high, low = plus(times(sample, self.order.length), first)
+            return self.sequence.beyond(high)(low, left, dtype)
+        index = sample * word(self.order.length) + self._first(self.order.position(x, y))
         return self.sequence(index, left, dtype)
 
     def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -58,7 +72,7 @@ class Partitioned(Sampler):
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and the indices suffice."""
         check_size("order", (self.order.width, self.order.height), (width, height))
-        check_count(spp, self.most, f"for {self.sequence.limit} indices and {self.order.length} positions")
+        check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
 
 
 @pytree
@@ -74,6 +88,8 @@ class ExactlyPartitioned(Partitioned):
 
     def _first(self, position: Array) -> Array:
         if self.base == 2 and self.inverses is None:
+            if self.count == 32:
+                return reverse(position)
             # In two steps, since a shift by 32 is not defined.
             return reverse(position) >> 1 >> (31 - self.count)
         index = jnp.zeros_like(position)
@@ -87,7 +103,11 @@ class ExactlyPartitioned(Partitioned):
 
 
 def partitioned(
-    order: Order, sequence: Sequence, component: int | None = None, exact: bool = False
+    order: Order,
+    sequence: Sequence,
+    component: int | None = None,
+    exact: bool = False,
+    wide: bool = False,
 ) -> Partitioned | ExactlyPartitioned:
     """Give each pixel a low discrepancy sequence of its own, all of them parts of one.
 
@@ -111,19 +131,22 @@ def partitioned(
         Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or the
         simplified form ``x[l N + j]``: the same parts, handed out along the curve such that the samples l of
         all pixels are one contiguous block, in the order of the curve.
+    wide : bool
+        Whether indices take two words, for more than 2**32 samples of all pixels together. The sequence must
+        have them, see :func:`contiguous`.
 
     Returns
     -------
     Partitioned or ExactlyPartitioned
         Of one dimension less. ``most`` is the number of samples that the indices suffice for, 2**32 / N
-        if the sequence has no end.
+        if they are one word and the sequence has no end.
 
     Raises
     ------
     ValueError
         If N points are more than the sequence, or 2**32 indices, have; if the component is no radical inverse
-        or N no power of its base; if none is; or if ``exact`` and the component is scrambled other than digit
-        by digit.
+        or N no power of its base; if none is; if ``exact`` and the component is scrambled other than digit
+        by digit; or if ``wide`` and the sequence has no indices of two words.
 
     Notes
     -----
@@ -156,6 +179,8 @@ def partitioned(
         raise ValueError(
             f"order.length must be at most the sequence's {sequence.limit} points, got {order.length}"
         )
+    if wide:
+        require(sequence)
     bases = radical_bases(sequence)
     counts = [_logarithm(order.length, base) for base in bases]
     if component is None:
@@ -178,9 +203,9 @@ def partitioned(
             f"order.length must be a power of {base}, the base of component={component}, got {order.length}"
         )
     if not exact:
-        return Partitioned(order, sequence, component)
+        return Partitioned(order, sequence, component, wide)
     inverses = _inverses(sequence, component, count)
-    return ExactlyPartitioned(order, sequence, component, base, count, inverses)
+    return ExactlyPartitioned(order, sequence, component, wide, base, count, inverses)
 
 
 def _logarithm(number: int, base: int | None) -> int | None:

@@ -18,6 +18,7 @@ from qmcjax.orders._visited import Visited, visited
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._radical_base import radical_bases
+from qmcjax.samplers._two_words import plus, require, times
 from qmcjax.sequences import Sequence
 
 
@@ -32,6 +33,8 @@ class Segments(Sampler):
     """Samples of a pixel in the first iteration."""
     doubling: bool = field(metadata={"static": True})
     """Whether each further iteration has as many samples as all before, or as the first."""
+    wide: bool = field(metadata={"static": True})
+    """Whether indices take two words."""
 
     @property
     def dims(self) -> int:
@@ -41,11 +44,22 @@ class Segments(Sampler):
     @property
     def most(self) -> int:
         """Largest number of samples: that of whole iterations for which the indices suffice."""
-        iterations = self.sequence.limit // (self.order.length * self.spp)
+        iterations = self._limit // (self.order.length * self.spp)
         return self.spp * (2 ** (iterations.bit_length() - 1) if self.doubling else iterations)
+
+    @property
+    def _limit(self) -> int:
+        """Number of indices; sample numbers are one word in any case."""
+        if not self.wide:
+            return self.sequence.limit
+        return min(self.sequence.wide_limit, self.order.length * checks.INDEX_LIMIT)
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         before, count = self._iteration(sample)
+        if self.wide:
+            block = plus(times(self.order.position(x, y), count), sample - before)
+            high, low = plus(times(before, self.order.length), block)
+            return self.sequence.beyond(high)(low, dims, dtype)
         index = before * word(self.order.length) + self.order.position(x, y) * count + (sample - before)
         return self.sequence(index, dims, dtype)
 
@@ -65,11 +79,13 @@ class Segments(Sampler):
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and its iterations have indices."""
         check_size("order", (self.order.width, self.order.height), (width, height))
-        limit, length = self.sequence.limit, self.order.length
-        check_count(spp, self.most, f"in whole iterations for {limit} indices and {length} positions")
+        why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"
+        check_count(spp, self.most, why)
 
 
-def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False) -> Segments:
+def segments(
+    order: Order, sequence: Sequence, spp: int, doubling: bool = False, wide: bool = False
+) -> Segments:
     """Sample progressively: each iteration takes the next segment of one sequence along the curve.
 
     An iteration of n samples in each pixel is :func:`contiguous` blocks of n points, in a segment of N n
@@ -86,6 +102,9 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     doubling : bool
         Whether each further iteration doubles the number of samples that a pixel has, to spp, 2 spp, 4 spp,
         8 spp: iterations of spp, spp, 2 spp, 4 spp. By default all iterations have spp.
+    wide : bool
+        Whether indices take two words, for more than 2**32 samples of all pixels together. The sequence must
+        have them, see :func:`contiguous`.
 
     Returns
     -------
@@ -95,7 +114,8 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     Raises
     ------
     ValueError
-        If the sequence, or 2**32 indices, do not suffice for the first iteration.
+        If the sequence, or 2**32 indices, do not suffice for the first iteration, or if ``wide`` and the
+        sequence has no indices of two words.
 
     Warns
     -----
@@ -131,10 +151,13 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     [ True  True]
     """
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
-    if order.length * spp > sequence.limit:
+    if wide:
+        require(sequence)
+    sampler = Segments(order, sequence, spp, doubling, wide)
+    if spp > sampler._limit // order.length:
         raise ValueError(
-            f"spp must be at most {sequence.limit // order.length}: the curve has {order.length} positions "
-            f"and the sequence {sequence.limit} indices, got {spp}"
+            f"spp must be at most {sampler._limit // order.length}: the curve has {order.length} positions "
+            f"and the sequence {sampler._limit} indices, got {spp}"
         )
     if not doubling:
         for component, base in enumerate(radical_bases(sequence)):
@@ -144,4 +167,4 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
                     f"of length {order.length} are not co-prime: within a pixel it never becomes uniform",
                     stacklevel=2,
                 )
-    return Segments(order, sequence, spp, doubling)
+    return sampler

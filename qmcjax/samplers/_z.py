@@ -74,8 +74,8 @@ def z(
 
     Notes
     -----
-    Where the raster has more than 2**32 samples, the indices of a padded sampler take two words, and the
-    coordinates are exact to 32 digits. Joint sequences end at 2**32 points.
+    Where the raster has more than 2**32 samples, indices take two words, and coordinates are exact to 32
+    digits. For the joint sequences that have these indices see :func:`contiguous`.
 
     Where spp is an odd power of two, the last bit of a sample's number is flipped by a random bit.
 
@@ -115,10 +115,10 @@ def z(
     else:
         sizes = (binary("sequence", sequence).dims,)
         pixels = 4 ** log_side(width, height)
-        if pixels * spp > sequence.limit:
+        if pixels * spp > sequence.wide_limit:
             raise ValueError(
-                f"spp must be at most {sequence.limit // pixels}: the padded raster has {pixels} pixels and "
-                f"the sequence {sequence.limit} indices, got {spp}"
+                f"spp must be at most {sequence.wide_limit // pixels}: the padded raster has {pixels} pixels "
+                f"and the sequence {sequence.wide_limit} indices, got {spp}"
             )
     orders = _orders(width, height, key, variant, alphabet, len(sizes))
     return Z(orders, sequence, width, height, spp, sizes)

@@ -16,7 +16,8 @@ from qmcjax.orders._morton import Morton
 from qmcjax.orders._visited import VisitedNodes, visited_nodes
 from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._z_index import Index, Number, append, scrambled_number, scrambled_numbers
+from qmcjax.samplers._two_words import Index
+from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
 
 
@@ -151,6 +152,10 @@ class Z(Sampler):
         sample = checks.unsigned("sample", sample, self.rounds * self.spp)
         return self._points(x, y, Number(sample), dims, dtype, self.log_spp)
 
+    def unrolled(self, dims: tuple[int, ...]) -> int:
+        """Return how many samples a loop best takes together."""
+        return 8
+
     def samples(
         self, x: Array, y: Array, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> list[Array]:
@@ -199,11 +204,8 @@ class Z(Sampler):
 
     def _coordinate(self, index: Index, dim: int, dtype: DTypeLike) -> Array:
         high, low = index
-        if self._wide and dim == 1:
-            # Column 32 + k of Pascal's matrix begins with the 32 digits of column k, by Lucas' theorem; the
-            # other columns of the first matrix begin with 32 zeros.
-            low = low ^ high
-        return self.sequence.coordinate(low, dim, dtype)
+        sequence = self.sequence.beyond(high) if self._wide else self.sequence
+        return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the sampler's image and each pixel has so many samples."""

@@ -8,11 +8,9 @@ from jax import Array
 
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._visited import VisitedNodes
+from qmcjax.samplers._two_words import Index
 
 _Order = ScrambledMorton | VisitedNodes
-
-Index = tuple[Array, Array]
-"""High and low word."""
 
 
 def append(position: Array, number: Array, log_count: int | Array) -> Index:

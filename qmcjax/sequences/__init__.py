@@ -42,4 +42,5 @@ from qmcjax.sequences._searched import optimized_net_3d as optimized_net_3d
 from qmcjax.sequences._searched import optimized_sequence as optimized_sequence
 from qmcjax.sequences._shift import shift as shift
 from qmcjax.sequences._sobol_matrix import sobol_matrix as sobol_matrix
+from qmcjax.sequences._tabulated import tabulated as tabulated
 from qmcjax.sequences._xor import xor as xor

@@ -1,9 +1,10 @@
 """The interface of a sequence: from an index to a point, at random access."""
 
 import abc
+import dataclasses
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -49,6 +50,26 @@ class Sequence(abc.ABC):
     def limit(self) -> int:
         """First index that is out of reach: ``size``, or 2**32."""
         return checks.INDEX_LIMIT if self.size is None else self.size
+
+    @property
+    def wide_limit(self) -> int:
+        """The same for indices of two words: ``limit``, where there is no :meth:`beyond`."""
+        return self.limit
+
+    def beyond(self, high: Array) -> "Sequence":
+        """Return the sequence of the points ``high * 2**32 + index``, for indices of two words.
+
+        Parameters
+        ----------
+        high : uint32 Array
+            In the shape of the indices that the sequence is called with. Indices of two words are below
+            ``wide_limit``.
+
+        Returns
+        -------
+        Sequence
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no indices of two words")
 
     @abc.abstractmethod
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
@@ -114,6 +135,27 @@ class Sequence(abc.ABC):
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
         """Return the function of (first, count) for points start + first, ..., in pieces of at least ROWS."""
         return lambda first, count: _points(self, np.uint32(start + first), count, dtype)
+
+
+class PointByPoint(Sequence):
+    """A sequence whose point i is a function of point i of another one."""
+
+    sequence: Any
+
+    @property
+    def size(self) -> int | None:
+        """Number of points."""
+        return self.sequence.size
+
+    @property
+    def wide_limit(self) -> int:
+        """First index that is out of reach for two words."""
+        return self.sequence.wide_limit
+
+    def beyond(self, high: Array) -> Any:
+        """Return the sequence of the points ``high * 2**32 + index``."""
+        beyond = self.sequence.beyond(high)
+        return dataclasses.replace(self, sequence=beyond)  # pyright: ignore[reportArgumentType]
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))

@@ -1,48 +1,16 @@
 """Point sets of blue noise, made once and looked up: Poisson disks, and Lloyd's relaxation on the torus."""
 
-from dataclasses import dataclass
-
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from numpy.typing import NDArray
 
 from qmcjax import checks
-from qmcjax.pytrees import pytree
 from qmcjax.sequences._lloyd import relaxed
-from qmcjax.sequences._word_first import WordFirst
+from qmcjax.sequences._tabulated import Tabulated, tabulated_words
 
 _GRAIN = 2.0**-31
 """More than the distance of two points shrinks when they are rounded down to 32-bit fractions."""
-
-
-@pytree
-@dataclass(frozen=True)
-class Tabulated(WordFirst):
-    """A table of points."""
-
-    words: Array
-    """uint32 (size, dims): 32-bit fractions."""
-
-    @property
-    def dims(self) -> int:
-        """Number of coordinates."""
-        return self.words.shape[1]
-
-    @property
-    def size(self) -> int:
-        """Number of points."""
-        return self.words.shape[0]
-
-    def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
-        return self.words[index, dim]
-
-
-def _tabulated(points: NDArray[np.float64]) -> Tabulated:
-    return Tabulated(jnp.asarray((points * 2.0**32).astype(np.uint32)))
 
 
 def _generator(key: Array | int) -> np.random.Generator:
@@ -93,7 +61,7 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
     if not isinstance(radius, int | float | np.floating) or not 1e-3 <= radius <= 1:
         raise ValueError(f"radius must be in [0.001, 1], got {radius!r}")
     engine = qmc.PoissonDisk(2, radius=float(radius) + _GRAIN, rng=_generator(key))
-    return _tabulated(np.minimum(engine.fill_space(), 1 - 2.0**-32))
+    return tabulated_words(np.minimum(engine.fill_space(), 1 - 2.0**-32))
 
 
 def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulated:
@@ -138,4 +106,4 @@ def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulate
     n = checks.integer("n", n, 1, 2**20)
     dims = checks.integer("dims", dims, 2, 3)
     iterations = checks.integer("iterations", iterations, 0, 10_000)
-    return _tabulated(relaxed(_generator(key).random((n, dims)), iterations))
+    return tabulated_words(relaxed(_generator(key).random((n, dims)), iterations))

@@ -7,12 +7,12 @@ from jax.typing import DTypeLike
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, Sequence
+from qmcjax.sequences._base import BinarySequence, PointByPoint, Sequence
 
 
 @pytree
 @dataclass(frozen=True)
-class Components(Sequence):
+class Components(PointByPoint):
     """Coordinate j is the sequence's coordinate ``selected[j]``."""
 
     sequence: Sequence
@@ -22,11 +22,6 @@ class Components(Sequence):
     def dims(self) -> int:
         """Number of coordinates."""
         return len(self.selected)
-
-    @property
-    def size(self) -> int | None:
-        """Number of points."""
-        return self.sequence.size
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
@@ -41,7 +36,7 @@ class Components(Sequence):
 
 @pytree
 @dataclass(frozen=True)
-class BinaryComponents(BinarySequence):
+class BinaryComponents(PointByPoint, BinarySequence):
     """The same in base 2, with all bits."""
 
     sequence: BinarySequence
@@ -51,11 +46,6 @@ class BinaryComponents(BinarySequence):
     def dims(self) -> int:
         """Number of coordinates."""
         return len(self.selected)
-
-    @property
-    def size(self) -> int | None:
-        """Number of points."""
-        return self.sequence.size
 
     def mirror(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""

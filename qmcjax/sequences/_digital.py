@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,8 @@ from jax import Array
 from qmcjax import checks
 from qmcjax.bits import gray_decode, pascal, reverse
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import FEW, BinarySequence
+from qmcjax.sequences._base import FEW, BinarySequence, Sequence
+from qmcjax.sequences._joe_kuo import columns_beyond, matrices_of
 
 SOBOL_DIMS = 21201
 """Number of dimensions of Joe and Kuo's table."""
@@ -30,6 +30,21 @@ def _larcher_sobol(mirror: Array) -> Array:
     return pascal(gray_decode(mirror))
 
 
+def _sobol_beyond(dim: int, high: Array) -> Array:
+    if dim == 0:
+        return jnp.zeros_like(high)
+    if dim == 1:
+        # Column 32 + k of Pascal's matrix begins with the 32 digits of column k, by Lucas' theorem.
+        return pascal(high)
+    return reverse(selected(columns_beyond(dim), high))
+
+
+def _larcher_beyond(dim: int, high: Array) -> Array:
+    # The first 32 rows of the columns from 32 on are ones.
+    sums = np.uint32(0) - (jax.lax.population_count(high) & np.uint32(1))
+    return sums if dim == 0 else pascal(sums ^ gray_decode(high))
+
+
 @pytree
 @dataclass(frozen=True)
 class Digital(BinarySequence):
@@ -41,10 +56,22 @@ class Digital(BinarySequence):
     steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
     """Products with the first matrices in a few steps, on mirrors."""
 
+    upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
+    """Products of matrix ``dim`` with the upper words of indices, if its columns from 32 on are known."""
+
     @property
     def dims(self) -> int:
         """Number of coordinates."""
         return self.matrices.shape[0]
+
+    @property
+    def wide_limit(self) -> int:
+        """First index that is out of reach for two words."""
+        return self.limit if self.upper is None else checks.INDEX_LIMIT**2
+
+    def beyond(self, high: Array) -> Sequence:
+        """Return the sequence of the points ``high * 2**32 + index``."""
+        return super().beyond(high) if self.upper is None else DigitalBeyond(self, high, self.upper)
 
     def mirror(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
@@ -79,6 +106,25 @@ class Digital(BinarySequence):
         return self.matrices.T
 
 
+@pytree
+@dataclass(frozen=True)
+class DigitalBeyond(BinarySequence):
+    """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
+
+    sequence: Digital
+    high: Array
+    upper: Callable[[int, Array], Array] = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    def mirror(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        return self.sequence.mirror(index, dim) ^ self.upper(dim, self.high)
+
+
 def product(columns: Array, index: Array) -> Array:
     """Xor the columns that the bits of the index select: (32[, dims]), (...) -> (...[, dims])."""
     if math.prod(index.shape) < _TABLE_FROM:
@@ -92,7 +138,7 @@ def product(columns: Array, index: Array) -> Array:
     return words
 
 
-def selected(columns: Array, index: Array) -> Array:
+def selected(columns: Array | np.ndarray, index: Array) -> Array:
     """Xor the columns that the bits of the index select, one by one."""
     words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for k in range(columns.shape[0]):
@@ -108,29 +154,6 @@ def selected(columns: Array, index: Array) -> Array:
 def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:
     unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
     return jnp.stack([reverse(step(unit)) for step in steps])
-
-
-def _joe_kuo_matrices(dims: int) -> np.ndarray:
-    """Return the matrices of components 1 to dims - 1 (component 0 is the identity), by Eq. 5.13."""
-    source = resources.files("qmcjax.sequences") / "_data" / "joe_kuo.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        polynomials, initial = table["polynomials"][: dims - 1], table["initial"][: dims - 1]
-    polynomials = polynomials.astype(np.uint64)
-    degrees = np.array([int(p).bit_length() - 1 for p in polynomials])
-    matrices = np.zeros((dims - 1, 32), np.uint32)
-    for degree in np.unique(degrees):
-        rows = degrees == degree
-        numbers = np.zeros((rows.sum(), 32), np.uint64)
-        numbers[:, :degree] = initial[rows, :degree]
-        for k in range(degree, 32):
-            oldest = numbers[:, k - degree]
-            number = oldest ^ (oldest << np.uint64(degree))
-            for i in range(1, degree):
-                coefficient = (polynomials[rows] >> np.uint64(degree - i)) & np.uint64(1)
-                number = number ^ (coefficient * (numbers[:, k - i] << np.uint64(i)))
-            numbers[:, k] = number
-        matrices[rows] = numbers << np.arange(31, -1, -1, dtype=np.uint64)
-    return matrices
 
 
 def sobol(dims: int = 2) -> Digital:
@@ -172,8 +195,8 @@ def sobol(dims: int = 2) -> Digital:
     steps = (_identity, pascal)[:dims]
     matrices = _columns_of(steps)
     if dims > 2:
-        matrices = jnp.concatenate([matrices, jnp.asarray(_joe_kuo_matrices(dims)[1:])])
-    return Digital(matrices, steps)
+        matrices = jnp.concatenate([matrices, jnp.asarray(matrices_of(dims)[1:])])
+    return Digital(matrices, steps, _sobol_beyond)
 
 
 def larcher_pillichshammer() -> Digital:
@@ -198,7 +221,7 @@ def larcher_pillichshammer() -> Digital:
      [0.25 0.75]]
     """
     steps = (gray_decode, _larcher_sobol)
-    return Digital(_columns_of(steps), steps)
+    return Digital(_columns_of(steps), steps, _larcher_beyond)
 
 
 def digital(matrices: np.ndarray | Array) -> Digital:

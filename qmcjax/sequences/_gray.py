@@ -6,7 +6,7 @@ from jax import Array
 
 from qmcjax.bits import gray_encode
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, binary
+from qmcjax.sequences._base import BinarySequence, Sequence, binary
 from qmcjax.sequences._scrambled import Scrambled
 
 
@@ -16,6 +16,13 @@ class Gray(Scrambled):
     """Point i is the sequence's point i ^ (i >> 1)."""
 
     sequence: BinarySequence
+
+    @property
+    def wide_limit(self) -> int:
+        """The same as ``limit``: the upper word would change the lower one."""
+        return self.limit
+
+    beyond = Sequence.beyond
 
     def mirror(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""

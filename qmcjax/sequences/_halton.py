@@ -18,12 +18,14 @@ from qmcjax.digits import (
     radical_inverse,
     span_numbers,
     table_starts,
+    wide_limit,
+    wide_radical_inverse,
     word,
 )
 from qmcjax.fields import next_prime
 from qmcjax.pytrees import pytree
 from qmcjax.sequences import _digit_permutations
-from qmcjax.sequences._base import DigitSequence
+from qmcjax.sequences._base import DigitSequence, Sequence
 from qmcjax.sequences._digital import Digital, sobol
 
 HALTON_DIMS = 1024
@@ -47,6 +49,15 @@ class RadicalInverses(DigitSequence):
     def dims(self) -> int:
         """Number of coordinates."""
         return len(self.bases)
+
+    @property
+    def wide_limit(self) -> int:
+        """First index that is out of reach for two words; permutations have one word's digits."""
+        return self.limit if self.tables is not None else min(wide_limit(base) for base in self.bases)
+
+    def beyond(self, high: Array) -> Sequence:
+        """Return the sequence of the points ``high * 2**32 + index``."""
+        return super().beyond(high) if self.tables is not None else RadicalInversesBeyond(self.bases, high)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
@@ -85,6 +96,24 @@ class RadicalInverses(DigitSequence):
             return radical_inverse(index[..., None], bases, dtype)
         offsets = table_starts(self.bases)[np.array(dims)].reshape(row)
         return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
+
+
+@pytree
+@dataclass(frozen=True)
+class RadicalInversesBeyond(Sequence):
+    """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
+
+    bases: tuple[int, ...] = field(metadata={"static": True})
+    high: Array
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return len(self.bases)
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices, in their shape."""
+        return wide_radical_inverse(self.high, index, self.bases[dim], dtype)
 
 
 def van_der_corput(base: int = 2) -> RadicalInverses | Digital:

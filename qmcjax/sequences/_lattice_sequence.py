@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from importlib import resources
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -29,6 +30,15 @@ class LatticeSequence(WordFirst):
         """Number of coordinates."""
         return self.vector.shape[0]
 
+    @property
+    def wide_limit(self) -> int:
+        """First index that is out of reach for two words."""
+        return checks.INDEX_LIMIT**2
+
+    def beyond(self, high: Array) -> "LatticeBeyond":
+        """Return the sequence of the points ``high * 2**32 + index``."""
+        return LatticeBeyond(self, high)
+
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
         return reverse(index) * self.vector[dim]
@@ -36,6 +46,26 @@ class LatticeSequence(WordFirst):
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
         wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
         return reverse(index)[..., None] * wanted
+
+
+@pytree
+@dataclass(frozen=True)
+class LatticeBeyond(WordFirst):
+    """Point i is point ``high * 2**32 + i`` of a lattice sequence, rounded down to 32 digits."""
+
+    sequence: LatticeSequence
+    high: Array
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        # The product of phi_2's 64 digits with z modulo 1: the upper of its two words.
+        z = jnp.broadcast_to(self.sequence.vector[dim], index.shape)
+        return reverse(index) * z + jax.lax.mulhi(reverse(self.high), z)
 
 
 def lattice(dims: int) -> LatticeSequence:

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._base import BinarySequence, PointByPoint
 
 
-class Scrambled(BinarySequence):
+class Scrambled(PointByPoint, BinarySequence):
     """A sequence in base 2 whose coordinates are mapped one by one, in fixed point."""
 
     sequence: BinarySequence
@@ -18,11 +18,6 @@ class Scrambled(BinarySequence):
     def dims(self) -> int:
         """Number of coordinates."""
         return self.sequence.dims
-
-    @property
-    def size(self) -> int | None:
-        """Number of points."""
-        return self.sequence.size
 
     @property
     def _linear(self) -> BinarySequence | None:

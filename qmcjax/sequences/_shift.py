@@ -12,7 +12,7 @@ from jax.typing import ArrayLike, DTypeLike
 from qmcjax import checks
 from qmcjax.bits import reverse
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, Sequence
+from qmcjax.sequences._base import BinarySequence, PointByPoint, Sequence
 from qmcjax.sequences._scrambled import Scrambled, along_last
 
 _BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0**-53}
@@ -44,7 +44,7 @@ class Shifted(Scrambled):
 
 @pytree
 @dataclass(frozen=True)
-class Rotated(Sequence):
+class Rotated(PointByPoint):
     """Any sequence plus one fraction a coordinate, modulo 1, rounded once in float64."""
 
     sequence: Sequence
@@ -55,11 +55,6 @@ class Rotated(Sequence):
     def dims(self) -> int:
         """Number of coordinates."""
         return self.sequence.dims
-
-    @property
-    def size(self) -> int | None:
-        """Number of points."""
-        return self.sequence.size
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""

@@ -1,0 +1,140 @@
+"""Z paper Table 1: run times of frames by sampler and number of samples, and rates of generation alone."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import jax
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+
+import qmcjax as qj
+from figures.z_3 import SoftShadow
+from qmcjax import orders, samplers, sequences
+from qmcjax.pytrees import pytree
+
+SIZE = {"draft": (480, 270), "paper": (1920, 1080)}
+COUNTS = {"draft": (1, 4, 16), "paper": (1, 4, 16, 64, 256)}
+RATE_SPP = 16
+CALLS = 5
+
+PRINTED = {
+    "(0,2)": {"1": 0.2, "4": 0.5, "16": 1.2, "64": 4.0, "256": 14.0, "1024": 64.5, "4096": 213.5},
+    "Sobol'": {"1": 0.2, "4": 0.8, "16": 1.8, "64": 6.5, "256": 25.5, "1024": 105.5, "4096": 418.5},
+    "Heitz": {"1": 0.2, "4": 0.5, "16": 1.2, "64": 4.0, "256": 14.0, "1024": 57.5, "4096": 265.5},
+    "Z": {"1": 0.5, "4": 0.5, "16": 1.2, "64": 4.0, "256": 15.0, "1024": 57.5, "4096": 230.5},
+}
+"""Seconds."""
+
+NOTE = (
+    "{width} x {height} pixels. Left: a soft shadow in four dimensions stands in for the paper's scene, so "
+    "that ratios between samplers compare, not seconds; what a sample costs beyond its point is little "
+    "here, and the samplers' own costs show more than in a path tracer. (0,2) is the Sobol' sequence "
+    "xor-scrambled in each pixel, its four dimensions not padded. Right: the mean of x y at {spp} samples a "
+    "pixel, which is generation and little else. Medians of {calls} frames after the first, each with a new "
+    "key, the samplers taking turns. Where all pixels have one sequence but for an xor, a frame computes "
+    "its points once. Heitz stands for our ranked sampler."
+)
+
+
+@pytree
+@dataclass(frozen=True)
+class Product:
+    """The product of the coordinates on the screen."""
+
+    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+
+    def __call__(self, point: Array) -> Array:
+        """Return x y."""
+        return point[..., 0] * point[..., 1]
+
+
+def shadow_samplers(width: int, height: int, spp: int, key: int) -> dict[str, Any]:
+    """Return the samplers of the table, in four dimensions."""
+    return {
+        "(0,2)": samplers.independent(sequences.sobol(4), key, "xor"),
+        "Sobol'": samplers.screen(sequences.xor(sequences.sobol(4), key), width, height),
+        "Heitz": samplers.ranked(4, key),
+        "Z": samplers.z(width, height, spp, key, dims=4),
+    }
+
+
+def rate_samplers(width: int, height: int, spp: int, key: int) -> dict[str, Any]:
+    """Return samplers of two dimensions along the orders."""
+    sobol = sequences.sobol(2)
+    owen = sequences.owen(sobol, key)
+    return {
+        "(0,2), xor per pixel": samplers.independent(sobol, key, "xor"),
+        "(0,2), Owen per pixel": samplers.independent(sobol, key),
+        "raster order": samplers.contiguous(orders.raster(width, height), sobol, spp),
+        "Hilbert order": samplers.contiguous(orders.hilbert(width, height), sobol, spp),
+        "Hilbert order, Owen": samplers.contiguous(orders.hilbert(width, height), owen, spp),
+        "Z0": samplers.z(width, height, spp, None, "plain"),
+        "Z, hash": samplers.z(width, height, spp, key),
+        "Z, multiplicative": samplers.z(width, height, spp, key, "multiplicative"),
+        "Z, tree": samplers.z(width, height, spp, key, "tree"),
+        "Z, ART": samplers.z(width, height, spp, key, "art"),
+        "global Sobol'": samplers.screen(sobol, width, height),
+        "ranked (Heitz)": samplers.ranked(2, key),
+    }
+
+
+def seconds(
+    scene: Any, make: Callable[..., dict[str, Any]], width: int, height: int, spp: int, calls: int
+) -> dict[str, float]:
+    """Return the median time of a frame by sampler; they take turns, so that noise hits all."""
+    times: dict[str, list[float]] = {}
+    for key in range(calls + 1):
+        for name, sampler in jax.block_until_ready(make(width, height, spp, key)).items():
+            start = time.perf_counter()
+            jax.block_until_ready(qj.render(scene, sampler, width, height, spp))
+            times.setdefault(name, []).append(time.perf_counter() - start)
+    return {name: float(np.median(each[1:])) for name, each in times.items()}
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Time frames, and draw times over samples and rates of generation."""
+    (width, height), counts = SIZE[quality], COUNTS[quality]
+    calls = CALLS if quality == "paper" else 2
+    shadow = SoftShadow(0.5, 0.2)
+    frames: dict[str, dict[str, float]] = {}
+    for done, spp in enumerate(counts, start=1):
+        measured = seconds(shadow, shadow_samplers, width, height, spp, calls)
+        for name, time_taken in measured.items():
+            frames.setdefault(name, {})[str(spp)] = time_taken
+        progress(done / (len(counts) + 1))
+    measured = seconds(Product(), rate_samplers, width, height, RATE_SPP, calls)
+    rates = {name: width * height * RATE_SPP / taken / 1e6 for name, taken in measured.items()}
+    numbers = {
+        "measured": {
+            "seconds a frame": frames,
+            "time of Z / time of (0,2)": {s: frames["Z"][s] / frames["(0,2)"][s] for s in frames["Z"]},
+            "time of Sobol' / time of Z": {s: frames["Sobol'"][s] / frames["Z"][s] for s in frames["Z"]},
+            "million samples a second": rates,
+            "rate / rate of raster order": {name: r / rates["raster order"] for name, r in rates.items()},
+        },
+        "printed": {"seconds": PRINTED},
+        "note": NOTE.format(width=width, height=height, spp=RATE_SPP, calls=calls),
+    }
+    return _draw(frames, rates), numbers
+
+
+def _draw(frames: dict[str, dict[str, float]], rates: dict[str, float]) -> Figure:
+    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    times, bars = figure.subplots(1, 2)
+    for name, column in frames.items():
+        spp = [int(s) for s in column]
+        (line,) = times.loglog(spp, list(column.values()), "o-", label=name)
+        scale = column["16"] / PRINTED[name]["16"]
+        printed = [scale * PRINTED[name][s] for s in column]
+        times.loglog(spp, printed, ":", color=line.get_color())
+    times.set(
+        xlabel="samples a pixel", ylabel="seconds a frame", title="A soft shadow; dotted: printed, scaled"
+    )
+    times.legend()
+    bars.barh(list(rates), list(rates.values()), color="tab:blue")
+    bars.invert_yaxis()
+    bars.set(xlabel="million samples a second", title=f"x y at {RATE_SPP} samples a pixel")
+    return figure

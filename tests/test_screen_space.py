@@ -1,0 +1,611 @@
+"""All screen-space samplers: large index spaces, unwanted dimensions, stratification, consistency."""
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first
+
+import analysis
+import qmcjax as qj
+from qmcjax import orders, samplers, scenes, sequences
+
+SOBOL = sequences.sobol(5)
+
+
+@partial(jax.jit, static_argnames=("dims", "dtype"))
+def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
+    """One program instead of many small ones."""
+    with jax.enable_x64(True):
+        return sampler(x, y, sample, dims, dtype)
+
+
+def some(names, default):
+    """Run these by default, and the others with the slow tests."""
+    params = [pytest.param(name, marks=() if name in default else pytest.mark.slow) for name in names]
+    return pytest.mark.parametrize("name", params)
+
+
+def uint32(numbers):
+    return jnp.asarray(np.array(numbers, np.uint64).astype(np.uint32))
+
+
+# -- indices of two words
+
+
+def reflected(index, base):
+    """phi_b as an exact fraction, Hilbert paper, Eq. 1."""
+    numerator, denominator = 0, 1
+    while index:
+        index, digit = divmod(index, base)
+        numerator, denominator = numerator * base + digit, denominator * base
+    return Fraction(numerator, denominator)
+
+
+def joe_kuo(degree, coefficients, initial):
+    """Return the matrix of 64 columns by Eq. 5.13, in integers of any length, the first row in bit 63."""
+    a = [coefficients >> (degree - 1 - i) & 1 for i in range(1, degree)]
+    numbers = list(initial)
+    for k in range(degree, 64):
+        number = numbers[k - degree] ^ numbers[k - degree] << degree
+        for i, coefficient in enumerate(a, start=1):
+            number ^= coefficient * numbers[k - i] << i
+        numbers.append(number)
+    return [number << (63 - k) for k, number in enumerate(numbers)]
+
+
+def upper_ones():
+    """Larcher and Pillichshammer's matrix, 64 columns."""
+    return [(2**64 - 1) ^ (2 ** (63 - k) - 1) for k in range(64)]
+
+
+def times_pascal(columns):
+    """Pascal's matrix times another one: row i has ones in the columns whose number contains i's bits."""
+    rows = [sum(1 << (63 - k) for k in range(64) if i & ~k == 0) for i in range(64)]
+    return [sum(((row & c).bit_count() & 1) << (63 - i) for i, row in enumerate(rows)) for c in columns]
+
+
+IDENTITY = [1 << (63 - k) for k in range(64)]
+JOE_KUO = [
+    IDENTITY,
+    times_pascal(IDENTITY),
+    joe_kuo(2, 0b1, [1, 3]),
+    joe_kuo(3, 0b01, [1, 3, 1]),
+    joe_kuo(3, 0b10, [1, 1, 1]),
+]
+"""Polynomials and numbers as Joe and Kuo print them."""
+
+
+def digital(matrices, index, dim):
+    """Return the first 32 digits, computed over F2."""
+    word = 0
+    for k in range(64):
+        if index >> k & 1:
+            word ^= matrices[dim][k]
+    return Fraction(word >> 32, 2**32)
+
+
+def lattice_point(index, dim):
+    product = int(f"{index:064b}"[::-1], 2) * (1, 182667, 469891, 498753)[dim] % 2**64
+    return Fraction(product >> 32, 2**32)
+
+
+def halton_point(index, dim):
+    """In base 2, 32 digits."""
+    return reflected(index if dim else index % 2**32, (2, 3, 5)[dim])
+
+
+XOR = sequences.xor(SOBOL, 3)
+
+# Sequences, their points in Python, and how far they may be off in float64.
+WIDE = {
+    "sobol": (lambda: SOBOL, partial(digital, JOE_KUO), 0),
+    "larcher_pillichshammer": (
+        sequences.larcher_pillichshammer,
+        partial(digital, [upper_ones(), times_pascal(upper_ones())]),
+        0,
+    ),
+    "halton": (lambda: sequences.halton(3), halton_point, 2.0**-52),
+    "van_der_corput": (
+        lambda: sequences.van_der_corput(65536),
+        lambda i, _: reflected(i, 65536),
+        2.0**-52,
+    ),
+    "lattice": (lambda: sequences.lattice(4), lattice_point, 0),
+    "xor": (
+        lambda: XOR,
+        lambda i, d: Fraction(int(digital(JOE_KUO, i, d) * 2**32) ^ int(XOR.shifts[d]), 2**32),
+        0,
+    ),
+    "shift": (
+        lambda: sequences.shift(sequences.sobol(2), np.array([5, 2**31], np.uint32)),
+        lambda i, d: (digital(JOE_KUO, i, d) + Fraction((5, 2**31)[d], 2**32)) % 1,
+        0,
+    ),
+    "rotated": (
+        lambda: sequences.shift(sequences.components(sequences.halton(3), (2, 1)), np.array([0.25, 0.5])),
+        lambda i, d: (reflected(i, (5, 3)[d]) + Fraction(1, 4 - 2 * d)) % 1,
+        2.0**-51,
+    ),
+    "components": (
+        lambda: sequences.components(SOBOL, (3, 1)),
+        lambda i, d: digital(JOE_KUO, i, (3, 1)[d]),
+        0,
+    ),
+}
+
+
+@jax.jit
+def beyond(sequence, high, low):
+    """Return the points of indices of two words, in both precisions."""
+    dims = tuple(range(sequence.dims))
+    part = sequence.beyond(high)
+    return part(low, dims, jnp.float64), part(low, dims)
+
+
+@some(WIDE, ("sobol", "halton"))
+def test_points_of_two_words_are_those_of_python_integers(name):
+    make, exact, bound = WIDE[name]
+    sequence = make()
+    rng = np.random.default_rng(1)
+    limit = sequence.wide_limit
+    assert limit >= 2**48
+    index = [0, 1, 2**32 - 1, 2**32, 2**33 + 1, limit - 1, limit // 2 + 1]
+    index += [int(rng.integers(0, limit >> int(s), dtype=np.uint64)) for s in rng.integers(0, 28, 93)]
+    high, low = uint32([i >> 32 for i in index]), uint32([i % 2**32 for i in index])
+    double, single = (np.asarray(p) for p in beyond(sequence, high, low))
+    assert double.min() >= 0 and double.max() < 1 and single.max() < 1
+    for i, row in zip(index, double.tolist(), strict=True):
+        for dim, value in enumerate(row):
+            assert abs(Fraction(value) - exact(i, dim)) <= bound, (i, dim)
+    assert np.all(np.abs(single - double) <= 2.0**-24)
+    if bound == 0:
+        assert np.all(single <= double)
+
+
+def test_neither_precision_rounds_up_to_one():
+    """All digits 2: 1 - 3**-39 is nearest to 1."""
+    index = 3**39 - 1
+    for points in beyond(sequences.van_der_corput(3), uint32([index >> 32]), uint32([index % 2**32])):
+        assert 1 - 2.0**-23 < float(points[0, 0]) < 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scramble", [sequences.owen, sequences.owen_exact])
+def test_scrambling_goes_on_beyond_one_word(scramble):
+    """The same permutations of digits, whatever index they belong to."""
+    low, high = uint32([7, 2**31, 2**32 - 1]), uint32([1, 2**31 + 5, 77])
+    plain = np.asarray(beyond(sequences.sobol(2), high, low)[0]) * 2.0**32
+    # What scrambling makes of these digits as a first component.
+    index = uint32([int(f"{int(word):032b}"[::-1], 2) for word in plain[:, 1]])
+    twice = scramble(sequences.digital(np.stack([SOBOL.matrices[0]] * 2)), 3)
+    found = np.asarray(beyond(scramble(sequences.sobol(2), 3), high, low)[0]) * 2.0**32
+    assert np.array_equal(found[:, 1], twice.bits(index, (1,))[:, 0])
+    assert np.array_equal(found[:, 0], twice.bits(low, (0,))[:, 0])
+
+
+def segment_index(j, s, length, spp):
+    before = s // spp * spp
+    return before * length + j * spp + s - before
+
+
+def doubling_index(j, s, length, spp):
+    before, count = 0, spp
+    while s >= before + count:
+        before, count = before + count, before + count
+    return before * length + j * count + s - before
+
+
+def exact_index(j, s, length, _):
+    digits = length.bit_length() - 1
+    return s * length + int(f"{j:0{digits}b}"[::-1], 2)
+
+
+# How samplers are made for so many samples, the index of sample s of pixel j, and their first component.
+LARGE = {
+    "contiguous": (lambda o, s, n: samplers.contiguous(o, s, n), lambda j, s, _, n: j * n + s, 0),
+    "segments": (
+        # The second component of Sobol' alone: the first one is not co-prime to the curve.
+        lambda o, s, n: samplers.segments(o, sequences.components(s, tuple(range(1, s.dims))), 3, wide=True),
+        segment_index,
+        1,
+    ),
+    "segments, doubling": (
+        lambda o, s, n: samplers.segments(o, s, 3, doubling=True, wide=True),
+        doubling_index,
+        0,
+    ),
+    "partitioned": (
+        lambda o, s, n: samplers.partitioned(o, s, wide=True),
+        lambda j, s, length, _: s * length + j,
+        1,
+    ),
+    "partitioned, exact": (
+        lambda o, s, n: samplers.partitioned(o, s, exact=True, wide=True),
+        exact_index,
+        1,
+    ),
+}
+
+
+@some(LARGE, ("contiguous", "segments, doubling", "partitioned, exact"))
+@pytest.mark.parametrize(
+    ("side", "spp", "count"),
+    [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)],
+)
+def test_indices_of_two_words(name, side, spp, count):
+    """8192 x 8192 pixels with 1024 samples, and the largest image, where N is 2**32."""
+    make, index_of, component = LARGE[name]
+    order = orders.hilbert(side, side)
+    sampler = make(order, sequences.sobol(2), spp)
+    rng = np.random.default_rng(1)
+    x, y = rng.integers(0, side, (2, count))
+    sample = rng.integers(0, spp, count)
+    x[-1], y[-1], sample[-1] = side - 1, 0, spp - 1
+    where = [uint32(a) for a in (x, y, sample)]
+    position = np.asarray(order.position(*where[:2])).tolist()
+    given = 3 if name.startswith("segments") else spp
+    words = np.asarray(points_of(sampler, *where, tuple(range(sampler.dims)))) * 2.0**32
+    # Row i of Pascal's matrix modulo 2 has ones in the columns whose number contains the bits of i.
+    rows = [sum(1 << k for k in range(i, 64) if i & ~k == 0) for i in range(32)]
+    for j, s, word in zip(position, sample.tolist(), words.astype(np.uint32).tolist(), strict=True):
+        index = index_of(j, s, order.length, given)
+        digits = "".join(str((row & index).bit_count() & 1) for row in rows)
+        assert word == [int(f"{index:064b}"[::-1], 2) >> 32, int(digits, 2)][component:]
+    sampler.check(side, side, spp)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in LARGE if name != "contiguous"])
+def test_one_word_and_two_give_the_same_points(name):
+    wide = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(3), 0)
+    narrow = replace(wide, wide=False)
+    x, y, sample = (jnp.asarray(a.ravel()) for a in np.meshgrid(first(8), first(8), first(24)))
+    assert np.array_equal(*(points_of(s, x, y, sample, dtype=jnp.float32) for s in (wide, narrow)))
+    limit = wide.most
+    assert narrow.most <= 2**26 < limit <= 2**32
+    wide.check(8, 8, limit)
+    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
+        wide.check(8, 8, limit + 1)
+
+
+HUGE = orders.hilbert(8192, 8192)
+NARROW = {
+    "digital": lambda: sequences.digital(SOBOL.matrices),
+    "matousek": lambda: sequences.matousek(SOBOL, 1),
+    "gray": lambda: sequences.gray(SOBOL),
+    "faure": lambda: sequences.faure(3),
+    "permuted": lambda: sequences.halton(3, "faure"),
+    "scrambled": lambda: sequences.owen(sequences.halton(3), 1),
+    "random": lambda: sequences.uniform(3, 1),
+    "components": lambda: sequences.components(sequences.faure(5), (2, 0)),
+}
+
+
+@some(NARROW, ("faure", "permuted"))
+def test_sequences_of_one_word_are_refused(name):
+    """Before anything is computed."""
+    sequence = NARROW[name]()
+    samplers.contiguous(HUGE, sequence, 64)
+    with pytest.raises(ValueError, match=r"spp must be at most 64: .* 67108864 positions .* got 65"):
+        samplers.contiguous(HUGE, sequence, 65)
+    for make in (partial(samplers.segments, spp=1, doubling=True), samplers.partitioned):
+        with pytest.raises(ValueError, match=r"wide must be False for .* 4294967296, got wide=True and"):
+            make(HUGE, sequence, wide=True)
+
+
+# Samplers of 8192 x 8192 pixels, and how many samples there are.
+AT_8192 = {
+    "independent": lambda: (samplers.independent(SOBOL, 1), 2**32),
+    "shifted": lambda: (samplers.shifted(HUGE, sequences.halton(2), sequences.lattice(2)), 2**32),
+    "dither": lambda: (samplers.dither(np.zeros((2, 2)), SOBOL), 2**32),
+    "ranked": lambda: (samplers.ranked(2, 1), 2**32),
+    "padded_replications": lambda: (samplers.padded_replications(sequences.sobol(2), 8192, 8192, 1), 2**32),
+    "screen": lambda: (samplers.screen(sequences.sobol(2), 8192, 8192), 64),
+    "screen, halton": lambda: (samplers.screen(sequences.halton(2), 8192, 8192), 26),
+    "segments": lambda: (samplers.segments(HUGE, sequences.components(SOBOL, (1, 2)), 1), 64),
+    "partitioned": lambda: (samplers.partitioned(HUGE, SOBOL), 64),
+    "z": lambda: (samplers.z(8192, 8192, 1024, 1), 1024),
+    "z, joint": lambda: (samplers.z(8192, 8192, 1024, 1, sequence=SOBOL), 1024),
+}
+
+
+@some(AT_8192, ("screen, halton", "segments"))
+def test_what_is_out_of_reach_is_refused(name):
+    """Those of which the number of a pixel and of a sample make no common index have all samples."""
+    sampler, limit = AT_8192[name]()
+    sampler.check(8192, 8192, limit)
+    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
+        sampler.check(8192, 8192, limit + 1)
+
+
+@pytest.mark.slow
+def test_a_joint_z_sampler_of_two_words():
+    """Its index is that of the padded one, and further coordinates go on like those of the sequence."""
+    joint = samplers.z(8192, 8192, 1024, 1, sequence=SOBOL)
+    rng = np.random.default_rng(1)
+    where = [uint32(rng.integers(0, n, 100)) for n in (8192, 8192, 1024)]
+    code = orders.scrambled_morton(8192, 8192, jax.random.split(jax.random.key(1))[0])
+    position = np.asarray(code.position(*where[:2])).tolist()
+    words = np.asarray(points_of(joint, *where, (0, 1, 2, 3, 4)))
+    for j, word in zip(position, words.tolist(), strict=True):
+        # The digits of the sample are permuted: the index is read off the first two components.
+        low = int(f"{int(word[0] * 2**32):032b}"[::-1], 2)
+        index = (j >> 22 << 32) | low
+        assert low >> 10 == j % 2**22
+        assert word == [float(digital(JOE_KUO, index, d)) for d in range(5)]
+
+
+# -- only wanted dimensions
+
+SMALL = orders.hilbert(8, 8)
+
+
+def contiguous_pass(dims):
+    return lambda key: samplers.contiguous(SMALL, sequences.owen(sequences.sobol(dims), key), 2)
+
+
+OF_DIMS = {
+    "independent, owen": lambda d: samplers.independent(sequences.sobol(d), 1),
+    "independent, xor": lambda d: samplers.independent(sequences.sobol(d), 1, "xor"),
+    "independent, shift": lambda d: samplers.independent(sequences.halton(d), 1, "shift"),
+    "independent, components": lambda d: samplers.independent(
+        sequences.components(sequences.halton(d), tuple(range(d))), 1, "shift"
+    ),
+    "screen": lambda d: samplers.screen(sequences.sobol(d), 8, 8),
+    "screen, xor": lambda d: samplers.screen(sequences.xor(sequences.sobol(d), 1), 8, 8),
+    "screen, halton": lambda d: samplers.screen(sequences.halton(d), 8, 8),
+    "padded_replications": lambda d: samplers.padded_replications(sequences.sobol(d), 8, 8, 1),
+    "contiguous, owen": lambda d: samplers.contiguous(SMALL, sequences.owen(sequences.sobol(d), 1), 4),
+    "contiguous, halton": lambda d: samplers.contiguous(SMALL, sequences.halton(d), 4),
+    "contiguous, two words": lambda d: samplers.contiguous(SMALL, sequences.sobol(d), 2**30),
+    "segments": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
+    "segments, two words": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2, wide=True),
+    "partitioned": lambda d: samplers.partitioned(SMALL, sequences.halton(d + 1)),
+    "partitioned, exact": lambda d: samplers.partitioned(SMALL, sequences.sobol(d + 1), exact=True),
+    "shifted": lambda d: samplers.shifted(SMALL, sequences.halton(d), sequences.lattice(d)),
+    "randomized": lambda d: samplers.randomized(contiguous_pass(d), 1),
+    "dither": lambda d: samplers.dither(np.zeros((4, 4)), sequences.halton(d)),
+    "z": lambda d: samplers.z(8, 8, 8, 1, dims=d),
+    "z, tree": lambda d: samplers.z(8, 8, 8, 1, "tree", dims=d),
+    "z, joint": lambda d: samplers.z(8, 8, 8, 1, sequence=sequences.sobol(d)),
+    "z, counts": lambda d: samplers.z(8, 8, 8, 1, dims=d).adaptive(np.full((8, 8), 4)),
+}
+"""All but ranked keys, which there are for four dimensions only."""
+
+
+@some(OF_DIMS, ("contiguous, owen", "dither"))
+def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
+    """Operations in the lowered program; and no array in it has 32 coordinates of the 7 points."""
+    where = (jnp.asarray(first(7)),) * 3
+    # A pass draws the seeds of all dimensions, once for all points.
+    drawn = 4 if name == "randomized" else 0
+
+    def operations(sampler):
+        program = jax.jit(lambda sampler, *where: sampler(*where, dims=(0, 1))).lower(sampler, *where)
+        text = program.as_text()
+        assert "7x32x" not in text and "32x7x" not in text
+        return text.count(" = ")
+
+    assert OF_DIMS[name](32).dims == 32
+    assert operations(OF_DIMS[name](32)) == operations(OF_DIMS[name](2)) + drawn
+
+
+# -- stratification
+
+SIDE = 16
+
+
+def words_of(sampler, x, y, count, dims, start=0):
+    """Return all points of some pixels, as 32-bit fractions: shape (*x.shape, count, len(dims))."""
+    sample = jnp.asarray(first(count) + np.uint32(start))
+    points = points_of(sampler, *(jnp.asarray(a)[..., None] for a in (x, y)), sample, dims)
+    return (np.asarray(points) * 2.0**32).astype(np.uint32)
+
+
+ORDERS = {
+    "hilbert": orders.hilbert,
+    "moore": orders.moore,
+    "morton": orders.morton,
+    "scrambled": partial(orders.scrambled_morton, key=1),
+}
+LARCHER = sequences.larcher_pillichshammer()
+Z = partial(samplers.z, SIDE, SIDE, 8, 1, constituents=(1, 2))
+
+# Samplers, coordinates whose blocks are (0,m,2)-nets, and whether unions over aligned squares are.
+STRATIFIED = {
+    **{
+        f"contiguous, {name}": lambda make=make: (
+            samplers.contiguous(make(SIDE, SIDE), SOBOL, 8),
+            (0, 1),
+            True,
+        )
+        for name, make in ORDERS.items()
+    },
+    "contiguous, owen": lambda: (
+        samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(LARCHER, 1), 8),
+        (1, 0),
+        True,
+    ),
+    "contiguous, two words": lambda: (
+        samplers.contiguous(orders.hilbert(SIDE, SIDE), SOBOL, 2**30),
+        (0, 1),
+        False,
+    ),
+    "segments": lambda: (
+        samplers.segments(orders.moore(SIDE, SIDE), sequences.xor(SOBOL, 1), 8, doubling=True),
+        (0, 1),
+        True,
+    ),
+    **{
+        f"z, {variant}": lambda variant=variant: (Z(variant), (1, 2), True)
+        for variant in ("plain", "hash", "multiplicative", "tree", "art")
+    },
+    "z, joint": lambda: (samplers.z(SIDE, SIDE, 8, 1, sequence=SOBOL), (0, 1), True),
+    "independent, owen": lambda: (samplers.independent(LARCHER, 1), (0, 1), False),
+    "independent, xor": lambda: (samplers.independent(SOBOL, 1, "xor"), (0, 1), False),
+    "screen": lambda: (samplers.screen(sequences.permutation_net(11), SIDE, SIDE), (0, 1), False),
+    "screen, sobol": lambda: (samplers.screen(sequences.sobol(2), SIDE, SIDE), (0, 1), False),
+    "ranked": lambda: (samplers.ranked(2, 1), (0, 1), False),
+}
+
+
+@some(STRATIFIED, ("contiguous, hilbert", "z, hash"))
+def test_blocks_of_samples_are_nets(name):
+    """The 8 samples of each pixel; and those of each aligned square of 2**k pixels a side."""
+    sampler, dims, squares = STRATIFIED[name]()
+    y, x = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
+    words = words_of(sampler, x, y, 8, dims)
+    pixels = np.random.default_rng(1).integers(0, SIDE, (20, 2))
+    assert all(analysis.t_value(words[i, j]) == 0 for i, j in pixels)
+    for k in range(1, 5) if squares else ():
+        blocks = words.reshape(SIDE >> k, 2**k, SIDE >> k, 2**k, 8, 2).swapaxes(1, 2)
+        blocks = blocks.reshape(4 ** (4 - k), -1, 2)
+        assert all(analysis.t_value(block) == 0 for block in blocks)
+
+
+@pytest.mark.slow
+def test_squares_of_independent_pixels_are_no_nets():
+    """What the order is for."""
+    y, x = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
+    words = words_of(samplers.independent(SOBOL, 1, "xor"), x, y, 8, (0, 1))
+    assert all(
+        analysis.t_value(words[i : i + 4, j : j + 4].reshape(-1, 2)) > 1 for i in (0, 4) for j in (0, 4)
+    )
+
+
+@pytest.mark.slow
+def test_blocks_in_base_3_are_nets():
+    """Faure's sequence along Peano's curve, in pixels and in squares of 3**k pixels a side."""
+    sampler = samplers.contiguous(orders.peano(9, 9), sequences.faure(3), 9)
+    y, x = np.mgrid[:9, :9].astype(np.uint32)
+    points = np.asarray(points_of(sampler, x[..., None], y[..., None], jnp.asarray(first(9)), (0, 1, 2)))
+    assert all(analysis.t_value(points[i, j], base=3) == 0 for i in range(9) for j in range(9))
+    blocks = points.reshape(3, 3, 3, 3, 9, 3).swapaxes(1, 2).reshape(9, -1, 3)
+    assert all(analysis.t_value(block, base=3) == 0 for block in blocks)
+    assert analysis.t_value(points.reshape(-1, 3), base=3) == 0
+
+
+@pytest.mark.slow
+def test_blocks_of_halton_fill_boxes():
+    """Each 2**a 3**b consecutive points: one in each of as many boxes, in every pixel."""
+    sampler = samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.halton(2), 36)
+    y, x = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
+    points = np.asarray(points_of(sampler, x[..., None], y[..., None], jnp.asarray(first(36)))) + 1e-9
+    boxes = np.floor(points * (4, 9)) @ (9, 1)
+    assert np.array_equal(np.sort(boxes, axis=-1), np.broadcast_to(np.arange(36), boxes.shape))
+
+
+@pytest.mark.slow
+def test_parts_of_a_sequence_have_its_t():
+    """Aligned blocks of 2**k points of each pixel are (t,k,s-1)-nets with its t (Sect. 4.4)."""
+    t = analysis.t_value(SOBOL.matrices, m=20)
+    sampler = samplers.partitioned(orders.hilbert(SIDE, SIDE), SOBOL)
+    words = words_of(sampler, first(4), first(4)[::-1].copy(), 256, (0, 1, 2, 3))
+    assert all(
+        analysis.t_value(pixel[start : start + 2**k]) <= t
+        for pixel in words
+        for k in (4, 6, 8)
+        for start in (0, 256 - 2**k)
+    )
+
+
+# -- consistency
+
+COUNTS = 2 ** np.arange(13)
+EIGHT = orders.hilbert(8, 8)
+
+
+def owen_pass(key):
+    return samplers.contiguous(EIGHT, sequences.owen(sequences.sobol(2), key), 1)
+
+
+# From the number of samples to a sampler, mostly one of any number.
+CONSISTENT = {
+    "independent, owen": lambda _: samplers.independent(sequences.sobol(2), 1),
+    "independent, xor": lambda _: samplers.independent(sequences.sobol(2), 1, "xor"),
+    "independent, shift": lambda _: samplers.independent(sequences.lattice(2), 1, "shift"),
+    "screen, sobol": lambda _: samplers.screen(sequences.sobol(2), 8, 8),
+    "screen, halton": lambda _: samplers.screen(sequences.halton(2), 8, 8),
+    "padded_replications": lambda _: samplers.padded_replications(
+        sequences.hammersley_net(6), 8, 8, sequences.halton(4)
+    ),
+    "segments": lambda _: samplers.segments(EIGHT, sequences.components(sequences.halton(4), (1, 2, 3)), 1),
+    "segments, doubling": lambda _: samplers.segments(EIGHT, sequences.sobol(2), 1, doubling=True),
+    "partitioned": lambda _: samplers.partitioned(EIGHT, sequences.halton(3, "faure_lemieux")),
+    "partitioned, exact": lambda _: samplers.partitioned(EIGHT, sequences.sobol(3), exact=True),
+    "shifted": lambda _: samplers.shifted(EIGHT, sequences.halton(2), sequences.lattice(2)),
+    "dither": lambda _: samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(2)),
+    "ranked": lambda _: samplers.ranked(2, 1),
+    "randomized": lambda _: samplers.randomized(owen_pass, 1),
+    "uniform": lambda _: samplers.independent(sequences.uniform(2, 1), 1),
+    "contiguous": lambda spp: samplers.contiguous(EIGHT, sequences.sobol(2), spp),
+    "z": lambda spp: samplers.z(8, 8, spp, 1),
+}
+
+
+ANY_COUNT = [name for name in CONSISTENT if name not in ("contiguous", "z")]
+
+
+@jax.jit
+def values_of(sampler, sample):
+    """Return values less their mean, shape (64, samples) each: of a smooth product, and of a disc."""
+    side = jnp.arange(8, dtype=jnp.uint32)
+    with jax.enable_x64(True):
+        points = sampler(side[None, :, None], side[:, None, None], sample, dtype=jnp.float64)
+        u, v = points.reshape(64, -1, 2)[..., 0], points.reshape(64, -1, 2)[..., 1]
+        smooth = jnp.sin(np.pi * u) * jnp.sin(np.pi * v) - 4 / np.pi**2
+        disc = jnp.where(u**2 + v**2 < 1, 1 - np.pi / 4, -np.pi / 4)
+        return smooth, disc
+
+
+SIGMA = np.sqrt([1 / 4 - 16 / np.pi**4, np.pi / 4 - np.pi**2 / 16])
+"""Standard deviations of both in the unit square: errors of a single random sample."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CONSISTENT)
+def test_errors_go_to_zero(name):
+    """With 1, 2, 4, ..., 4096 samples: as 1/sqrt(n) for random points, and faster for all others."""
+    if name in ANY_COUNT:
+        drawn = values_of(CONSISTENT[name](4096), jnp.asarray(first(4096)))
+        means = [[np.asarray(f)[:, :n].mean(axis=1) for f in drawn] for n in COUNTS]
+    else:
+        means = []
+        for n in COUNTS.tolist():
+            drawn = values_of(CONSISTENT[name](n), jnp.asarray(first(n)))
+            means.append([np.asarray(f).mean(axis=1) for f in drawn])
+    errors = np.sqrt(np.mean(np.square(means), axis=-1))
+    if name in ("randomized", "uniform"):
+        # The mean square of 64 errors has a standard deviation of sqrt(2 / 64).
+        assert np.all(errors < SIGMA * np.sqrt((1 + 5 * np.sqrt(2 / 64)) / COUNTS[:, None]))
+    else:
+        assert np.all(errors < 2 * SIGMA * COUNTS[:, None] ** np.array([-0.8, -0.65]))
+
+
+# -- bad input
+
+MAKERS = {
+    **ORDERS,
+    "raster": orders.raster,
+    "accordion": orders.accordion,
+    "peano": orders.peano,
+    "screen": partial(samplers.screen, sequences.sobol(2)),
+    "screen, halton": partial(samplers.screen, sequences.halton(2)),
+    "padded_replications": lambda w, h: samplers.padded_replications(sequences.sobol(2), w, h, 1),
+    "z": lambda w, h: samplers.z(w, h, 1, 1),
+    "render": lambda w, h: qj.render(scenes.checkerboard(), samplers.independent(SOBOL, 1), w, h, 1),
+}
+
+
+@pytest.mark.parametrize("name", MAKERS)
+def test_sizes_out_of_range_are_named(name):
+    limit = orders.PEANO_SIDE if name == "peano" else 2**16
+    for wrong in (0, limit + 1, -1):
+        for size, axis in (((wrong, 8), "width"), ((8, wrong), "height")):
+            with pytest.raises(ValueError, match=rf"{axis} must be an integer .* {limit}\], got {wrong}"):
+                MAKERS[name](*size)

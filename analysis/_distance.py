@@ -1,8 +1,9 @@
 """The minimum distance of a point set, whose copies may tile space.
 
-A tiling is measured on a set that unfolds it: on the torus the points themselves with the tile's
-side as period; where rows of tiles are shifted, the points and their copies in the row above. A k-d
-tree finds the closest pairs, whatever the order and the clusters of the points.
+Many points in up to three dimensions are padded with copies of those near the sides of the tile, so that
+the closest pair does not wrap around, and sorted. All others are measured by a k-d tree on a set that unfolds
+the tiling: on the torus the points themselves with the tile's side as period; where rows of tiles are
+shifted, the points and their copies in the row above.
 """
 
 import math
@@ -11,12 +12,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
+from analysis._closest_pair import squared_closest_pair
 from qmcjax import checks
 
-__all__ = ["min_distance", "squared_min_distance"]
+__all__ = ["checked_tiling", "min_distance", "packing_distance", "squared_min_distance", "tree", "unfold"]
 
 _MARGIN = 1 + 2.0**-40
 """Radius of the search for exact minima: more than the tree's rounding errors."""
+
+
+_MANY = 64
+"""Points from which on they are sorted: so many are never farther apart than a third of a side."""
+
+_INTEGERS = 2.0**53
+"""Smaller sums of squares of integers are exact in float64."""
 
 
 def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> float:
@@ -38,11 +47,18 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     float
         Distances of a point to its own copies do not count: the minimum is over pairs i < j.
         Squares are taken on the way: what is below 1e-154 may come out as 0.
+        For 64 points or more in at most three dimensions to a few units in the last place, unless there is
+        a shear; otherwise to 2^-52, absolutely.
 
     Raises
     ------
     ValueError
         If the points are fewer than two, not floats, or outside [0, 1)^d, or the shear does not apply.
+
+    Notes
+    -----
+    In up to three dimensions O(n log n) time and O(n) memory, for clustered points as well: about 50 bytes
+    for each point and 40 more for each coordinate. Beyond, the time of a k-d tree.
 
     References
     ----------
@@ -53,19 +69,14 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     >>> print(round(min_distance([[0.0, 0.0], [0.75, 0.0]]), 9))
     0.25
     """
-    given = np.asarray(points)
-    if not np.issubdtype(given.dtype, np.floating):
-        raise ValueError(
-            f"points must be floats, got {given.dtype}: squared_min_distance measures integer coordinates"
-        )
-    array = _checked(given, 1).astype(np.float64)
-    if not isinstance(shear, int | float | np.floating) or not math.isfinite(shear):
-        raise ValueError(f"shear must be a finite number, got {shear!r}")
-    _check_tiling(array.shape[1], torus, float(shear))
+    array = checked_tiling(points, torus, shear)
+    square = _sorted_squared_distance(array, 1, torus, float(shear))
+    if square is not None:
+        return math.sqrt(square)
     if _has_duplicates(array):
         return 0.0
-    unfolded, periods = _unfold(array, 1, torus, float(shear))
-    return _nearest(_tree(unfolded, periods), len(array))
+    unfolded, periods = unfold(array, 1, torus, float(shear))
+    return _nearest(tree(unfolded, periods), len(array))
 
 
 def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear: int = 0) -> int:
@@ -109,16 +120,69 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     array = _checked(given, side).astype(np.int64)
     shear = checks.integer("shear", shear, -side, side)
     _check_tiling(array.shape[1], torus, shear)
+    square = _sorted_squared_distance(array.astype(np.float64), side, torus, shear)
+    if square is not None and square < _INTEGERS:
+        return int(square)
     if _has_duplicates(array):
         return 0
-    unfolded, periods = _unfold(array, side, torus, shear)
-    tree = _tree(unfolded, periods)
-    pairs = tree.query_pairs(_nearest(tree, len(array)) * _MARGIN, output_type="ndarray")
+    unfolded, periods = unfold(array, side, torus, shear)
+    grown = tree(unfolded, periods)
+    pairs = grown.query_pairs(_nearest(grown, len(array)) * _MARGIN, output_type="ndarray")
     delta = np.abs(unfolded[pairs[:, 0]] - unfolded[pairs[:, 1]])
     delta = np.minimum(delta, periods - delta)
     if delta.shape[1] * int(delta.max()) ** 2 >= 2**63:
         delta = delta.astype(object)
     return int((delta * delta).sum(axis=1).min())
+
+
+def checked_tiling(points: ArrayLike, torus: bool, shear: float) -> NDArray[np.float64]:
+    """Return float points in [0, 1)^d as float64, or raise a ValueError unless the tiling applies to them."""
+    given = np.asarray(points)
+    if given.dtype not in (np.float16, np.float32, np.float64):
+        raise ValueError(
+            f"points must be float64 or narrower floats, got {given.dtype}: "
+            "squared_min_distance measures integer coordinates"
+        )
+    array = _checked(given, 1).astype(np.float64)
+    if not isinstance(shear, int | float | np.floating) or not math.isfinite(shear):
+        raise ValueError(f"shear must be a finite number, got {shear!r}")
+    _check_tiling(array.shape[1], torus, float(shear))
+    return array
+
+
+def packing_distance(n: int, dims: int) -> float:
+    """Return the largest minimum distance of n points per unit volume, in one, two or three dimensions.
+
+    Equal spacing, the hexagonal packing of discs (Thue) and the face-centred cubic one of balls (Hales).
+    """
+    return (1 / n, math.sqrt(2 / (math.sqrt(3) * n)), math.cbrt(math.sqrt(2) / n))[dims - 1]
+
+
+def _sorted_squared_distance(
+    points: NDArray[np.float64], side: int, torus: bool, shear: float
+) -> float | None:
+    """Return the square of the minimum distance, or None where sorting the points is not the way to find it.
+
+    A copy is translated by minus one period. A pair that wraps around is found as the copy of the point
+    near the far side, and the other point or a copy of it: one-sided copies suffice, and their coordinates
+    are exact.
+    """
+    n, dims = points.shape
+    if n < _MANY or dims > 3:
+        return None
+    bound = packing_distance(n, dims)
+    if not torus:
+        bound /= 1 - bound  # the balls of diameter b lie in a cube of side 1 + b, which can be repeated
+    bound *= side
+    columns = np.ascontiguousarray(points.T)
+    if torus:
+        for axis in reversed(range(dims)):
+            copies = columns[:, columns[axis] >= side - bound]
+            copies[axis] -= side
+            if axis == 1:
+                copies[0] = (copies[0] - shear) % side
+            columns = np.concatenate([columns, copies], axis=1)
+    return squared_closest_pair(columns, bound)
 
 
 def _checked(points: NDArray, side: int) -> NDArray:
@@ -144,7 +208,7 @@ def _has_duplicates(points: NDArray) -> bool:
     return bool((ordered[1:] == ordered[:-1]).all(axis=1).any())
 
 
-def _unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDArray, NDArray]:
+def unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDArray, NDArray]:
     """Return a set, the points first, and one period per axis that together measure the tiling.
 
     A period of twice the extent of the set never wraps. Copies in the row above suffice, since the
@@ -158,12 +222,13 @@ def _unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDAr
     return np.concatenate([points, above]), np.array([side, 4 * side], points.dtype)
 
 
-def _tree(points: NDArray, periods: NDArray) -> KDTree:
+def tree(points: NDArray, periods: NDArray) -> KDTree:
+    """Return a k-d tree of distinct points on a torus."""
     # Splitting at midpoints builds faster than at medians; the points are distinct, so it ends.
     return KDTree(points, boxsize=periods, balanced_tree=False, compact_nodes=False)
 
 
-def _nearest(tree: KDTree, n: int) -> float:
+def _nearest(grown: KDTree, n: int) -> float:
     """Return the smallest distance of the first n points to another point of the tree."""
-    distances, _ = tree.query(tree.data[:n], k=2)
+    distances, _ = grown.query(grown.data[:n], k=2)
     return float(np.min(np.asarray(distances)[:, 1]))

@@ -1,9 +1,12 @@
-"""How the error of an image is distributed over frequencies."""
+"""How the error of an image, or the power of a point set, is distributed over frequencies."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["error_spectrum", "radial_average"]
+__all__ = ["error_spectrum", "mean_spectrum", "radial_anisotropy", "radial_average"]
 
 
 def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
@@ -55,7 +58,7 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     Parameters
     ----------
     spectrum : float ArrayLike, shape (height, width)
-        In the layout of ``numpy.fft.fft2``, such as from :func:`error_spectrum`.
+        In the layout of ``numpy.fft.fft2``, such as from :func:`error_spectrum` or :func:`point_spectrum`.
 
     Returns
     -------
@@ -81,17 +84,123 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     >>> print(frequency, power)
     [1.] [3.]
     """
+    array = _checked(spectrum)
+    annulus = _annuli(*array.shape)
+    count = np.bincount(annulus.ravel())
+    total = np.bincount(annulus.ravel(), weights=array.ravel())
+    frequency = np.arange(1, max(array.shape) // 2 + 1)
+    return frequency.astype(np.float64), total[frequency] / count[frequency]
+
+
+def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how much the power varies along annuli of width 1: variance / mean^2, in decibels.
+
+    The power of one realisation is exponentially distributed at each frequency if it is isotropic noise, and
+    the anisotropy about 0 dB; that of a mean of m realisations is about -10 log10(m) dB [1]_.
+
+    Parameters
+    ----------
+    spectrum : float ArrayLike, shape (height, width)
+        In the layout of ``numpy.fft.fft2``, such as from :func:`error_spectrum` or :func:`point_spectrum`.
+
+    Returns
+    -------
+    frequency : float64 array, shape (max(height, width) // 2,)
+        The annuli of :func:`radial_average`.
+    anisotropy : float64 array, of the same shape
+        10 log10(s^2 / mean^2), where s^2 is the sum of squared deviations divided by their number less 1:
+        -inf if all are equal, not a number for annuli of a single value or of none but zeros.
+
+    Raises
+    ------
+    ValueError
+        If the spectrum is not an array of rows and columns, or a single value.
+
+    Notes
+    -----
+    Where frequencies k and -k have the same power, as they have for points and for images of real numbers,
+    an annulus of 2m values has m different ones: the expectation of s^2 is smaller than the variance, by
+    (2m - 2) / (2m - 1).
+
+    References
+    ----------
+    .. [1] R. Ulichney, "Dithering with blue noise", Proceedings of the IEEE 76(1), 1988, Sect. II.
+
+    Examples
+    --------
+    >>> frequency, anisotropy = radial_anisotropy([[9.0, 1.0], [3.0, 5.0]])
+    >>> print(frequency, anisotropy.round(3))
+    [1.] [-3.522]
+    """
+    array = _checked(spectrum)
+    annulus = _annuli(*array.shape).ravel()
+    frequency, mean = radial_average(array)
+    wanted = (annulus >= 1) & (annulus <= len(frequency))
+    place = annulus[wanted] - 1
+    squares = np.square(array.ravel()[wanted] - mean[place])
+    count = np.bincount(place)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance = np.bincount(place, weights=squares) / (count - 1)
+        return frequency, 10 * np.log10(variance / np.square(mean))
+
+
+def mean_spectrum(
+    make: Callable[[Any], ArrayLike], keys: Iterable[Any]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the mean of random spectra and its standard error, element by element.
+
+    Parameters
+    ----------
+    make : Callable
+        From a key to a spectrum of points or of an error image, or to anything that is computed from it, such
+        as a radial average. All must have one shape. One at a time is kept.
+    keys : Iterable
+        At least two keys, for independent realisations.
+
+    Returns
+    -------
+    mean, standard_error : float64 arrays, of the shape that ``make`` returns
+        The standard error is the root of the sample variance (divisor m - 1) over the number m of keys.
+
+    Raises
+    ------
+    ValueError
+        If the keys are fewer than two, or the shapes differ.
+
+    Examples
+    --------
+    >>> mean, error = mean_spectrum(lambda key: [key, 2 * key], [1, 3])
+    >>> print(mean, error)
+    [2. 4.] [1. 2.]
+    """
+    count, mean, squares = 0, np.zeros(()), np.zeros(())
+    for key in keys:
+        spectrum = np.asarray(make(key), np.float64)
+        if count and spectrum.shape != mean.shape:
+            raise ValueError(
+                f"make must return one shape for all keys, got {mean.shape} and {spectrum.shape}"
+            )
+        count += 1
+        deviation = spectrum - mean
+        mean = mean + deviation / count
+        squares = squares + deviation * (spectrum - mean)
+    if count < 2:
+        raise ValueError(f"keys must be at least two, got {count}")
+    return mean, np.sqrt(squares / (count - 1) / count)
+
+
+def _checked(spectrum: ArrayLike) -> NDArray[np.float64]:
     array = np.asarray(spectrum, np.float64)
     if array.ndim != 2 or array.size < 2:
         raise ValueError(f"spectrum must have shape (height, width), more than one value, got {array.shape}")
-    height, width = array.shape
+    return array
+
+
+def _annuli(height: int, width: int) -> NDArray[np.int64]:
+    """Return the number of the annulus of each element: 0 is that around the mean."""
     longer = max(height, width)
     radius = np.hypot(_frequencies(height, longer)[:, None], _frequencies(width, longer)[None, :])
-    annulus = np.floor(radius + 0.5).astype(np.int64)
-    count = np.bincount(annulus.ravel())
-    total = np.bincount(annulus.ravel(), weights=array.ravel())
-    wanted = slice(1, longer // 2 + 1)
-    return np.arange(1.0, longer // 2 + 1), total[wanted] / count[wanted]
+    return np.floor(radius + 0.5).astype(np.int64)
 
 
 def _frequencies(size: int, longer: int) -> NDArray[np.float64]:

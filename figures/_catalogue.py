@@ -24,6 +24,7 @@ CATALOGUE = {
     "thesis-5.17": Entry("figures.thesis_5_17", "Iterative construction of permutation nets of even m"),
     "thesis-5.20": Entry("figures.thesis_5_20", "The sheared tiling, Fig. 5.18 to 5.20"),
     "thesis-5.21": Entry("figures.thesis_5_21", "Minimum distances of (0,m,2)-nets, with Table 5.1"),
+    "thesis-5.22": Entry("figures.thesis_5_22", "Power spectra of nets"),
     "thesis-5.23": Entry("figures.thesis_5_23", "Owen scramblings of a permutation net"),
     "thesis-5.3.2": Entry("figures.thesis_5_3_2", "Permutation nets in three dimensions, P_2 to P_5"),
     "thesis-6.1": Entry("figures.thesis_6_1", "The checkerboard at 64 samples per pixel"),

@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from qmcjax import orders, samplers, sequences
 
@@ -82,6 +83,16 @@ NETS = {
     "permutation": sequences.permutation_net,
     "optimized": sequences.optimized_net,
 }
+
+
+def each_kind(argument, table, kind):
+    """Run a test with one object of each kind of a table, and with the others on request."""
+    last = {kind(thing): name for name, thing in table.items()}.values()
+    marked = [
+        pytest.param(thing, id=name, marks=() if name in last else pytest.mark.slow)
+        for name, thing in table.items()
+    ]
+    return pytest.mark.parametrize(argument, marked)
 
 
 def owen_pass(key):

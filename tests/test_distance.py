@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
-from analysis import min_distance, squared_min_distance
+from analysis import _closest_pair as closest_pair
+from analysis import min_distance, nearest_distances, nearest_statistics, squared_min_distance
 
 RAW_BITS = 32
 
@@ -48,7 +50,7 @@ def grids(draw):
     return np.array(points, np.int64), side, torus, shear
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 @given(grids())
 def test_integers_equal_brute_force(grid):
     points, side, torus, shear = grid
@@ -57,7 +59,7 @@ def test_integers_equal_brute_force(grid):
     assert measured == brute_force(points, side, torus, shear)
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(grids())
 def test_floats_equal_brute_force(grid):
     """Points k/side, at most 24 bits each, have distance sqrt(integer)/side: to rounding errors of 1."""
@@ -84,6 +86,187 @@ def test_larger_sets_against_all_pairs(dims, side):
         square = (one.astype(object) ** 2).sum(axis=-1)[np.triu_indices(len(points), 1)].min()
         assert squared_min_distance(points, side, torus) == square
         assert min_distance(points / side, torus) == pytest.approx(math.sqrt(square) / side, rel=1e-12)
+
+
+def all_pairs(points, side, torus, shear):
+    """Return the matrix of squared distances in int64, its diagonal huge: for sides up to 2^24."""
+    points = points.astype(np.int64)
+    steps = list(itertools.product((-1, 0, 1), repeat=points.shape[1])) if torus else [(0,) * points.shape[1]]
+    best = np.full((len(points),) * 2, 2**62)
+    for step in steps:
+        delta = points[:, None] - points[None] + side * np.array(step)
+        if shear:
+            delta = np.stack([delta[..., 0] + step[1] * shear + k * side for k in (-1, 0, 1)]), delta[..., 1]
+            square = (delta[0] ** 2).min(axis=0) + delta[1] ** 2
+        else:
+            square = (delta**2).sum(axis=-1)
+        best = np.minimum(best, square)
+    np.fill_diagonal(best, 2**62)
+    return best
+
+
+FAMILIES = ["random", "lattice", "grid", "cluster", "scales", "line", "boundary", "repeated"]
+
+
+def family(name, dims, n, side, seed):
+    rng = np.random.default_rng(seed)
+    index = np.arange(n)[:, None]
+    points = rng.integers(0, side, (n, dims))
+    if name == "lattice":
+        points = index * points[0] + rng.integers(0, side)
+    elif name == "grid":
+        per_axis = math.ceil(n ** (1 / dims))
+        points = index // per_axis ** np.arange(dims) % per_axis * (side // per_axis)
+    elif name == "cluster":
+        points = points[0] + rng.integers(0, max(2, side // 1000), (n, dims))
+    elif name == "scales":
+        points = points[0] + (points >> rng.integers(0, 20, (n, 1)))
+    elif name == "line":
+        points[:, rng.permutation(dims)[: dims - 1]] = side // 2
+    elif name == "boundary":
+        points = np.where(rng.random((n, dims)) < 0.3, rng.choice([0, side - 1], (n, dims)), points)
+    elif name == "repeated":
+        points = points[rng.integers(0, n, n)]
+    return rng.permutation(points % side)
+
+
+@settings(max_examples=120, deadline=None, derandomize=True)
+@given(
+    st.sampled_from(FAMILIES),
+    st.integers(1, 3),
+    st.sampled_from([2, 3, 63, 64, 65, 100, 200]),
+    st.sampled_from([1000, 65536, 2**24]),
+    st.sampled_from(["torus", "shear", "cube"]),
+    st.integers(0, 2**32),
+)
+def test_families_against_all_pairs(name, dims, n, side, tiling, seed):
+    """Sets small and large enough to be sorted; each point's nearest neighbour, too."""
+    points = family(name, dims, n, side, seed)
+    torus = tiling != "cube"
+    shear = seed % side if tiling == "shear" and dims == 2 else 0
+    expected = all_pairs(points, side, torus, shear).min(axis=1)
+    assert squared_min_distance(points, side, torus, shear) == expected.min()
+    scaled, relative = points / side, shear / side
+    distances = np.sqrt(expected) / side
+    assert min_distance(scaled, torus, relative) == pytest.approx(distances.min(), rel=1e-9, abs=1e-15)
+    nearest = nearest_distances(scaled, torus, relative)
+    np.testing.assert_allclose(nearest, distances, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("dims", [1, 2, 3])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_many_points_against_a_tree(dims, name):
+    """Sets of more than one block, against distances that a tree finds."""
+    n, side = 20000, 2**24
+    points = np.unique(family(name, dims, n, side, seed=7), axis=0)
+    for torus in (True, False):
+        tree = KDTree(points, boxsize=side if torus else None)
+        square = np.square(tree.query(points, k=2)[0][:, 1].min())
+        assert squared_min_distance(points, side, torus) == round(square)
+        assert min_distance(points / side, torus) == pytest.approx(math.sqrt(square) / side, rel=1e-9)
+
+
+@pytest.mark.parametrize("tiling", ["torus", "shear", "cube"])
+@pytest.mark.parametrize(("dims", "scale"), [(2, 1), (2, 50), (2, 2**10), (3, 1), (3, 50)])
+def test_planted_pairs(dims, scale, tiling):
+    """The closest pair lies anywhere in a grid, in any direction: across cuts, sides and corners of the tile.
+
+    The others are hardly farther apart, and crowded into a corner if the scale is not 1.
+    """
+    per_axis, side = (10, 5)[dims - 2], 10**6
+    torus = tiling != "cube"
+    if tiling == "shear" and dims != 2:
+        return
+    rng = np.random.default_rng(dims * scale)
+    spacing = side // scale // per_axis
+    grid = np.indices((per_axis,) * dims).reshape(dims, -1).T * spacing
+    for trial in range((60, 20)[dims - 2]):
+        shear = trial * 7 % per_axis * spacing if tiling == "shear" else 0
+        direction = rng.standard_normal(dims) * rng.choice([0.01, 1, 1], dims)
+        length = rng.choice([0.1, 0.8, 0.97]) * spacing
+        planted = grid.copy()
+        which = rng.integers(len(grid))
+        towards = grid[(which + per_axis ** np.arange(dims)[rng.integers(dims)]) % len(grid)]
+        if trial % 3:
+            planted[which] = np.rint(towards + direction / np.linalg.norm(direction) * length)
+        offset = rng.integers(0, side, dims)
+        if trial % 2:
+            offset = side - towards + rng.integers(-spacing // 2, spacing // 2 + 1, dims)
+        moved = planted + offset
+        if shear:
+            moved[:, 0] -= shear * (moved[:, 1] // side)
+        points = rng.permutation(moved % side)
+        expected = all_pairs(points, side, torus, shear).min()
+        assert squared_min_distance(points, side, torus, shear) == expected
+
+
+def test_pairs_far_below_the_resolution_of_the_bars():
+    """Most points are in a tiny box at the origin of a set that fills the cube."""
+    for dims in (1, 2, 3):
+        rng = np.random.default_rng(dims)
+        for exponent in (-50, -64, -80, -100):
+            tiny = rng.integers(0, 2**20, (80, dims)) * 2.0**exponent
+            points = rng.permutation(np.concatenate([tiny, np.maximum(rng.random((20, dims)), 0.01)]))
+            delta = points[:, None] - points[None]
+            expected = math.sqrt(np.square(delta).sum(axis=2)[np.triu_indices(100, 1)].min())
+            assert min_distance(points, torus=False) == pytest.approx(expected, rel=1e-14, abs=0)
+
+
+def test_cube_holds_more_than_the_torus():
+    """Points on the boundary are farther apart than the densest packing of the torus allows."""
+    for dims, side in ((1, 100), (2, 8), (3, 4)):
+        points = np.indices((side,) * dims).reshape(dims, -1).T
+        assert squared_min_distance(points * 10, 10 * side - 9, torus=False) == 100
+        assert squared_min_distance(points * 10, 10 * side - 9) == 1
+
+
+def test_many_exact_beyond_double_precision():
+    """All neighbours have a squared distance of 2^60 + 1, an odd number."""
+    i, j, k = np.indices((4, 4, 4)).reshape(3, -1)
+    points = np.stack([i * 2**30 + k % 2, j * 2**30 + i % 2, k * 2**30 + j % 2], axis=1)
+    assert squared_min_distance(points, 2**32, torus=False) == 2**60 + 1
+
+
+def test_crowded_windows_are_left_to_the_tree(monkeypatch):
+    points = np.random.default_rng(3).random((500, 3))
+    sorted_distance = min_distance(points)
+    monkeypatch.setattr(closest_pair, "_CROWDED", -1)
+    assert closest_pair.squared_closest_pair(np.ascontiguousarray(points.T), 0.5) is None
+    assert min_distance(points) == pytest.approx(sorted_distance, rel=1e-14)
+
+
+def test_smallest_coordinates():
+    """Pairs across a corner at 1 - ulp, and close to denormal: to the last bit."""
+    spread = np.stack([np.arange(1, 99) / 100, np.full(98, 0.5)], axis=1)
+    ulp = 2.0**-53
+    for pair, expected in (
+        ([[0.0, 0.0], [1 - ulp, 1 - ulp]], math.sqrt(2) * ulp),
+        ([[3e-17, 0.25], [1 - ulp, 0.25]], ulp + 3e-17),
+        ([[0.0, 1e-150], [1e-150, 1e-150]], 1e-150),
+    ):
+        points = np.concatenate([spread[:49], pair, spread[49:]])
+        assert min_distance(points) == pytest.approx(expected, rel=1e-15, abs=0)
+        assert nearest_distances(points).min() == pytest.approx(expected, rel=1e-15, abs=2.0**-52)
+
+
+def test_statistics():
+    """A square grid, all distances equal; random points, 1 to 5 sigma of (4/pi - 1)^(1/2) / n^(1/2)."""
+    grid = np.stack(np.meshgrid(*[np.arange(8) / 8] * 2), axis=-1).reshape(-1, 2)
+    found = nearest_statistics(grid)
+    assert (found.minimum, found.mean, found.deviation, found.maximum) == (0.125, 0.125, 0.0, 0.125)
+    assert found.relative_minimum == pytest.approx(math.sqrt(math.sqrt(3) / 2), rel=1e-14)
+    assert found.clark_evans == pytest.approx(2.0, rel=1e-14)
+    lattice = (np.indices((8, 8, 8)).reshape(3, -1).T)[np.indices((8, 8, 8)).sum(axis=0).ravel() % 2 == 0]
+    assert nearest_statistics(lattice / 8).relative_minimum == pytest.approx(1, rel=1e-14)
+    assert nearest_statistics(np.arange(5)[:, None] / 5).relative_minimum == pytest.approx(1, rel=1e-14)
+    assert nearest_statistics(np.random.default_rng(1).random((50, 4))).relative_minimum is None
+    for dims in (1, 2, 3):
+        random = np.random.default_rng(dims).random((4000, dims))
+        # Neighbours often share one distance, so the variance is up to twice that of independent ones.
+        assert (
+            abs(nearest_statistics(random).clark_evans - 1)
+            < 5 * math.sqrt(2 / 4000) * (1, 0.53, 0.37)[dims - 1]
+        )
 
 
 @pytest.mark.parametrize("shear", [0, 25])
@@ -204,10 +387,11 @@ BAD_FLOATS = [
 ]
 
 
+@pytest.mark.parametrize("measure", [min_distance, nearest_distances, nearest_statistics])
 @pytest.mark.parametrize(("arguments", "message"), BAD_FLOATS)
-def test_bad_floats(arguments, message):
+def test_bad_floats(measure, arguments, message):
     with pytest.raises(ValueError, match=message):
-        min_distance(**arguments)
+        measure(**arguments)
 
 
 BAD_INTEGERS = [

@@ -159,12 +159,12 @@ def test_many_coordinates_together_equal_single_ones(permutation):
     seq = sequences.halton(200, permutation, key=KEYED.get(permutation))
     # Of the multiples of 103 and 107, some products with the rounded reciprocal are below the quotient.
     index = np.concatenate([some_indices(100), first(100) * np.uint32(103), first(100) * np.uint32(107)])
-    together = double(seq, index)
+    backwards = double(seq, index, tuple(range(seq.dims))[::-1])
     assert seq.dims >= _halton.MANY
     dims = (0, 23, 24, 26, 27, 53, 54, 55, 100, 199)
-    assert np.array_equal(together[:, dims], double(seq, index, dims))
-    backwards = tuple(range(seq.dims))[::-1]
-    assert np.array_equal(together[:, ::-1], double(seq, index, backwards))
+    assert np.array_equal(backwards[:, ::-1][:, dims], double(seq, index, dims))
+    if permutation is None:
+        assert np.array_equal(backwards[:, ::-1], double(seq, index))
 
 
 def test_faure_lemieux_multiplies_in_all_360_bases():

@@ -1,14 +1,15 @@
 """The search for (0,2)-sequence matrices, and the matrices it found: t = 0 and the distances claimed."""
 
+import runpy
 from functools import cache
 from importlib import resources
-from itertools import product
+from itertools import islice, pairwise, product
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first
+from tables import again, first
 
 import analysis._matrix_search as module
 from analysis import search_matrices, squared_min_distance
@@ -89,8 +90,24 @@ def test_energy_counts_all_pairs_that_are_too_close(m, dims):
             assert expected - 1e-12 <= energy <= 2 * expected + 1e-12
 
 
+def test_energy_is_complete_up_to_its_limit(monkeypatch):
+    """And stops soon after: a chunk of pairs at a time."""
+    monkeypatch.setattr(module, "CHUNK", 2**6)
+    net, rng = module._Net(6, 400, 3), np.random.default_rng(1)
+    triangles = np.tril(rng.integers(2, size=(3, 6, 6), dtype=np.uint8), -1) | np.eye(6, dtype=np.uint8)
+    columns = module._columns(module._matrices(triangles))
+    energy = net.energy(columns, np.inf)
+    assert net.energy(columns, energy) == energy
+    for limit in (0.0, energy / 4, energy / 2):
+        assert limit < net.energy(columns, limit) < limit + energy / 4
+    smaller = module._Net(5, 300, 3)
+    total = smaller.energy(columns, np.inf) + energy
+    assert module._energy([smaller, net], triangles, np.inf) == pytest.approx(total, rel=1e-12)
+    assert total > 1.1 * energy
+
+
 @pytest.mark.parametrize(
-    ("targets", "dims"), [({3: 12}, 3), ({4: 17, 5: 40}, 3), ({6: 100}, 3), ({6: 41}, 2), ({2: 2, 4: 13}, 2)]
+    ("targets", "dims"), [({3: 12}, 3), ({5: 40, 4: 17}, 3), ({6: 100}, 3), ({6: 41}, 2), ({2: 2, 4: 13}, 2)]
 )
 def test_search(targets, dims):
     """What is returned is a (0,2)-sequence of the distances it says, at all sizes asked for."""
@@ -108,6 +125,24 @@ def test_search_beats_the_printed_net_at_once():
     assert found.reached
     assert found.squared[13] ** 0.5 / 2**13 > PRINTED
     assert is_02_sequence(found.matrices)
+
+
+def test_search_leaves_local_minima():
+    """Steps that only ever lower the energy end before, with each of these seeds."""
+    assert all(search_matrices({5: 80}, seed=seed, steps=4000).reached for seed in (0, 1, 2))
+
+
+def test_search_returns_the_best_of_all_chains(monkeypatch):
+    monkeypatch.setattr(module, "CHAIN", 20)
+    nets = [module._Net(m, target, 3) for m, target in {4: 40, 8: 2000}.items()]
+    tried = list(islice(module._trials(nets, np.random.default_rng(1)), 60))
+    best = min(range(60), key=lambda i: tried[i][1])
+    assert 0 < best < 59
+    found = search_matrices({4: 40, 8: 2000}, seed=1, steps=60)
+    assert np.array_equal(found.matrices, module._matrices(tried[best][0]))
+    # A step changes three rows at most, the start of a chain all that are not on the diagonals.
+    changed = [np.any(a != b, axis=2).sum() for (a, _), (b, _) in pairwise(tried)]
+    assert [i + 1 for i, rows in enumerate(changed) if rows > 3] == [20, 40]
 
 
 def test_search_is_a_function_of_seed_and_steps():
@@ -219,17 +254,41 @@ def test_the_sequence_is_a_02_sequence_to_its_last_digit():
     assert is_02_sequence(matrices)
 
 
-@pytest.mark.parametrize(("log_side", "m"), [(0, 3), (3, 8)])
+def test_the_program_of_the_data(monkeypatch, tmp_path):
+    """For small m it writes the committed lines; the sequence is cut short."""
+    path = resources.files("qmcjax.sequences") / "_data" / "make_searched.py"
+    program = runpy.run_path(str(path))
+    names = program["main"].__globals__
+    few = {2: 5, 3: 12, 5: 82}  # one target below what is found
+    monkeypatch.setitem(names, "NETS", few)
+    monkeypatch.setitem(names, "SEQUENCE", {m: program["SEQUENCE"][m] for m in (2, 3, 4)})
+    monkeypatch.setitem(names, "__file__", str(tmp_path / path.name))
+    names["main"]()
+
+    def lines(folder, name):
+        return [line for line in (folder / name).read_text().splitlines() if not line.startswith("#")]
+
+    found = lines(tmp_path, "optimized_nets_3d.txt")
+    assert found == [
+        line for line in lines(path.parent, "optimized_nets_3d.txt") if int(line.split()[0]) in few
+    ]
+    (found,) = lines(tmp_path, "optimized_sequence.txt")
+    rows = np.array([list(row) for row in found.split()[1:]], np.uint8).reshape(2, 4, 4)
+    assert is_02_sequence(rows)
+    assert brute_force(multiplied(rows), 2**4) >= program["SEQUENCE"][4]
+    assert program["NETS"].keys() == program["SEQUENCE"].keys() == NETS.keys()
+    assert all(program["NETS"][m] <= NETS[m] and program["SEQUENCE"][m] <= SEQUENCE[m] for m in NETS)
+
+
+@pytest.mark.parametrize(("log_side", "m"), [(0, 3), (3, 8), (5, 10)])
 def test_index_in_cell_inverts_the_net(log_side, m):
     """All points, once each, in the cells of the first two coordinates they are asked for in."""
     net = sequences.optimized_net_3d(m)
     side, samples = first(2**log_side), first(net.points_per_cell(log_side))
-    x, y, sample = (jnp.asarray(a.ravel()) for a in np.meshgrid(side, side, samples))
+    x, y, sample = (again(a, 2**10) for a in np.meshgrid(side, side, samples))
     index = net.index_in_cell(x, y, log_side, sample)
-    assert np.array_equal(np.sort(index), first(2**m))
-    cells = (
-        np.asarray(net.bits(index))[:, :2] >> np.uint32(32 - log_side) if log_side else np.zeros((2**m, 2))
-    )
+    assert np.array_equal(np.sort(index[: 2**m]), first(2**m))
+    cells = np.asarray(net.bits(index))[:, :2].astype(np.uint64) >> np.uint64(32 - log_side)
     assert np.array_equal(cells, np.stack([x, y], axis=1))
 
 

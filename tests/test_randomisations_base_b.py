@@ -232,7 +232,7 @@ def over_keys(scramble):
     """Return the points of 0, 1, 2 after each node, and the digits there, (2 coordinates, keys, nodes, 3)."""
     index = jnp.asarray(CHILDREN)
     with jax.enable_x64(True):
-        drawn = jax.vmap(lambda key: scramble(THREE, key))(KEYS)
+        drawn = jax.jit(jax.vmap(lambda key: scramble(THREE, key)))(KEYS)
         found = np.asarray(jax.jit(jax.vmap(lambda seq: seq(index, (0, 1), jnp.float64)))(drawn))
     for key in (0, 127):
         assert np.array_equal(found[key], points(scramble(THREE, KEYS[key]), CHILDREN)[:, :2])

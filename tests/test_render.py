@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import SAMPLERS, SIDE, SPP, first
+from tables import SAMPLERS, SIDE, SPP, each_kind, first
 
 import qmcjax as qj
 from qmcjax import orders, samplers, sequences
@@ -53,17 +53,7 @@ def brute_force(scene, sampler, width, height, spp):
     return np.asarray(evaluate(scene, drawn), np.float64).mean(axis=2)
 
 
-ONE_OF_EACH_KIND = {type(sampler): name for name, sampler in SAMPLERS.items()}.values()
-each_sampler = pytest.mark.parametrize(
-    "sampler",
-    [
-        pytest.param(sampler, id=name, marks=() if name in ONE_OF_EACH_KIND else pytest.mark.slow)
-        for name, sampler in SAMPLERS.items()
-    ],
-)
-
-
-@each_sampler
+@each_kind("sampler", SAMPLERS, type)
 def test_image_is_the_mean_of_the_samples(sampler):
     scene = qj.scenes.zone_plate(10.0)
     image = qj.render(scene, sampler, SIDE, SIDE, SPP)

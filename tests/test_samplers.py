@@ -4,17 +4,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, SAMPLERS, SIDE, SPP, first, is_net
+from tables import NETS, SAMPLERS, SIDE, SPP, each_kind, first, is_net
 
 from qmcjax import orders, samplers, sequences
 
 each_sampler = pytest.mark.parametrize("sampler", SAMPLERS.values(), ids=SAMPLERS.keys())
+one_of_each_kind = each_kind("sampler", SAMPLERS, type)
 each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
 
 
-values = jax.jit(
-    lambda sampler, *where, dtype=jnp.float32: sampler(*where, dtype=dtype), static_argnames="dtype"
-)
+draw = jax.jit(lambda sampler, *where, dtype: sampler(*where, dtype=dtype), static_argnames="dtype")
 
 
 def all_samples(side=SIDE, spp=SPP):
@@ -24,10 +23,10 @@ def all_samples(side=SIDE, spp=SPP):
 
 
 @jax.jit
-def ways(sampler, x, y, sample):
-    """Return all points in a row, and one by one from the last on, with their coordinates backwards."""
-    one_by_one = jax.vmap(lambda *where: sampler(*where, dims=(1, 0)))
-    return sampler(x, y, sample), one_by_one(x[::-1], y[::-1], sample[::-1])
+def one_by_one(sampler, x, y, sample):
+    """Return all points, each on its own, with their coordinates backwards."""
+    dims = tuple(range(sampler.dims))[::-1]
+    return jax.vmap(lambda *where: sampler(*where, dims))(x, y, sample)
 
 
 @jax.jit
@@ -40,22 +39,43 @@ def in_a_table(sampler):
 @each_sampler
 def test_any_pixel_any_sample_on_its_own(sampler):
     """Backwards, one by one, with and without jit and vmap, in any shape, any dimensions: the same points."""
-    x, y, sample = all_samples()
-    points, one_by_one = (np.asarray(a) for a in ways(sampler, x, y, sample))
-    assert points.shape == (SIDE * SIDE * SPP, 2)
+    x, y, sample = (np.asarray(a)[::-1] for a in all_samples())
+    points = np.asarray(one_by_one(sampler, x, y, sample))[::-1, ::-1]
+    assert points.shape == (SIDE * SIDE * SPP, sampler.dims)
     assert points.dtype == np.float32
     assert points.min() >= 0
     assert points.max() < 1
-    assert np.array_equal(one_by_one, points[::-1, ::-1])
-    where = int(x[77]), int(y[77]), int(sample[77])
-    assert np.array_equal(sampler(*where), points[77])
-    assert np.array_equal(sampler(*where, dims=(1,)), points[77, 1:])
     table = np.asarray(in_a_table(sampler))
     assert table.shape == (SIDE, SIDE, SPP, 2)
     assert table.dtype == np.float64
     assert table.min() >= 0
     assert table.max() < 1
-    assert np.max(np.abs(table.reshape(-1, 2) - points)) < 2.0**-24
+    assert np.max(np.abs(table.reshape(-1, 2) - points[:, :2])) < 2.0**-24
+    where = int(x[77]), int(y[77]), int(sample[77])
+    assert np.array_equal(sampler(*where), points[-78, :2])
+    assert np.array_equal(sampler(*where, dims=(1,)), points[-78, 1:2])
+
+
+@jax.jit
+def in_pairs(sampler, x, y):
+    dims = tuple(range(sampler.dims))[::-1]
+    sampler = sampler.of_pixels(x, y, dims)
+    pair = jax.lax.map(
+        lambda k: jnp.stack(sampler.samples(x, y, k, 2, dims, jnp.float32)),
+        jnp.arange(SPP // 2, dtype=jnp.uint32),
+    )
+    return pair.reshape(SPP, *pair.shape[2:]), sampler(x, y, np.uint32(1), dims)
+
+
+@one_of_each_kind
+def test_loops_over_samples_take_the_same_points(sampler):
+    """What a pixel's samples share is computed once, and pairs of samples come together."""
+    x, y = first(SIDE), first(SIDE)[::-1].copy()
+    points = np.asarray(one_by_one(sampler, *map(np.asarray, all_samples())))
+    expected = points.reshape(SIDE, SIDE, SPP, -1)[y, x].swapaxes(0, 1)
+    pairs, second = in_pairs(sampler, x, y)
+    assert np.array_equal(pairs, expected)
+    assert np.array_equal(second, expected[1])
 
 
 def test_only_wanted_dimensions_are_computed():
@@ -78,7 +98,7 @@ def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
     sampler = samplers.screen(points, 16, 16)
     assert sampler.spp == spp
     x, y, sample = all_samples(16, spp)
-    inside = np.asarray(values(sampler, x, y, sample, dtype=jnp.float64))
+    inside = np.asarray(draw(sampler, x, y, sample, dtype=jnp.float64))
     whole = (np.stack([x, y], axis=1) + inside) / 16
     assert sorted(map(tuple, whole.tolist())) == sorted(
         map(tuple, points.points(points.size, dtype=jnp.float64).tolist())

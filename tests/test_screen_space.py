@@ -609,3 +609,17 @@ def test_sizes_out_of_range_are_named(name):
         for size, axis in (((wrong, 8), "width"), ((8, wrong), "height")):
             with pytest.raises(ValueError, match=rf"{axis} must be an integer .* {limit}\], got {wrong}"):
                 MAKERS[name](*size)
+
+
+@pytest.mark.parametrize("variant", ["plain", "hash", "tree"])
+def test_a_block_of_pixels_has_the_discrepancy_of_the_net(variant):
+    """Z paper, Fig. 6: some 30 times less than one xor-scrambled point in each of 128 x 128 pixels."""
+    y, x = np.indices((128, 128)).astype(np.uint32).reshape(2, -1)
+
+    def discrepancy(sampler):
+        points = sampler(jnp.asarray(x), jnp.asarray(y), np.uint32(0), dtype=jnp.float64)
+        return analysis.star_discrepancy(np.asarray(points))
+
+    assert discrepancy(samplers.z(128, 128, 1, 3, variant)) == pytest.approx(0.000372990965843, abs=1e-15)
+    scrambled = discrepancy(samplers.independent(sequences.sobol(2), 3, "xor"))
+    assert 0.005 < scrambled < 0.03

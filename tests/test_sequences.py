@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import SEQUENCES, first, is_net
+from tables import SEQUENCES, each_kind, first, is_net
 
 from qmcjax import digits, sequences
 
@@ -23,59 +23,51 @@ KEYED = {
     "owen, 9": lambda key: sequences.owen(sequences.sobol(9), key),
 }
 each_keyed = pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
-N = 1600  # points of the smallest net in the table
+SMALLEST = 1600  # points of the smallest net in the table
+N = 1200
+SHUFFLED = np.random.default_rng(1).permutation(first(N))
 
 
 @each_sequence
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_points_are_in_the_half_open_cube(seq, dtype):
-    points = np.asarray(seq.points(N, dtype=dtype))
-    assert points.shape == (N, seq.dims)
-    assert points.dtype == dtype
-    assert points.min() >= 0
-    assert points.max() < 1
+def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
+    single, double = (np.asarray(seq.points(N, dtype=dtype)) for dtype in (jnp.float32, jnp.float64))
+    for points, dtype in ((single, np.float32), (double, np.float64)):
+        assert points.shape == (N, seq.dims)
+        assert points.dtype == dtype
+        assert points.min() >= 0
+        assert points.max() < 1
+    assert np.max(np.abs(single.astype(np.float64) - double)) < 2.0**-24
+    start = SMALLEST - N
+    assert np.array_equal(np.asarray(seq.points(N, start))[:-start], single[start:])
 
 
 @each_sequence
 def test_last_indices_stay_below_one(seq):
-    last = np.uint32(seq.limit - 1) - first(N)
-    points = np.asarray(seq(jnp.asarray(last)))
+    points = np.asarray(seq(jnp.asarray(np.uint32(seq.limit - 1) - first(N))))
     assert points.min() >= 0
     assert points.max() < 1
 
 
-@each_sequence
-def test_float32_agrees_with_float64(seq):
-    single, double = seq.points(N), seq.points(N, dtype=jnp.float64)
-    assert np.max(np.abs(np.asarray(single, np.float64) - np.asarray(double))) < 2.0**-24
-
-
-@each_sequence
-def test_random_access_equals_points(seq):
-    """In any order, in any shape, from any start; few indices and many take different paths."""
-    points = np.asarray(seq.points(N))
-    shuffled = np.random.default_rng(1).permutation(first(N))
-    assert np.array_equal(seq(jnp.asarray(shuffled)), points[shuffled])
-    assert np.array_equal(
-        seq(jnp.asarray(shuffled.reshape(4, -1))), points[shuffled].reshape(4, -1, seq.dims)
-    )
-    assert np.array_equal(seq.points(100, start=1300), points[1300:1400])
-    assert np.array_equal(seq(1234), points[1234])
-
-
-@each_sequence
-def test_wanted_dimensions_are_columns(seq):
-    index = jnp.asarray(first(50))
+@jax.jit
+def backwards(seq, index):
+    """Return points with their coordinates backwards, table by table."""
     wanted = tuple(range(seq.dims))[::-1]
-    assert np.array_equal(seq(index, wanted), np.asarray(seq(index))[:, ::-1])
+    return jax.vmap(lambda table: seq(table, wanted))(index)
 
 
-@each_sequence
-def test_jit_and_vmap_equal_eager(seq):
-    index = jnp.asarray(first(64))
-    eager = np.asarray(seq(index))
-    assert np.array_equal(jax.jit(lambda s, i: s(i))(seq, index), eager)
-    assert np.array_equal(jax.vmap(seq)(index), eager)
+def kind(seq):
+    """Types from the outside in, and on which side of the paths for many coordinates."""
+    return type(seq), type(getattr(seq, "sequence", None)), seq.dims > 8
+
+
+@each_kind("seq", SEQUENCES, kind)
+def test_random_access_equals_points(seq):
+    """In any order, in any shape, any coordinates; compiled, mapped and neither."""
+    expected = np.asarray(seq.points(N))[SHUFFLED]
+    assert np.array_equal(seq(jnp.asarray(SHUFFLED)), expected)
+    assert np.array_equal(seq(int(SHUFFLED[77])), expected[77])
+    tables = backwards(seq, SHUFFLED.reshape(3, 4, -1))
+    assert np.array_equal(tables, expected[:, ::-1].reshape(3, 4, -1, seq.dims))
 
 
 def test_many_points_by_tables_equal_few_by_columns():
@@ -88,10 +80,10 @@ def test_many_points_by_tables_equal_few_by_columns():
 @pytest.mark.parametrize("seq", BINARY.values(), ids=BINARY.keys())
 def test_bits_are_the_points(seq):
     index = jnp.asarray(first(N))
-    exact = np.asarray(seq.bits(index)) / 2.0**32
-    assert np.array_equal(exact, seq.points(N, dtype=jnp.float64))
-    mirror = np.asarray(seq.mirror(index[:20], 0))
-    assert [int(f"{w:032b}"[::-1], 2) for w in mirror] == np.asarray(seq.bits(index))[:20, 0].tolist()
+    words = np.asarray(seq.bits(index))
+    assert np.array_equal(words / 2.0**32, seq.points(N, dtype=jnp.float64))
+    mirror = np.asarray(seq.mirror(index, 0))
+    assert [int(f"{w:032b}"[::-1], 2) for w in mirror] == words[:, 0].tolist()
 
 
 @each_keyed
@@ -109,35 +101,25 @@ def test_a_new_key_gives_new_points_without_a_new_trace(make):
 
 
 @each_keyed
-def test_vmap_over_keys_equals_a_loop(make):
-    keys = jax.random.split(jax.random.key(0), 3)
-    together = jax.vmap(lambda key: make(key)(jnp.arange(64, dtype=jnp.uint32)))(keys)
-    assert np.array_equal(together, jnp.stack([make(key).points(64) for key in keys]))
-
-
-@each_keyed
-def test_coordinates_are_uniform_and_uncorrelated_over_keys(make):
-    """One seed for all coordinates, or a biased digit, would show."""
+def test_points_over_keys(make):
+    """One seed for all coordinates, a biased digit, or neighbours that move together would show."""
+    index = jnp.array([5, 10, 11], jnp.uint32)
     keys = jax.random.split(jax.random.key(9), 2000)
-    points = np.asarray(jax.vmap(lambda key: make(key)(jnp.uint32(5)))(keys), np.float64)[:, :2]
-    if make is KEYED["jittered"]:
-        points = points * 64 % 1
-    sigma = 1 / np.sqrt(12 * len(keys))
-    assert np.all(np.abs(points.mean(axis=0) - 0.5) < 5 * sigma)
-    assert abs(np.corrcoef(points.T)[0, 1]) < 5 / np.sqrt(len(keys))
+    over_keys = np.asarray(jax.jit(jax.vmap(lambda key: make(key)(index)))(keys))
+    assert np.array_equal(over_keys[:3], np.stack([make(key)(index) for key in keys[:3]]))
 
+    points = over_keys[..., :2].astype(np.float64)
+    alone = points[:, 0] * 64 % 1 if make is KEYED["jittered"] else points[:, 0]
+    assert np.all(np.abs(alone.mean(axis=0) - 0.5) < 5 / np.sqrt(12 * len(keys)))
+    assert abs(np.corrcoef(alone.T)[0, 1]) < 5 / np.sqrt(len(keys))
 
-@each_keyed
-def test_neighbouring_indices_are_uncorrelated_in_the_random_part(make):
-    keys = jax.random.split(jax.random.key(3), 2000)
-    index = jnp.array([10, 11], jnp.uint32)
-    points = np.asarray(jax.vmap(lambda key: make(key)(index))(keys), np.float64)[:, :, 0]
+    neighbours = points[:, 1:, 0]
     if make in (KEYED["jittered"], KEYED["uniform"]):
-        points = points * 64 % 1
-        assert abs(np.corrcoef(points.T)[0, 1]) < 5 / np.sqrt(len(keys))
+        neighbours = neighbours * 64 % 1
+        assert abs(np.corrcoef(neighbours.T)[0, 1]) < 5 / np.sqrt(len(keys))
     else:
         # Consecutive points of a scrambled sequence lie in opposite halves, with any key.
-        assert np.all((points[:, 0] < 0.5) != (points[:, 1] < 0.5))
+        assert np.all((neighbours[:, 0] < 0.5) != (neighbours[:, 1] < 0.5))
 
 
 @pytest.mark.parametrize("dims", [1, 2, 9, 300])
@@ -198,7 +180,8 @@ def test_radical_inverse_is_the_exact_fraction_rounded_once(base, dtype):
 @pytest.mark.parametrize("m", [1, 5, 9, 12])
 @pytest.mark.parametrize("block", [0, 1, 6])
 def test_blocks_of_a_02_sequence_are_nets(name, m, block):
-    assert is_net(np.asarray(SEQUENCES[name].bits(jnp.asarray(first(2**m) + np.uint32(block * 2**m)))), m)
+    index = first(2**12) + np.uint32(block * 2**m)
+    assert is_net(np.asarray(SEQUENCES[name].bits(jnp.asarray(index)))[: 2**m], m)
 
 
 def test_sobol_components_0_and_2_are_no_02_sequence():

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from analysis import error_spectrum, radial_average
+from analysis import error_spectrum, mean_spectrum, radial_anisotropy, radial_average
 
 SIZES = [(8, 8), (7, 7), (6, 9), (10, 4), (1, 12), (5, 1), (2, 2)]
 
@@ -135,7 +135,59 @@ def test_bad_errors(image, reference, message):
         error_spectrum(image, reference)
 
 
+@pytest.mark.parametrize("measure", [radial_average, radial_anisotropy])
 @pytest.mark.parametrize("shape", [(4,), (1, 1), (0, 3), (2, 2, 3)])
-def test_bad_spectra(shape):
+def test_bad_spectra(shape, measure):
     with pytest.raises(ValueError, match="spectrum"):
-        radial_average(np.ones(shape))
+        measure(np.ones(shape))
+
+
+@pytest.mark.parametrize("size", [*SIZES, (49, 30), (64, 64)])
+def test_anisotropy_by_exact_annuli(size):
+    spectrum = noise(*size) ** 2
+    table = annuli(*size)
+    frequency, anisotropy = radial_anisotropy(spectrum)
+    np.testing.assert_array_equal(frequency, radial_average(spectrum)[0])
+    for k, found in zip(frequency, anisotropy, strict=True):
+        values = np.array([spectrum[place] for place in table[k]])
+        if len(values) == 1:
+            assert np.isnan(found)
+        else:
+            assert found == pytest.approx(10 * np.log10(values.var(ddof=1) / values.mean() ** 2), abs=1e-9)
+
+
+def test_anisotropy_of_known_spectra():
+    """1 + cos(2 phi) varies by 1/2, -3 dB; a constant by nothing; exponential noise by 1, 0 dB."""
+    k = np.fft.fftfreq(129)
+    angle = np.arctan2(k[:, None], k)
+    waves = radial_anisotropy(1 + np.cos(2 * angle))[1][20:]
+    assert waves == pytest.approx(10 * np.log10(0.5), abs=0.4)
+    assert waves.mean() == pytest.approx(10 * np.log10(0.5), abs=0.02)
+    assert (radial_anisotropy(np.full((8, 8), 3.0))[1] == -np.inf).all()
+    assert np.isnan(radial_anisotropy(np.zeros((8, 8)))[1]).all()
+    white = radial_anisotropy(error_spectrum(noise(256, 256), np.zeros((256, 256))))[1]
+    assert abs(white[20:].mean()) < 5 * white[20:].std() / np.sqrt(len(white) - 20)
+    scaled = radial_anisotropy(1e-8 * (1 + np.cos(2 * angle)))[1]
+    np.testing.assert_allclose(scaled, radial_anisotropy(1 + np.cos(2 * angle))[1], rtol=1e-9)
+
+
+def test_mean_over_keys():
+    """The sample's mean and deviation, of large numbers too; 5 sigma for white noise."""
+    made = 1e6 + noise(9, 3, 4)
+    mean, error = mean_spectrum(lambda key: made[key], iter(range(9)))
+    np.testing.assert_allclose(mean, made.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(error, made.std(axis=0, ddof=1) / 3, rtol=1e-8)
+    assert mean.dtype == error.dtype == np.float64
+    mean, error = mean_spectrum(
+        lambda key: radial_average(error_spectrum(noise(32, 32, seed=key), np.zeros((32, 32))))[1], range(40)
+    )
+    assert (np.abs(mean - 1) < 5 * error).all()
+    assert (error < 0.1).all()
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"), [([], "keys.*0"), ([1], "keys.*1"), ([2, 3], r"make.*\(2,\).*\(3,\)")]
+)
+def test_bad_keys(keys, message):
+    with pytest.raises(ValueError, match=message):
+        mean_spectrum(np.ones, keys)

@@ -1,0 +1,174 @@
+"""The closest pair of many points in a plane or in space, by sorting.
+
+Space is cut into bars along the first axis, of square cross-section. A pair that is closer than half a side
+of the bars lies within one bar, or does after the bars were shifted by half a side along some of the other
+axes. Hence: sort by bar and first coordinate, compare each point with its followers while they are closer in
+the first coordinate than the closest pair found so far, and do so for all 2^(d - 1) tilings.
+
+Bars as thin as the closest pair allows hold few points in such a window, however the points are clustered
+or aligned. How thin that is follows from comparing each point with the next.
+"""
+
+import itertools
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["squared_closest_pair"]
+
+_SLACK = 1 + 2.0**-20
+"""Bars are this much wider than needed: more than all rounding errors."""
+
+_BLOCK = 2**14
+"""Points that are compared with their followers at a time: what fits into caches."""
+
+_THINNEST = 2.0**-50
+"""Relative to the extent of the set: the numbers of bars have fewer than 64 bits."""
+
+_CROWDED = 256
+"""Points in the windows, on average over the set, from which on a tree is faster."""
+
+Floats = NDArray[np.float64]
+
+
+def squared_closest_pair(columns: Floats, bound: float) -> float | None:
+    """Return the square of the smallest distance of two points, or None if the windows are crowded.
+
+    Parameters
+    ----------
+    columns : float64 array, shape (d, n)
+        At least two points, C-contiguous.
+    bound : float
+        Positive; not less than the smallest distance.
+
+    Returns
+    -------
+    float or None
+        Each square is a sum of d rounded squares of rounded differences.
+    """
+    low = columns.min(axis=1)
+    extent = columns.max(axis=1) - low
+    side, best = 2 * bound * _SLACK, (bound * _SLACK) ** 2
+    unshifted, *shifted = itertools.product((0.0, 0.5), repeat=len(columns) - 1)
+    while True:
+        bars = _sort(columns, low, extent, side, unshifted)
+        best = _compare_with_next(bars, best)
+        if best == 0:
+            return 0.0
+        crowd = _crowd(bars, best)
+        thinner = max(2 * math.sqrt(best) * _SLACK, extent.max() * _THINNEST)
+        if crowd <= 8 or thinner > side / 2:
+            break
+        side = thinner
+    if crowd > _CROWDED:
+        return None
+    best = _compare_with_windows(bars, best)
+    for shift in shifted:
+        best = _compare_with_windows(_sort(columns, low, extent, side, shift), best)
+    return best
+
+
+class _Bars(NamedTuple):
+    columns: Floats
+    """The points, sorted by bar and first coordinate."""
+
+    keys: NDArray[np.int64]
+    """The number of the bar, then the first coordinate, relative to the least and times ``scale``."""
+
+    scale: float
+
+    def window(self, best: float) -> int:
+        """Return the largest difference of keys in one bar with which a pair may be closer than the best."""
+        return math.floor(math.sqrt(best) * self.scale * _SLACK) + 1
+
+
+def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tuple[float, ...]) -> _Bars:
+    """Sort points into bars.
+
+    The numbers of bars are folded: where there are too many for the bits, distant ones share a number,
+    which adds comparisons and misses none.
+    """
+    n = columns.shape[1]
+    index_bits = (n - 1).bit_length()
+    bar_bits = [(math.floor(length / side) + 1).bit_length() for length in extent[1:]]
+    while sum(bar_bits) > max(index_bits - 2, 0):
+        bar_bits[bar_bits.index(max(bar_bits))] -= 1
+    position_bits = 63 - index_bits - sum(bar_bits)
+    scale = (2.0**position_bits - 1) / max(extent[0], side) / _SLACK
+    keys = np.zeros(n, np.int64)
+    real, whole = np.empty(n), np.empty(n, np.int64)
+    for k, bits in enumerate(bar_bits):
+        np.subtract(columns[k + 1], low[k + 1], out=real)
+        real *= 1 / side
+        real += shift[k]
+        np.copyto(whole, real, casting="unsafe")
+        whole &= (1 << bits) - 1
+        keys <<= bits
+        keys |= whole
+    np.subtract(columns[0], low[0], out=real)
+    real *= scale
+    np.copyto(whole, real, casting="unsafe")
+    keys <<= position_bits
+    keys |= whole
+    keys <<= index_bits
+    keys |= np.arange(n)
+    keys.sort()
+    np.bitwise_and(keys, (1 << index_bits) - 1, out=whole)
+    keys >>= index_bits
+    return _Bars(np.stack([column.take(whole) for column in columns]), keys, scale)
+
+
+def _crowd(bars: _Bars, best: float) -> float:
+    """Estimate the mean number of followers in the window."""
+    keys = bars.keys
+    sample = np.arange(0, len(keys), max(1, len(keys) // 4096))
+    last = np.searchsorted(keys, keys[sample] + bars.window(best), side="right") - 1
+    return float(np.mean(last - sample))
+
+
+def _compare_with_next(bars: _Bars, best: float) -> float:
+    n = len(bars.keys)
+    room = _room()
+    for start in range(0, n - 1, _BLOCK):
+        best = min(best, _closest_followers(bars, start, min(start + _BLOCK, n - 1), 1, room))
+    return best
+
+
+def _compare_with_windows(bars: _Bars, best: float) -> float:
+    """Compare points with the followers in their windows: all, while many have one, then those."""
+    keys = bars.keys
+    n = len(keys)
+    room = _room()
+    for start in range(0, n, _BLOCK):
+        step, point = 1, np.arange(0)
+        while (stop := min(start + _BLOCK, n - step)) > start:
+            inside = keys[start + step : stop + step] - keys[start:stop] <= bars.window(best)
+            if np.count_nonzero(inside) < (stop - start) // 4:
+                point = start + np.flatnonzero(inside)
+                break
+            best = min(best, _closest_followers(bars, start, stop, step, room))
+            step += 1
+        while len(point):
+            difference = bars.columns[:, point + step] - bars.columns[:, point]
+            best = min(best, float(np.square(difference).sum(axis=0).min()))
+            step += 1
+            point = point[: np.searchsorted(point, n - step)]
+            point = point[keys[point + step] - keys[point] <= bars.window(best)]
+    return best
+
+
+def _room() -> Floats:
+    return np.empty((2, _BLOCK))
+
+
+def _closest_followers(bars: _Bars, start: int, stop: int, step: int, room: Floats) -> float:
+    """Return the least square of the distances of points to the one that many steps behind."""
+    square, term = room[:, : stop - start]
+    square.fill(0)
+    for column in bars.columns:
+        np.subtract(column[start + step : stop + step], column[start:stop], out=term)
+        term *= term
+        square += term
+    return float(square.min())

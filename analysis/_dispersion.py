@@ -1,0 +1,156 @@
+"""The dispersion of a point set: the radius of the largest ball without a point.
+
+Seen from the centre of a largest empty ball, the points on its sphere are not to one side: the centre is a
+vertex of the points' Voronoi diagram, so the centre of a sphere around a simplex of their Delaunay
+triangulation. On the torus the points are repeated by translation. In the cube they are reflected in its
+faces: reflected points are nowhere in the cube nearer than the originals, and where the boundary of the cube
+crosses the Voronoi diagram, and in the corners of the cube, the diagram of all of them has vertices. Copies
+within an upper bound of the dispersion of the cube suffice.
+
+Almost flat simplices of points on one sphere have inaccurate centres. So distances are measured from the
+centres to the nearest point. None can exceed the dispersion, wherever the centre lies.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import Delaunay, KDTree
+
+__all__ = ["dispersion"]
+
+_ROUNDING = 2.0**-36
+"""What rounding errors may change in a radius, relative to it."""
+
+_ALIKE = 4096
+"""Centres whose distances are measured first; each further time, twice as many."""
+
+Floats = NDArray[np.float64]
+
+
+def dispersion(points: ArrayLike, torus: bool = True) -> float:
+    """Return the largest distance of a place in the unit cube to the nearest point: the covering radius.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d)
+        At least one point in [0, 1)^d, d at most 3. Computed in float64, in which float32 points are exact.
+    torus : bool
+        Whether the unit cube is repeated periodically; otherwise it stands alone, and distances to points
+        outside of it do not exist.
+
+    Returns
+    -------
+    float
+        Euclidean; exact up to rounding errors, which never make it larger by more than 2^-50.
+
+    Raises
+    ------
+    ValueError
+        If the points are none, not floats, outside [0, 1)^d, or of more than three dimensions.
+
+    Notes
+    -----
+    The time is that of a Delaunay triangulation, O(n log n) for points that are spread over the cube. The
+    memory is O(n), about 7 simplices for each point in three dimensions.
+
+    References
+    ----------
+    .. [1] H. Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods", 1992, Sect. 6.1, for
+       the dispersion, and the Voronoi diagram in its computation.
+
+    Examples
+    --------
+    >>> print(round(dispersion([[0.5, 0.5]], torus=False), 9))
+    0.707106781
+    """
+    array = _checked(points)
+    distinct = np.unique(array, axis=0)
+    dims = distinct.shape[1]
+    if dims == 1:
+        return _line_dispersion(distinct[:, 0], torus)
+    margin = _upper_bound(distinct, torus)
+    copies = _copies(distinct, margin, torus)
+    centres, radii = _circumspheres(copies, Delaunay(copies).simplices)
+    inside = ((centres >= -_ROUNDING) & (centres <= 1 + _ROUNDING)).all(axis=1)
+    inside &= radii <= margin * (1 + _ROUNDING)
+    centres, radii = np.clip(centres[inside], 0, 1), radii[inside]
+    order = np.argsort(-radii)
+    centres, radii = centres[order], radii[order]
+    tree = KDTree(copies, balanced_tree=False, compact_nodes=False)
+    best, start, count = 0.0, 0, _ALIKE
+    while start < len(radii) and radii[start] * (1 - _ROUNDING) > best:
+        distances, _ = tree.query(centres[start : start + count])
+        best = max(best, float(np.max(distances)))
+        start, count = start + count, 2 * count
+    return best
+
+
+def _checked(points: ArrayLike) -> Floats:
+    given = np.asarray(points)
+    if given.ndim != 2 or given.size == 0:
+        raise ValueError(f"points must have shape (n, d) with n, d >= 1, got {given.shape}")
+    if given.shape[1] > 3:
+        raise ValueError(
+            f"points must have at most 3 dimensions, got d={given.shape[1]}: the largest distance of many "
+            "places to the nearest point, by scipy.spatial.KDTree, is a lower bound in any dimension"
+        )
+    if given.dtype not in (np.float16, np.float32, np.float64):
+        raise ValueError(f"points must be float64 or narrower floats, got {given.dtype}: divide by the side")
+    outside = ~((given >= 0) & (given < 1))
+    if outside.any():
+        raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")
+    return given.astype(np.float64)
+
+
+def _line_dispersion(ordered: Floats, torus: bool) -> float:
+    gaps = np.diff(ordered) / 2
+    first, last = float(ordered[0]), float(ordered[-1])
+    ends = [(first + (1 - last)) / 2] if torus else [first, 1 - last]
+    return float(np.max([*ends, gaps.max(initial=0.0)]))
+
+
+def _upper_bound(points: Floats, torus: bool) -> float:
+    """Return the diagonal of the boxes of the finest of some grids that have a point in each box."""
+    n, dims = points.shape
+    side = math.ceil(n ** (1 / dims))
+    while side > 1:
+        box = np.ravel_multi_index(tuple((points * side).astype(np.int64).T), (side,) * dims)
+        if np.bincount(box, minlength=side**dims).all():
+            break
+        side = side * 3 // 4
+    return min(math.sqrt(dims) / side, math.sqrt(dims) / 2 if torus else math.inf)
+
+
+def _copies(points: Floats, margin: float, torus: bool) -> Floats:
+    """Return the points and their copies within the margin around the unit cube."""
+    for axis in range(points.shape[1]):
+        parts = [points]
+        for sign in (-1, 1):
+            copy = points.copy()
+            x = copy[:, axis]
+            copy[:, axis] = x + sign if torus else (1 + sign) - x
+            parts.append(copy[(copy[:, axis] >= -margin) & (copy[:, axis] <= 1 + margin)])
+        points = np.concatenate(parts)
+    return points if torus else np.unique(points, axis=0)
+
+
+def _circumspheres(points: Floats, simplices: NDArray[np.int32]) -> tuple[Floats, Floats]:
+    """Return the centres and radii of the spheres through simplices, by Cramer's rule.
+
+    With edges e_k from the first corner, the centre c relative to it solves 2 e_k . c = |e_k|^2.
+    """
+    first = points[simplices[:, 0]]
+    edges = [points[simplices[:, k]] - first for k in range(1, simplices.shape[1])]
+    squares = [np.square(edge).sum(axis=1, keepdims=True) for edge in edges]
+    if len(edges) == 2:
+        (a, b), (aa, bb) = edges, squares
+        numerator = np.array([[1, -1]]) * (aa * b[:, ::-1] - bb * a[:, ::-1])
+        determinant = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    else:
+        (a, b, c), (aa, bb, cc) = edges, squares
+        numerator = aa * np.cross(b, c) + bb * np.cross(c, a) + cc * np.cross(a, b)
+        determinant = (a * np.cross(b, c)).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        relative = numerator / (2 * determinant)[:, None]
+        return first + relative, np.sqrt(np.square(relative).sum(axis=1))

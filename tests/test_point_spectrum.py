@@ -1,0 +1,201 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from analysis import _point_spectrum, mean_spectrum, point_spectrum, radial_anisotropy, radial_average
+from analysis._fourier_sums import direct_sums, fast_sums
+
+METHODS = ["direct", "fft"]
+
+
+def random_points(n, dims=2, seed=1):
+    return np.random.default_rng(seed).random((n, dims))
+
+
+def frequencies(resolution, dims):
+    """Return k in the layout of fft2: arrays of k_x, k_y(, k_z), where x is the last axis."""
+    k = np.rint(np.fft.fftfreq(resolution) * resolution)
+    return np.meshgrid(*[k] * dims, indexing="ij")[::-1]
+
+
+def brute_force(points, resolution):
+    """Add up wave by wave, the angles in twice the precision."""
+    k = [f.astype(np.longdouble) for f in frequencies(resolution, points.shape[1])]
+    sums = np.zeros(k[0].shape, np.clongdouble)
+    for point in points.astype(np.longdouble):
+        turns = sum(f * x for f, x in zip(k, point, strict=True))
+        angle = 2 * np.longdouble(np.pi) * (turns - np.rint(turns))
+        sums += np.cos(angle) - 1j * np.sin(angle)
+    return (np.abs(sums) ** 2 / len(points)).astype(np.float64)
+
+
+CLUSTER = np.concatenate([random_points(7), np.full((20, 2), 1 - 2.0**-53), np.zeros((10, 2))])
+SETS = [
+    (random_points(37), 10),
+    (random_points(37), 9),
+    (CLUSTER, 9),
+    (random_points(37, 3), 6),
+]
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("points", "resolution"), SETS)
+def test_definition(points, resolution, method):
+    """Equal to rounding errors, or to twice the stated error of the sums, 1e-11 n, times their size."""
+    n = len(points)
+    spectrum = point_spectrum(points, resolution, method)
+    assert spectrum.dtype == np.float64
+    tolerance = 1e-13 if method == "direct" else 2e-11 * n
+    np.testing.assert_allclose(spectrum, brute_force(points, resolution), rtol=0, atol=tolerance)
+    assert spectrum.ravel()[0] == pytest.approx(n, rel=1e-11)
+
+
+def test_large_frequencies_lose_nothing():
+    """At k = 4095 the angles are as precise as at 1: rounding k x would give errors near 1e-12."""
+    x = random_points(50, 1)
+    with jax.enable_x64(True):
+        sums = np.asarray(jax.jit(direct_sums, static_argnums=1)(jnp.asarray(x), 4095))
+    k = np.arange(4096).astype(np.longdouble)
+    turns = k[:, None] * x[:, 0].astype(np.longdouble)
+    angle = 2 * np.longdouble(np.pi) * (turns - np.rint(turns))
+    exact = (np.cos(angle) - 1j * np.sin(angle)).sum(axis=1)
+    assert np.abs(sums - exact).max() < 4e-14
+
+
+def test_fft_keeps_its_stated_accuracy():
+    """For one point all sums have modulus 1: the largest error over points is the error per n."""
+    with jax.enable_x64(True):
+        points = jnp.asarray(random_points(300, 1))[:, None]
+        both = jax.jit(jax.vmap(lambda x: (fast_sums(x, 16), direct_sums(x, 16))))
+        fast, direct = both(points)
+        assert 1e-14 < np.abs(np.asarray(fast) - np.asarray(direct)).max() < 5e-12
+
+
+def lattice(n, generator):
+    return np.arange(n)[:, None] * np.array([1, generator]) % n / n
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("resolution", [9, 10])
+def test_dual_lattice(resolution, method):
+    """P = n where u + 12 v is divisible by 37 = n, at (1, 3) for example, and 0 elsewhere."""
+    u, v = frequencies(resolution, 2)
+    expected = np.where((u + 12 * v) % 37 == 0, 37.0, 0.0)
+    spectrum = point_spectrum(lattice(37, 12), resolution, method)
+    np.testing.assert_allclose(spectrum, expected, rtol=0, atol=1e-12 if method == "direct" else 1e-9)
+    assert expected[3, 1] == 37 > expected[1, 3]
+
+
+def test_size_decides_on_the_method(monkeypatch):
+    """Few frequencies or few points: the direct sum."""
+    chosen = []
+    monkeypatch.setattr(
+        _point_spectrum, "_measure", lambda p, resolution, fast, dtype: chosen.append((resolution, fast))
+    )
+    for n, resolution in ((10, 256), (4096, 16), (4096, 128)):
+        point_spectrum(np.zeros((n, 2)), resolution)
+    assert chosen == [(256, False), (16, False), (128, True)]
+
+
+@pytest.mark.parametrize(("method", "width"), [("direct", 14), ("fft", 14**2)])
+def test_batches(monkeypatch, method, width):
+    """Three batches, two places of the last one empty, give what one batch gives."""
+    monkeypatch.setattr("analysis._fourier_sums._BATCH", width * 13)
+    sums = fast_sums if method == "fft" else direct_sums
+    with jax.enable_x64(True):
+        parts = jax.jit(lambda p: sums(p[:, ::-1], 4))(jnp.asarray(random_points(37)))
+        power = np.asarray(_point_spectrum._power(parts, 37, 9))
+    np.testing.assert_allclose(power, point_spectrum(random_points(37), 9, method), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_gradient(method):
+    """Against central differences of a weighted sum, to 1e-6; for points on the FFT's grid as well.
+
+    Of float32 points the gradient is float32, but no less precise inside.
+    """
+    points = random_points(37).astype(np.float32).astype(np.float64)
+    points[:3] = [[0, 0.5], [0.25, 0.125], [0.25, 0.125]]
+    weights = np.random.default_rng(3).normal(size=(9, 9))
+
+    def weighted(points):
+        return jnp.sum(weights.astype(points.dtype) * point_spectrum(points, 9, method))
+
+    with jax.enable_x64(True):
+        gradient = np.asarray(jax.grad(weighted)(jnp.asarray(points)))
+    expected = np.zeros_like(points)
+    for place in [*np.ndindex(12, 2)]:
+        step = np.zeros_like(points)
+        step[place] = 1e-5
+        change = brute_force(points + step, 9) - brute_force(points - step, 9)
+        expected[place] = np.sum(weights * change) / 2e-5
+    largest = np.abs(expected).max()
+    assert gradient.dtype == np.float64
+    np.testing.assert_allclose(gradient[:12], expected[:12], rtol=0, atol=1e-6 * largest)
+    narrow = jax.grad(weighted)(jnp.asarray(points, jnp.float32))
+    assert narrow.dtype == jnp.float32
+    np.testing.assert_allclose(narrow, gradient, rtol=0, atol=3e-7 * largest)
+
+
+def test_transformations():
+    """One program per shape; jit of vmap equals the loop, rounded to float32."""
+    sets = jnp.asarray(np.stack([random_points(37, seed=s) for s in range(3)]), jnp.float32)
+    point_spectrum(sets[0], 9, "direct")
+    before = _point_spectrum._sums._cache_size()
+    eager = np.stack([point_spectrum(points, 9, "direct") for points in sets])
+    assert _point_spectrum._sums._cache_size() == before
+    mapped = jax.jit(jax.vmap(lambda points: point_spectrum(points, 9, "direct")))(sets)
+    assert eager.dtype == np.float64
+    assert mapped.dtype == jnp.float32
+    np.testing.assert_array_equal(mapped, eager.astype(np.float32))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_memory_is_that_of_points_and_spectrum(method):
+    """Of value and gradient: far less than the 8 n resolution bytes of the waves, or kernel values."""
+    n, resolution = 2**18, 65
+    with jax.enable_x64(True):
+        points = jax.ShapeDtypeStruct((n, 2), jnp.float64)
+        total = jax.grad(lambda p: jnp.sum(point_spectrum(p, resolution, method)))
+        memory = jax.jit(total).lower(points).compile().memory_analysis()
+    assert memory.temp_size_in_bytes < 2**27 < 16 * n * resolution
+
+
+def test_white_noise():
+    """Mean 1 and anisotropy -10 log10(m) dB, by Ulichney, within 5 sigma of the sample over keys."""
+    keys = range(40)
+    mean, error = mean_spectrum(lambda key: point_spectrum(random_points(128, seed=key), 31, "direct"), keys)
+    assert mean.shape == error.shape == (31, 31)
+    assert mean[0, 0] == pytest.approx(128)
+    assert error[0, 0] < 1e-10
+    frequency, power = radial_average(mean)
+    pairs = np.maximum(np.pi * frequency, 2)
+    assert np.all(np.abs(power - 1) < 5 / np.sqrt(40 * pairs))
+    assert np.abs(error[1:, 1:].mean() * np.sqrt(40) - 1) < 0.1
+    decibels = radial_anisotropy(mean)[1]
+    assert abs(decibels[5:].mean() + 10 * np.log10(40)) < 0.5
+
+
+BAD = [
+    (np.zeros((0, 2)), 8, None, r"points.*\(0, 2\)"),
+    (np.zeros(4), 8, None, r"points.*\(4,\)"),
+    (np.zeros((4, 1)), 8, None, r"points.*\(4, 1\)"),
+    (np.zeros((4, 4)), 8, None, r"points.*\(4, 4\)"),
+    (np.zeros((4, 2), np.int32), 8, None, "points.*int32"),
+    (np.full((4, 2), 1.0), 8, None, r"points.*\[0, 1\).*1\.0"),
+    (np.full((4, 2), -0.5), 8, None, r"points.*\[0, 1\).*-0\.5"),
+    (np.full((4, 2), np.nan), 8, None, r"points.*\[0, 1\).*nan"),
+    (np.zeros((4, 2)), 1, None, r"resolution.*\[2, 4096\].*1"),
+    (np.zeros((4, 2)), 4097, None, r"resolution.*\[2, 4096\].*4097"),
+    (np.zeros((4, 3)), 257, None, r"resolution.*\[2, 256\].*257"),
+    (np.zeros((4, 2)), 8.0, None, r"resolution.*8\.0"),
+    (np.zeros((4, 2)), 8, "fast", "method.*'fast'"),
+]
+
+
+@pytest.mark.parametrize(("points", "resolution", "method", "message"), BAD)
+def test_bad_arguments(points, resolution, method, message):
+    with pytest.raises(ValueError, match=message):
+        point_spectrum(points, resolution, method)

@@ -65,7 +65,7 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     coordinate there is none; what is returned lies between those on both sides.
 
     The sums of the closed form cancel, for good points all but a part of about n^-2. They are computed
-    with more than float64's precision: what remains has a relative error of about 1e-12 or less.
+    with more than float64's precision: what remains has a relative error of about 1e-11 or less.
 
     References
     ----------

@@ -98,11 +98,12 @@ def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, 
     image = np.asarray(image, np.float64)
     measured = {}
     for k, (name, exact) in enumerate(INTEGRALS.items()):
-        reference = np.full((side, side), exact)
+        error, none = image[..., k] - exact, np.zeros((side, side))
         measured[name] = {
-            "RMS error": float(np.sqrt(np.mean((image[..., k] - exact) ** 2))),
-            "low-frequency power": analysis.low_frequency_power(image[..., k], reference),
-            "filtered error": analysis.filtered_error(image[..., k], reference),
+            "RMS error": float(np.sqrt(np.mean(error**2))),
+            # An error that is the same in all pixels has no spectrum.
+            "low-frequency power": analysis.low_frequency_power(error, none) if np.ptp(error) else 0.0,
+            "filtered error": analysis.filtered_error(error, none),
         }
     return image - np.array(list(INTEGRALS.values())), measured
 
@@ -148,10 +149,10 @@ def _draw(panels: list[Axes], name: str, errors: np.ndarray, measured: dict[str,
         axes.imshow(errors[:CROP, :CROP, k], cmap="gray", vmin=-scale, vmax=scale, interpolation="nearest")
         axes.set(xticks=[], yticks=[])
         axes.set_title(f"RMS {values['RMS error']:.2g}, low {values['low-frequency power']:.2g}", fontsize=7)
-        frequency, power = analysis.radial_average(
-            analysis.error_spectrum(errors[..., k], np.zeros(errors.shape[:2]))
-        )
-        spectra.plot(frequency / errors.shape[0], power, lw=0.8, label=integrand)
+        if np.ptp(errors[..., k]):
+            spectrum = analysis.error_spectrum(errors[..., k], np.zeros(errors.shape[:2]))
+            frequency, power = analysis.radial_average(spectrum)
+            spectra.plot(frequency / errors.shape[0], power, lw=0.8, label=integrand)
     images[0].set_ylabel(name, fontsize=7)
     spectra.axhline(1, color="k", lw=0.5)
     spectra.set(ylim=(0, 3), xlim=(0, 0.5))

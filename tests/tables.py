@@ -85,7 +85,12 @@ NETS = {
 }
 
 
-def each_kind(argument, table, kind):
+def kind(thing):
+    """Tell the types of an object and of its sequence, and on which side of FEW its coordinates are."""
+    return type(thing), type(getattr(thing, "sequence", None)), thing.dims > 8
+
+
+def each_kind(argument, table):
     """Run a test with one object of each kind of a table, and with the others on request."""
     last = {kind(thing): name for name, thing in table.items()}.values()
     marked = [

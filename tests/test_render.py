@@ -53,7 +53,7 @@ def brute_force(scene, sampler, width, height, spp):
     return np.asarray(evaluate(scene, drawn), np.float64).mean(axis=2)
 
 
-@each_kind("sampler", SAMPLERS, type)
+@each_kind("sampler", SAMPLERS)
 def test_image_is_the_mean_of_the_samples(sampler):
     scene = qj.scenes.zone_plate(10.0)
     image = qj.render(scene, sampler, SIDE, SIDE, SPP)

@@ -9,7 +9,6 @@ from tables import NETS, SAMPLERS, SIDE, SPP, each_kind, first, is_net
 from qmcjax import orders, samplers, sequences
 
 each_sampler = pytest.mark.parametrize("sampler", SAMPLERS.values(), ids=SAMPLERS.keys())
-one_of_each_kind = each_kind("sampler", SAMPLERS, type)
 each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
 
 
@@ -67,7 +66,7 @@ def in_pairs(sampler, x, y):
     return pair.reshape(SPP, *pair.shape[2:]), sampler(x, y, np.uint32(1), dims)
 
 
-@one_of_each_kind
+@each_kind("sampler", SAMPLERS)
 def test_loops_over_samples_take_the_same_points(sampler):
     """What a pixel's samples share is computed once, and pairs of samples come together."""
     x, y = first(SIDE), first(SIDE)[::-1].copy()

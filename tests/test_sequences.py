@@ -55,12 +55,7 @@ def backwards(seq, index):
     return jax.vmap(lambda table: seq(table, wanted))(index)
 
 
-def kind(seq):
-    """Types from the outside in, and on which side of the paths for many coordinates."""
-    return type(seq), type(getattr(seq, "sequence", None)), seq.dims > 8
-
-
-@each_kind("seq", SEQUENCES, kind)
+@each_kind("seq", SEQUENCES)
 def test_random_access_equals_points(seq):
     """In any order, in any shape, any coordinates; compiled, mapped and neither."""
     expected = np.asarray(seq.points(N))[SHUFFLED]

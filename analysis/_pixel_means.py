@@ -65,8 +65,8 @@ def pixel_means(
     --------
     >>> from qmcjax import samplers
     >>> print(pixel_means(lambda p: p[..., 0] * p[..., 1], samplers.z(2, 2, 16, 1, "plain"), 2, 2, 16))
-    [[0.22265625 0.25390625]
-     [0.25390625 0.23828125]]
+    [[0.22070312 0.25097656]
+     [0.25073242 0.25073242]]
     """
     width = checks.integer("width", width, 1, MAX_SIDE)
     height = checks.integer("height", height, 1, MAX_SIDE)

@@ -85,7 +85,7 @@ class ConvergenceTable:
 
         References
         ----------
-        .. [1] B. Efron, R. Tibshirani, "An Introduction to the Bootstrap", 1993, Sect. 9.4.
+        .. [1] B. Efron, R. Tibshirani, "An Introduction to the Bootstrap", 1993, Chap. 9.
         """
         spps, errors = self.errors(sampler, region)
         resamples = checks.integer("resamples", resamples, 1, 2**24)

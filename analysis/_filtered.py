@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import gaussian_filter
 
-from analysis._spectra import error_spectrum, radial_average
+from analysis._spectra import checked_error, error_spectrum, radial_average
 
 __all__ = ["filtered_error", "low_frequency_power"]
 
@@ -33,17 +33,11 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     >>> print(f"{filtered_error([[1.0, -1.0], [-1.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]], 0.5):.4f}")
     0.3297
     """
-    given, exact = np.asarray(image, np.float64), np.asarray(reference, np.float64)
-    if given.shape != exact.shape or given.ndim not in (2, 3) or not given.size:
-        raise ValueError(
-            f"image and reference must have one shape (height, width), got {given.shape} and {exact.shape}"
-        )
-    if not np.isfinite(given).all() or not np.isfinite(exact).all():
-        raise ValueError("image and reference must be finite")
+    error = checked_error(image, reference)
     if not 0 < sigma < np.inf:
         raise ValueError(f"sigma must be positive, got {sigma!r}")
-    error = gaussian_filter(given - exact, sigma, mode="wrap", axes=(0, 1))
-    return float(np.sqrt(np.mean(np.square(error))))
+    left = gaussian_filter(error, sigma, mode="wrap", axes=(0, 1))
+    return float(np.sqrt(np.mean(np.square(left))))
 
 
 def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:

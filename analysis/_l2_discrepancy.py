@@ -35,7 +35,7 @@ _DIMS = 256
 def l2_star_discrepancy(points: ArrayLike) -> Array:
     """Return the root of the mean square of the local discrepancy over boxes anchored at the origin.
 
-    It is T, Eq. 10 of Warnock [1]_: the box [0, q) has its volume minus its share of the points, and q is
+    It is Warnock's T [1]_: the box [0, q) has its volume minus its share of the points, and q is
     uniform in [0, 1]^d.
 
     Parameters
@@ -82,7 +82,7 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
 def centered_discrepancy(points: ArrayLike) -> Array:
     """Return the centered L2 discrepancy, over boxes between a point and the nearest corner of the cube.
 
-    The mean square is added up over the projections onto all sets of axes, Eq. 5.1c of Hickernell [1]_.
+    The mean square is added up over the projections onto all sets of axes, after Hickernell [1]_.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def periodic_discrepancy(points: ArrayLike) -> Array:
 def symmetric_discrepancy(points: ArrayLike) -> Array:
     """Return the symmetric L2 discrepancy, over unions of those orthants at a point that touch even corners.
 
-    The mean square is added up over all projections, and multiplied by 4: Eq. 5.3 of Hickernell [1]_.
+    The mean square is added up over all projections, and multiplied by 4, after Hickernell [1]_.
 
     Parameters
     ----------
@@ -226,8 +226,7 @@ def mixture_discrepancy(points: ArrayLike) -> Array:
 
     References
     ----------
-    .. [1] Y.-D. Zhou, K.-T. Fang, J.-H. Ning, "Mixture discrepancy for quasi-random point sets", 2013,
-       Eq. 18.
+    .. [1] Y.-D. Zhou, K.-T. Fang, J.-H. Ning, "Mixture discrepancy for quasi-random point sets", 2013.
 
     Examples
     --------

@@ -36,20 +36,26 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     [[0. 4.]
      [0. 0.]]
     """
-    given, exact = np.asarray(image, np.float64), np.asarray(reference, np.float64)
-    if given.shape != exact.shape:
-        raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
-    if given.ndim not in (2, 3) or given.size == 0:
-        raise ValueError(f"image must have shape (height, width) or (height, width, 3), got {given.shape}")
-    channels = (given - exact).reshape(*given.shape[:2], -1)
-    if not np.isfinite(channels).all():
-        raise ValueError("image and reference must be finite")
+    channels = checked_error(image, reference)
     if (channels == channels[0, 0]).all():
         raise ValueError(f"image must differ from reference by more than a constant, got {channels[0, 0]}")
     channels = channels - channels.mean(axis=(0, 1))
     power = np.square(np.abs(np.fft.fft2(channels, axes=(0, 1)))).sum(axis=2)
     power[0, 0] = 0.0
     return power / np.square(channels).sum()
+
+
+def checked_error(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+    """Return the error, shape (height, width, channels), or raise a ValueError."""
+    given, exact = np.asarray(image, np.float64), np.asarray(reference, np.float64)
+    if given.shape != exact.shape:
+        raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
+    if given.ndim not in (2, 3) or given.size == 0:
+        raise ValueError(f"image must have shape (height, width) or (height, width, 3), got {given.shape}")
+    error = (given - exact).reshape(*given.shape[:2], -1)
+    if not np.isfinite(error).all():
+        raise ValueError("image and reference must be finite")
+    return error
 
 
 def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -152,7 +152,7 @@ def _draw(panels: list[Axes], name: str, errors: np.ndarray, measured: dict[str,
         if np.ptp(errors[..., k]):
             spectrum = analysis.error_spectrum(errors[..., k], np.zeros(errors.shape[:2]))
             frequency, power = analysis.radial_average(spectrum)
-            spectra.plot(frequency / errors.shape[0], power, lw=0.8, label=integrand)
+            spectra.plot(frequency / errors.shape[0], power, color=f"C{k}", lw=0.8, label=integrand)
     images[0].set_ylabel(name, fontsize=7)
     spectra.axhline(1, color="k", lw=0.5)
     spectra.set(ylim=(0, 3), xlim=(0, 0.5))

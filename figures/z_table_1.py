@@ -35,7 +35,7 @@ NOTE = (
     "xor-scrambled in each pixel, its four dimensions not padded. Right: the mean of x y at {spp} samples a "
     "pixel, which is generation and little else. Medians of {calls} frames after the first, each with a new "
     "key, the samplers taking turns. Where all pixels have one sequence but for an xor, a frame computes "
-    "its points once. Heitz stands for our ranked sampler."
+    "its points once. Heitz stands for our ranked sampler. Drafts are small and say little."
 )
 
 

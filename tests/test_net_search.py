@@ -17,9 +17,7 @@ BEST = {
 
 
 def best_net(m: int, dims: int = 2) -> np.ndarray:
-    points = search_net(m, dims).points
-    assert points is not None
-    return points
+    return np.asarray(search_net(m, dims).points)
 
 
 def squared_distances(points: np.ndarray, n: int) -> np.ndarray:
@@ -45,7 +43,6 @@ def are_nets(points: np.ndarray, m: int) -> np.ndarray:
 def test_the_printed_optima_are_found_and_proved(m, dims):
     best = search_net(m, dims)
     assert best.exhausted
-    assert best.points is not None
     assert best.squared_distance == BEST[m, dims]
     assert best.points.shape == (2**m, dims)
     assert np.array_equal(best.points[:, 0], np.arange(2**m))
@@ -57,7 +54,6 @@ def test_the_printed_optima_are_found_and_proved(m, dims):
 def test_no_net_of_16_points_in_space_is_better_than_the_printed_one(least):
     best = search_net(4, 3, least)
     assert best.exhausted
-    assert best.points is not None
     assert best.squared_distance == 38
     assert are_nets(best.points, 4)
     assert squared_distances(best.points, 16) == 38

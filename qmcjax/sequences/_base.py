@@ -68,8 +68,13 @@ class Sequence(abc.ABC):
         Returns
         -------
         Sequence
+
+        Raises
+        ------
+        ValueError
+            If the sequence has none: samplers see that from ``wide_limit``, before anything is computed.
         """
-        raise NotImplementedError(f"{type(self).__name__} has no indices of two words")
+        raise ValueError(f"sequence must have indices of two words, got {self!r}")
 
     @abc.abstractmethod
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:

@@ -1,7 +1,9 @@
 """Nets of 2**m points in three dimensions whose first coordinate is i / 2**m."""
 
+import abc
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,16 +17,11 @@ from qmcjax.sequences._digital import _larcher_sobol
 from qmcjax.sequences._nets import HammersleyNet, LarcherPillichshammerNet, Net
 
 
-@pytree
-@dataclass(frozen=True)
-class Net3D(BinarySequence):
-    """A (0,m,3)-net in base 2: i / 2**m and the two components of a (0,2)-sequence."""
+class OverPlane(BinarySequence):
+    """A net in three dimensions whose first two coordinates are a net, from which it is inverted."""
 
-    plane: Net
+    plane: Any
     """The net of the first two coordinates."""
-
-    third: Callable[[Array], Array] = field(metadata={"static": True})
-    """The third coordinate, mirrored, from the index."""
 
     @property
     def dims(self) -> int:
@@ -36,13 +33,17 @@ class Net3D(BinarySequence):
         """Number of points, 2**m."""
         return self.plane.size
 
+    @abc.abstractmethod
+    def _third(self, index: Array) -> Array:
+        """Return the third coordinate, mirrored."""
+
     def mirror(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return self.third(index) if dim == 2 else self.plane.mirror(index, dim)
+        return self._third(index) if dim == 2 else self.plane.mirror(index, dim)
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
-        return reverse(self.third(index)) if dim == 2 else self.plane.word(index, dim)
+        return reverse(self._third(index)) if dim == 2 else self.plane.word(index, dim)
 
     def points_per_cell(self, log_side: int) -> int:
         """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side in the plane.
@@ -57,6 +58,19 @@ class Net3D(BinarySequence):
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of a point from the cell its first two coordinates lie in (thesis Sect. 5.2.4)."""
         return self.plane.index_in_cell(x, y, log_side, sample)
+
+
+@pytree
+@dataclass(frozen=True)
+class Net3D(OverPlane):
+    """A (0,m,3)-net in base 2: i / 2**m and the two components of a (0,2)-sequence."""
+
+    plane: Net
+    third: Callable[[Array], Array] = field(metadata={"static": True})
+    """The third coordinate, mirrored, from the index."""
+
+    def _third(self, index: Array) -> Array:
+        return self.third(index)
 
 
 # fmt: off

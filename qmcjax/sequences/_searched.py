@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence
 from qmcjax.sequences._digital import Digital, digital
+from qmcjax.sequences._nets_3d import OverPlane
 from qmcjax.sequences._optimized_net import MatrixNet, _columns, _factors, _inverse, _product
 
 
 @pytree
 @dataclass(frozen=True)
-class MatrixNet3D(BinarySequence):
+class MatrixNet3D(OverPlane):
     """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
 
     plane: MatrixNet
@@ -25,33 +25,8 @@ class MatrixNet3D(BinarySequence):
     columns: Array
     """uint32 (m,): column k of C_2, its first row in bit 0."""
 
-    @property
-    def dims(self) -> int:
-        """Three."""
-        return 3
-
-    @property
-    def size(self) -> int:
-        """Number of points, 2**m."""
-        return self.plane.size
-
-    def mirror(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
-        return _product(self.columns, index) if dim == 2 else self.plane.mirror(index, dim)
-
-    def points_per_cell(self, log_side: int) -> int:
-        """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side in the plane.
-
-        Raises
-        ------
-        ValueError
-            If there are more cells than points.
-        """
-        return self.plane.points_per_cell(log_side)
-
-    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a point from the cell its first two coordinates lie in (thesis Sect. 5.2.4)."""
-        return self.plane.index_in_cell(x, y, log_side, sample)
+    def _third(self, index: Array) -> Array:
+        return _product(self.columns, index)
 
 
 def optimized_net_3d(m: int) -> MatrixNet3D:

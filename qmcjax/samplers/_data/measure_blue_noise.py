@@ -5,9 +5,8 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from analysis import error_spectrum, radial_average
+from analysis import filtered_error, low_frequency_power
 from qmcjax import samplers, sequences
 
 SIDE = 256
@@ -49,10 +48,9 @@ def row(sampler: samplers.Sampler, integrand: Integrand) -> list[str]:
     for s in range(max(COUNTS)):
         total += integrand(np.asarray(sampler(pixel[None, :], pixel[:, None], s, dims, jnp.float64)))
         if s + 1 in COUNTS:
-            error = total / (s + 1) - total.mean() / (s + 1)
-            frequency, power = radial_average(error_spectrum(error, np.zeros_like(error)))
-            low.append(f"{power[frequency < SIDE / 16].mean():.2f}")
-            filtered.append(f"{1000 * gaussian_filter(error, 1.5, mode='wrap').std():.2f}")
+            image, mean = total / (s + 1), np.full_like(total, total.mean() / (s + 1))
+            low.append(f"{low_frequency_power(image, mean):.2f}")
+            filtered.append(f"{1000 * filtered_error(image, mean):.2f}")
     return low + filtered
 
 

@@ -3,6 +3,7 @@
 from analysis._convergence import ConvergenceRow as ConvergenceRow
 from analysis._convergence import ConvergenceTable as ConvergenceTable
 from analysis._convergence import convergence as convergence
+from analysis._curves import curve_length as curve_length
 from analysis._curves import segment_counts as segment_counts
 from analysis._dispersion import dispersion as dispersion
 from analysis._distance import min_distance as min_distance
@@ -30,6 +31,9 @@ from analysis._net_search import NetSearch as NetSearch
 from analysis._net_search import search_net as search_net
 from analysis._nets import projection_t_values as projection_t_values
 from analysis._nets import t_value as t_value
+from analysis._optimize import OptimizedPoints as OptimizedPoints
+from analysis._optimize import optimize_points as optimize_points
+from analysis._perceived import perceived_error as perceived_error
 from analysis._pixel_means import pixel_means as pixel_means
 from analysis._point_spectrum import point_spectrum as point_spectrum
 from analysis._reading import SequenceEngine as SequenceEngine

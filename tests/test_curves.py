@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from analysis import segment_counts
+from analysis import curve_length, segment_counts, star_discrepancy
+from qmcjax import orders, sequences
 
 
 @dataclass(frozen=True)
@@ -130,3 +131,45 @@ def test_hilbert_of_the_tests_is_a_path():
 def test_bad_radius(radius):
     with pytest.raises(ValueError, match="radius"):
         segment_counts(raster(2, 2), radius)
+
+
+@pytest.mark.parametrize("order", [orders.hilbert(16, 16), orders.moore(16, 16), orders.peano(9, 9)])
+def test_curves_that_step_to_neighbours_are_shortest(order):
+    assert curve_length(order) == order.width * order.height - 1
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 5])
+def test_morton_is_longer_by_its_jumps(k):
+    """Between the quadrants of side h it jumps from a lower right to an upper left corner."""
+
+    def length(k):
+        if k == 0:
+            return 0.0
+        h = 2 ** (k - 1)
+        return 4 * length(k - 1) + 2 * math.hypot(h - 1, 1) + math.hypot(2 * h - 1, 1)
+
+    assert curve_length(orders.morton(2**k, 2**k)) == pytest.approx(length(k), rel=1e-12)
+    assert curve_length(orders.morton(2**k, 2**k)) > 4**k - 1
+
+
+def test_path_through_an_image_that_a_curve_is_cut_to():
+    assert curve_length(raster(5, 3)) == pytest.approx(3 * 4 + 2 * math.hypot(4, 1))
+    assert curve_length(table(2, 1, [(0, 0), (0, 1), (1, 1), (1, 0)])) == 1
+
+
+@pytest.mark.parametrize("make", [orders.morton, orders.hilbert, orders.moore])
+def test_koksma_hlawka_along_the_curve(make):
+    """Sect. 3: an image of bounded gradient has a variation of at most that times the length of the curve."""
+    order, side = make(32, 32), 32
+    y, x = np.mgrid[:side, :side]
+    image = 0.5 * np.sin(x / 7) + 0.25 * np.cos(y / 5 + 1)
+    gradient = math.hypot(0.5 / 7, 0.25 / 5)
+    position = np.asarray(order.position(x.astype(np.uint32), y.astype(np.uint32)))
+    line = np.empty(side * side)
+    line[position] = image
+    variation = np.abs(np.diff(line)).sum()
+    assert variation <= gradient * curve_length(order)
+
+    points = np.asarray(sequences.van_der_corput(3).points(100), np.float64)
+    error = abs(line[(points[:, 0] * side * side).astype(int)].mean() - image.mean())
+    assert error <= variation * star_discrepancy(points)

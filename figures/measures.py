@@ -1,0 +1,101 @@
+"""All measures of points, of all sequences, in one table."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from figures import _points
+from qmcjax import sequences
+
+KEY = 1
+
+POINT_SETS = {
+    "uniform": lambda m: sequences.uniform(2, KEY),
+    "jittered": lambda m: sequences.jittered(2 ** (m // 2), 2, KEY),
+    "Latin hypercube": lambda m: sequences.latin_hypercube(2**m, 2, KEY),
+    "Lloyd": lambda m: sequences.lloyd(2**m, 2, KEY),
+    "Halton": lambda m: sequences.halton(2),
+    "Halton, Owen": lambda m: sequences.owen(sequences.halton(2), KEY),
+    "Sobol'": lambda m: sequences.sobol(2),
+    "Sobol', Owen": lambda m: sequences.owen(sequences.sobol(2), KEY),
+    "Sobol', xor": lambda m: sequences.xor(sequences.sobol(2), KEY),
+    "Larcher-Pillichshammer": lambda m: sequences.larcher_pillichshammer(),
+    "Faure, base 3": lambda m: sequences.faure(2, 3),
+    "optimized sequence": lambda m: sequences.optimized_sequence(),
+    "lattice sequence": lambda m: sequences.lattice(2),
+    "Hammersley net": sequences.hammersley_net,
+    "Larcher-Pillichshammer net": sequences.larcher_pillichshammer_net,
+    "permutation net": sequences.permutation_net,
+    "optimized net": sequences.optimized_net,
+    "rank-1 lattice": lambda m: sequences.rank1_lattice(2**m, 2),
+}
+
+LARGER_IS_BETTER = ("min distance", "Clark-Evans")
+
+
+def measures(points: NDArray[np.float64], m: int) -> dict[str, float | None]:
+    """Return the measures of 2^m points of the unit square, distances relative to the densest packing."""
+    nearest = analysis.nearest_statistics(points)
+    return {
+        "star": analysis.star_discrepancy(points),
+        "L2 star": float(analysis.l2_star_discrepancy(points)),
+        "centred": float(analysis.centered_discrepancy(points)),
+        "wrap-around": float(analysis.wraparound_discrepancy(points)),
+        "periodic": float(analysis.periodic_discrepancy(points)),
+        "symmetric": float(analysis.symmetric_discrepancy(points)),
+        "mixture": float(analysis.mixture_discrepancy(points)),
+        "min distance": nearest.relative_minimum,
+        "Clark-Evans": nearest.clark_evans,
+        "dispersion": analysis.dispersion(points) * 2 ** (m / 2),
+        "t": _t(points, m),
+    }
+
+
+def _t(points: NDArray[np.float64], m: int) -> float | None:
+    """Return t as a net in base 2, or None where it is m: no box of more than all points is known."""
+    t = analysis.t_value(points)
+    return None if t == m else float(t)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure all point sets, and draw a table shaded from the best to the worst of each column."""
+    m = 12 if quality == "paper" else 8
+    table = {}
+    for done, (name, sequence) in enumerate(POINT_SETS.items(), start=1):
+        table[name] = measures(_points.block(sequence(m), 2**m), m)
+        progress(done / len(POINT_SETS))
+    return _draw(table, m), {
+        "measured": {"points": 2**m, **table},
+        "note": "The first 2^m points of sequences and all of nets, in the unit square; random ones with one "
+        "key. Distances are on the torus. The minimum distance is relative to that of the densest packing, "
+        "Clark-Evans the mean distance to the nearest neighbour over that of random points, dispersion "
+        "the radius of the largest empty disc times sqrt(n). t is that of a net in base 2, left out where it "
+        "is m. Poisson disks do not tile and have no set number: they are not in the table.",
+    }
+
+
+def _draw(table: dict[str, dict[str, float | None]], m: int) -> Figure:
+    columns = list(next(iter(table.values())))
+    values = np.array([[np.nan if row[c] is None else row[c] for c in columns] for row in table.values()])
+    shades = np.empty_like(values)
+    for j, column in enumerate(columns):
+        sign = -1 if column in LARGER_IS_BETTER else 1
+        key = sign * values[:, j]
+        shades[:, j] = [np.nan if np.isnan(k) else np.mean(key[~np.isnan(key)] < k) for k in key]
+
+    figure = Figure(figsize=(1.6 + 1.05 * len(columns), 1.2 + 0.32 * len(table)), layout="constrained")
+    figure.suptitle(f"{2**m} points in the unit square: dark is best of the column")
+    axes = figure.subplots()
+    axes.imshow(shades, cmap="Blues_r", vmin=-0.2, vmax=1.4, aspect="auto")
+    for (i, j), value in np.ndenumerate(values):
+        text = "" if np.isnan(value) else f"{value:.4g}"
+        color = "white" if shades[i, j] < 0.35 else "black"
+        axes.text(j, i, text, ha="center", va="center", fontsize=8, color=color)
+    axes.set_xticks(range(len(columns)), columns, fontsize=8)
+    axes.set_yticks(range(len(table)), list(table), fontsize=8)
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    return figure

@@ -9,6 +9,7 @@ class Entry(NamedTuple):
 
 
 CATALOGUE = {
+    "thesis-3.5": Entry("figures.thesis_3_5", "The same times in all pixels, times of their own, even noise"),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.5": Entry("figures.thesis_5_5", "Minimum distances of (0,m,3)-nets"),
@@ -32,6 +33,13 @@ CATALOGUE = {
     "thesis-6.3": Entry("figures.thesis_6_3", "The zone plate at 64 samples per pixel"),
     "thesis-6.4": Entry("figures.thesis_6_4", "Convergence on the zone plate"),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
+    "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
+    "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
+    "measures": Entry("figures.measures", "All measures of all sequences"),
+    "measure-cost": Entry(
+        "figures.measure_cost", "Time and memory of the measures over the number of points"
+    ),
+    "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
     "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),
     "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),
     "hilbert-3": Entry("figures.hilbert_3", "Radical inverses along the curves"),

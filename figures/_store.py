@@ -1,5 +1,7 @@
 """The output folder: pictures and one ``numbers.json``, never half-written."""
 
+import csv
+import io
 import json
 import math
 import os
@@ -58,6 +60,15 @@ def record(folder: Path, name: str, entry: dict[str, Any]) -> None:
     entries[name] = entry
     text = json.dumps(dict(sorted(entries.items())), indent=2, ensure_ascii=False, allow_nan=False)
     write(folder / NUMBERS, (text + "\n").encode())
+
+
+def as_csv(rows: list[dict[str, Any]]) -> bytes:
+    """Return a table, one line a row below the names of the columns of the first."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue().encode()
 
 
 def check_numbers(value: Any, key: str = "numbers") -> None:

@@ -27,7 +27,7 @@ def update(
         Keys of ``catalogue``.
     catalogue : mapping of str to Entry
     folder : Path
-        Exists; gets ``<name>.png`` and ``numbers.json``.
+        Exists; gets ``<name>.png``, ``numbers.json``, and ``<name>.csv`` of figures that have a table.
     quality : str
         ``"draft"`` or ``"paper"``, handed to the figures.
     jobs : int
@@ -76,15 +76,18 @@ def _finish(folder: Path, task: Task, message: Done | Failed, title: str, finger
         _say(message.trace.rstrip(), sys.stderr)
         return False
     seconds = round(message.seconds, 2)
+    numbers = json.loads(message.numbers)
     entry = {
         "title": title,
         "quality": task.quality,
         "fingerprint": fingerprint,
         "seconds": seconds,
-        "numbers": json.loads(message.numbers),
+        "numbers": numbers,
     }
     try:
         _store.write(_picture(folder, task.name), message.png)
+        if "table" in numbers:
+            _store.write(folder / f"{task.name}.csv", _store.as_csv(numbers["table"]))
         _store.record(folder, task.name, entry)
     except OSError as error:
         _say(f"{task.name}: failed")

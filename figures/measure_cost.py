@@ -9,12 +9,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from figures import _measure_cost
+
 MIB = 2**20
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in a process of its own, and draw time and memory over n, with their slopes."""
-    command = [sys.executable, "-m", "figures._measure_cost", quality]
+    command = [sys.executable, "-m", _measure_cost.__name__, quality]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")

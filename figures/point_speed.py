@@ -8,6 +8,8 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from figures import _point_speed
+
 SETTINGS = {"4 KiB pages": None, "large pages": "glibc.malloc.hugetlb=1"}
 """The memory that programs get from malloc: as it comes, and as GLIBC_TUNABLES asks for."""
 
@@ -54,7 +56,7 @@ def _measure(quality: str, tunables: str | None) -> dict:
     environment = {key: value for key, value in os.environ.items() if key != "GLIBC_TUNABLES"}
     if tunables is not None:
         environment["GLIBC_TUNABLES"] = tunables
-    command = [sys.executable, "-m", "figures._point_speed", quality]
+    command = [sys.executable, "-m", _point_speed.__name__, quality]
     done = subprocess.run(command, env=environment, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")

@@ -15,7 +15,9 @@ from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
 from qmcjax import sequences as sequences
 from qmcjax.integrate import integrate as integrate
+from qmcjax.layers import render_layers as render_layers
 from qmcjax.passes import render_passes as render_passes
+from qmcjax.render import AdaptiveImage as AdaptiveImage
 from qmcjax.render import render as render
 
 __version__ = "0.1.0"

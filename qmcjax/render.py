@@ -2,27 +2,57 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
-from typing import Any
+from typing import Any, Literal, overload
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import DTypeLike
 
-from qmcjax import _summation, checks
-from qmcjax._summation import State
-from qmcjax.samplers import completed
+from qmcjax import _frame, checks
+from qmcjax.adaptive import AdaptiveImage, Task, skipping
+from qmcjax.samplers import Randomized, completed
+from qmcjax.stopping import PILOT, until
 
-__all__ = ["render"]
+__all__ = ["AdaptiveImage", "render"]
 
 _MAX_SIDE = 2**16
 
 _CALL = 2**26
 """Samples of the whole image in one call of the compiled program: progress is reported between calls."""
 
+_SEARCHED = 2**16
+"""Samples of a pixel that are looked through at a time for the one that is not finite."""
 
+
+@overload
+def render(
+    scene: Any,
+    sampler: Any,
+    width: int,
+    height: int,
+    spp: int,
+    *,
+    dtype: DTypeLike = ...,
+    progress: Callable[[float], None] | None = ...,
+    adaptive: Literal[False] = ...,
+) -> Array: ...
+@overload
+def render(
+    scene: Any,
+    sampler: Any,
+    width: int,
+    height: int,
+    spp: int,
+    *,
+    dtype: DTypeLike = ...,
+    progress: Callable[[float], None] | None = ...,
+    adaptive: Literal[True],
+    tolerance: float | None = ...,
+    unbiased: bool = ...,
+) -> AdaptiveImage: ...
 def render(
     scene: Any,
     sampler: Any,
@@ -32,7 +62,10 @@ def render(
     *,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
-) -> Array:
+    adaptive: bool = False,
+    tolerance: float | None = None,
+    unbiased: bool = False,
+) -> Array | AdaptiveImage:
     """Average the samples of each pixel (box filter).
 
     Memory is proportional to the number of pixels, whatever the number of samples; so it is for
@@ -52,17 +85,37 @@ def render(
         Of points, values and sums. Sums are compensated: they are as good as the values.
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run.
+    adaptive : bool
+        Skip what the scene does not need. Where ``scene.varies`` proves that it is constant in a pixel, one
+        sample is taken; where it proves that it does not depend on time, the lens or any other coordinate,
+        that coordinate is not sampled. All other samples are the same as without, and so are the means but
+        for rounding. Scenes without ``varies`` are sampled everywhere.
+    tolerance : float, optional
+        With ``adaptive``: take passes in each pixel until the standard error of it and its neighbours is at
+        most this, or until it has ``spp`` samples. ``sampler`` must be made by
+        :func:`qmcjax.samplers.randomized`, and at least four passes are taken.
+    unbiased : bool
+        With ``tolerance``: decide the number of passes of each pixel from four passes that are not part of
+        the image. Otherwise a pixel whose first passes happen to agree stops early, and rare bright values
+        are underestimated. ``counts`` has the samples of both.
 
     Returns
     -------
     Array of ``dtype``, shape (height, width) or (height, width, 3)
         ``image[y, x]`` is pixel (x, y), which covers [x, x+1)/width times [y, y+1)/height of the unit square.
+        With ``adaptive`` an ``AdaptiveImage``: ``image``, ``counts`` (samples taken in each pixel) and
+        ``saving`` (the part of all samples that was not taken).
 
     Raises
     ------
     ValueError
-        If a size is out of range, the sampler was made for another image or number of samples, or it
-        has fewer dimensions than the scene needs.
+        If a size is out of range, the sampler was made for another image or number of samples, it
+        has fewer dimensions than the scene needs, or the scene returns a value that is not finite (the
+        message names the pixel, the sample and the point).
+
+    Notes
+    -----
+    Which pixels are constant is known before any sample is taken, so that ``adaptive`` alone adds no bias.
 
     Examples
     --------
@@ -74,80 +127,112 @@ def render(
     width = checks.integer("width", width, 1, _MAX_SIDE)
     height = checks.integer("height", height, 1, _MAX_SIDE)
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
-    dtype = checks.floating(dtype)
+    task = Task(scene, sampler, width, height, spp, checks.floating(dtype))
     if sampler.dims < len(scene.needs):
         raise ValueError(
             f"sampler must have the {len(scene.needs)} dimensions that the scene needs {scene.needs}, got "
             f"{sampler.dims}: {scene.needs[sampler.dims :]} are missing"
         )
     sampler.check(width, height, spp)
-    sampler, dims = completed(sampler), tuple(range(len(scene.needs)))
+    if not adaptive:
+        if tolerance is not None or unbiased:
+            raise ValueError(f"adaptive must be True for a tolerance or unbiased, got {adaptive}")
+        image = _everywhere(task, progress)
+        _check_finite(task, image)
+        return image
+    _check_adaptive(task, tolerance, unbiased)
+    report = progress or (lambda part: None)
+    if tolerance is None:
+        result = skipping(task, report)
+    else:
+        result = until(task, tolerance, unbiased, report)
+    _check_finite(task, result.image)
+    return result
 
+
+def _everywhere(task: Task, progress: Callable[[float], None] | None) -> Array:
+    """Take all samples of all pixels."""
+    scene, width, height, spp, dtype = task.scene, task.width, task.height, task.spp, task.dtype
+    sampler, dims = completed(task.sampler), tuple(range(len(scene.needs)))
     with checks.precision(dtype):
-        point = jax.ShapeDtypeStruct((height, width, len(scene.needs)), dtype)
-        state = _summation.zeros(jax.eval_shape(scene, point))
+        state = _frame.zeros(scene, (height, width), dtype)
         # So many values are added pairwise before they go into the compensated sum: memory traffic is what
         # counts.
         batch = math.gcd(spp, sampler.unrolled(dims))
-        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.pytrees.
         classes = str(jax.tree.structure((scene, sampler)))
         per_call = max(1, _CALL // (width * height * batch)) * batch
         for first in range(0, spp, per_call):
             count = min(per_call, spp - first)
-            first_batch, batches = jnp.uint32(first // batch), jnp.uint32(count // batch)
-            state = _accumulate((scene, sampler), state, first_batch, batches, width, height, batch, classes)
+            state = _frame.accumulate(
+                (scene, sampler),
+                None,
+                state,
+                jnp.uint32(first // batch),
+                jnp.uint32(count // batch),
+                width,
+                height,
+                batch,
+                dims,
+                classes,
+            )
             if progress is not None:
                 state[0].block_until_ready()
                 progress((first + count) / spp)
-        return _mean(state, jnp.asarray(spp, dtype))
+        return _frame.mean(state, jnp.asarray(spp, dtype))
 
 
-@partial(jax.jit, static_argnames=("width", "height", "batch", "classes"))
-def _accumulate(
-    pair: tuple[Any, Any],
-    state: State,
-    first: Array,
-    batches: Array,
-    width: int,
-    height: int,
-    batch: int,
-    classes: str,
-) -> State:
-    """Add ``batches`` times ``batch`` samples of every pixel."""
-    del classes  # Part of the cache's key.
-    scene, sampler = pair
-    dims = tuple(range(len(scene.needs)))
-    sampler = sampler.of_pixels(*_pixels(width, height), dims)
-
-    def batch_sum(pair: tuple[Any, Any], k: Array) -> Array:
-        # Or else what the samples of a pixel share would be moved out of the loop, once for each of a batch.
-        (scene, sampler), k = jax.lax.optimization_barrier((pair, k))
-        x, y = _pixels(width, height)
-        points = sampler.samples(x, y, k, batch, dims, state[0].dtype)
-        return _summation.pairwise([scene(_on_screen(point, x, y)) for point in points])
-
-    return _summation.add_terms(batch_sum, (scene, sampler), state, first, batches)
-
-
-def _on_screen(point: Array, x: Array, y: Array) -> Array:
-    """Take the first two coordinates from the pixel to the screen."""
-    dtype = point.dtype
-    height, width = x.shape
-    below_one = np.nextafter(np.ones((), dtype), np.zeros((), dtype))
-    on_screen = [
-        # The last pixel's sum may round up to 1.
-        jnp.minimum((pixel.astype(dtype) + point[..., j]) * np.asarray(1 / side, dtype), below_one)
-        for j, (pixel, side) in enumerate(((x, width), (y, height)))
-    ]
-    return jnp.stack([*on_screen, *(point[..., j] for j in range(2, point.shape[-1]))], axis=-1)
+def _check_adaptive(task: Task, tolerance: float | None, unbiased: bool) -> None:
+    """Raise a ValueError for what an adaptive image cannot be made of."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((task.scene, task.sampler))):
+        raise ValueError(
+            "adaptive=True decides on values, and so is not for jax.jit, jax.vmap or jax.grad, got a tracer"
+        )
+    if tolerance is None:
+        if unbiased:
+            raise ValueError(
+                "unbiased must be False without a tolerance: then nothing depends on the samples, got True"
+            )
+        return
+    checks.positive("tolerance", tolerance)
+    if not isinstance(task.sampler, Randomized):
+        raise ValueError(
+            "sampler must be made by samplers.randomized for a tolerance, since errors are estimated from "
+            f"independent passes, got {type(task.sampler).__name__}"
+        )
+    of_pass = task.sampler.spp
+    least = (PILOT + unbiased) * of_pass
+    if task.spp % of_pass or task.spp < least:
+        raise ValueError(
+            f"spp must be a multiple of the {of_pass} samples of a pass and at least {least} for a "
+            f"tolerance, got {task.spp}"
+        )
 
 
-def _pixels(width: int, height: int) -> tuple[Array, Array]:
-    """Return column and row of every pixel."""
-    shape = (height, width)
-    return jax.lax.broadcasted_iota(jnp.uint32, shape, 1), jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
+def _check_finite(task: Task, image: Array) -> None:
+    """Raise a ValueError that names the first sample whose value is not finite."""
+    if isinstance(image, Tracer):
+        return
+    with checks.precision(task.dtype):
+        if bool(_all_finite(image)):
+            return
+        flat = np.asarray(image).reshape(task.width * task.height, -1)
+        pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
+        x, y, dims = pixel % task.width, pixel // task.width, tuple(range(len(task.scene.needs)))
+        for first in range(0, task.spp, _SEARCHED):
+            samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
+            points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
+            where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
+            points = _frame.on_screen(points, *where, task.width, task.height)
+            values = np.asarray(task.scene(points)).reshape(len(samples), -1)
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+            if len(bad):
+                raise ValueError(
+                    f"scene must return finite values, got {values[bad[0]].squeeze()} in pixel ({x}, {y}), "
+                    f"sample {first + bad[0]}, point {np.asarray(points[bad[0]]).tolist()}"
+                )
+        raise ValueError(
+            f"scene must return finite values, got {flat[pixel]} as the mean of pixel ({x}, {y})"
+        )
 
 
-@jax.jit
-def _mean(state: State, spp: Array) -> Array:
-    return _summation.value(state) / spp
+_all_finite = jax.jit(lambda image: jnp.isfinite(image).all())

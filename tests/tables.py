@@ -143,6 +143,10 @@ SAMPLERS = {
     ),
     "dither, numbers": samplers.dither(samplers.blue_noise_mask(1), sequences.halton(3)),
     "dither, vectors": samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(3)),
+    "interleaved": samplers.interleaved(sequences.sobol(3), SPP, tile=4),
+    "interleaved, positions": samplers.interleaved(
+        sequences.halton(1), SPP, 1, samplers.independent(sequences.sobol(2), key=3)
+    ),
     "ranked": samplers.ranked(3, key=3),
     "randomized, contiguous, owen": samplers.randomized(owen_pass, key=3),
     "z, hash": samplers.z(SIDE, SIDE, SPP, key=3, dims=3),

@@ -1,11 +1,17 @@
 """What a scene is: a function on the unit cube, with names for its dimensions."""
 
+from functools import partial
 from typing import Any, ClassVar, Protocol
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.custom_derivatives import SymbolicZero
+from jax.typing import DTypeLike
 from numpy.typing import NDArray
+
+EPS = float(np.finfo(float).eps)
 
 
 class Scene(Protocol):
@@ -13,6 +19,15 @@ class Scene(Protocol):
 
     Dimensions 0 and 1 are the position on the screen: x to the right, y downward, so that pixel
     ``(x, y)`` covers ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
+
+    A scene may have three more methods:
+
+    - ``varies(low, high)``, from opposite corners of boxes of points, shape (..., len(needs)), to a bool
+      Array of that shape: False in place j says for certain that within the box the value does not depend
+      on coordinate j. All False: it is constant.
+    - ``boundary(u)``, the edges where the value jumps, for :func:`qmcjax.boundary_gradient`, which says how.
+    - ``reference_gradient(width, height)``, the exact derivatives of the pixel means with respect to the
+      parameters, as that function returns them but in float64, and a bound on their errors.
     """
 
     needs: ClassVar[tuple[str, ...]]
@@ -41,3 +56,44 @@ def coordinates(point: Array, parameter: Any) -> tuple[Array, Array, Array]:
     """Return x, y and the scene's parameter, all in the dtype of ``point``."""
     x, y = point[..., 0], point[..., 1]
     return x, y, jnp.asarray(parameter).astype(point.dtype)
+
+
+def cast(scene: Any, dtype: DTypeLike) -> Any:
+    """Return the scene with all parameters in ``dtype``."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
+
+
+def in_float64(scene: Any) -> Any:
+    """Return the scene with all parameters as float64 NumPy arrays, as references want them."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), scene)
+
+
+def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
+    """Return the scene with all parameters in ``dtype``, none of which JAX can differentiate.
+
+    A parameter that moves an edge changes the value nowhere but on the edge: its plain derivative is 0
+    almost everywhere, and wrong.
+    """
+    leaves, tree = jax.tree_util.tree_flatten_with_path(scene)
+    name = type(scene).__name__
+    return tree.unflatten(
+        [
+            _moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(v).astype(dtype))
+            for path, v in leaves
+        ]
+    )
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _moves_an_edge(name: str, value: Array) -> Array:
+    return value
+
+
+@partial(_moves_an_edge.defjvp, symbolic_zeros=True)
+def _refuse(name: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    if isinstance(tangents[0], SymbolicZero):
+        return primals[0], tangents[0]
+    raise ValueError(
+        f"{name} moves an edge: the plain derivative of the scene is 0 almost everywhere, which is not the "
+        "derivative of any mean of it. Use qmcjax.boundary_gradient for the derivatives of the pixel means"
+    )

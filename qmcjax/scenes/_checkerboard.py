@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes import _checkerboard_reference
-from qmcjax.scenes._base import coordinates
+from qmcjax.scenes._base import cast_edges, coordinates
 
 
 @pytree
@@ -31,11 +31,37 @@ class Checkerboard:
 
     def __call__(self, point: Array) -> Array:
         """Evaluate the scene at points of shape (..., 2); see `Scene`."""
-        x, y, squares = coordinates(point, self.squares)
+        x, y, squares = coordinates(point, cast_edges(self, point.dtype).squares)
         farthest = float(0.5 / jnp.finfo(point.dtype).eps)
         depth = jnp.minimum(squares / y, farthest)
         half = 0.5 * (jnp.floor((x - 0.5) * depth) + jnp.floor(depth))
         return jnp.where(depth < farthest, 1 - 2 * (half - jnp.floor(half)), 0.5)
+
+    def varies(self, low: Array, high: Array) -> Array:
+        """Say which boxes are not within one square; see `Scene`."""
+        squares, dtype = jnp.asarray(self.squares).astype(low.dtype), low.dtype
+        farthest, slack = float(0.5 / jnp.finfo(dtype).eps), 8 * jnp.finfo(dtype).eps
+        near = jnp.minimum(squares / high[..., 1] * (1 - slack), farthest)
+        far = jnp.minimum(squares / low[..., 1] * (1 + slack), farthest)
+        left, right = low[..., 0] - 0.5, high[..., 0] - 0.5
+        leftmost = jnp.minimum(left * near, left * far)
+        rightmost = jnp.maximum(right * near, right * far)
+        widest = slack * jnp.maximum(abs(leftmost), abs(rightmost))
+        across = jnp.floor(leftmost - widest) == jnp.floor(rightmost + widest)
+        met = ~(across & (jnp.floor(near) == jnp.floor(far))) & (near < farthest)
+        return jnp.stack([met, met], axis=-1)
+
+    def boundary(self, u: Array) -> tuple[Array, Array]:
+        """Raise a ValueError: see `qmcjax.boundary_gradient`.
+
+        Towards the horizon the edges become infinitely many. What they sweep adds up to a derivative, but by
+        cancellation: without signs it is infinite, ``1/k`` for the line ``Z = k`` alone, so that no estimator
+        that samples the edges one by one has a mean.
+        """
+        raise ValueError(
+            "scene must have finitely many edges, got a Checkerboard: towards the horizon they sweep an "
+            "infinite area, whose parts cancel. Use differences of scene.reference, or a flat_checkerboard"
+        )
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel.

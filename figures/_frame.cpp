@@ -1,0 +1,81 @@
+// The frame of the benchmark as a C++ programmer would write it: pixels along the Hilbert curve take contiguous
+// blocks of the Owen-scrambled Sobol' (0,2)-sequence. usage: frame scene side spp calls image.raw
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <vector>
+
+static uint32_t hilbert(uint32_t side, uint32_t x, uint32_t y) {
+    uint32_t position = 0;
+    for (uint32_t s = side / 2; s > 0; s /= 2) {
+        const uint32_t right = (x & s) > 0, lower = (y & s) > 0;
+        position += s * s * ((3 * right) ^ lower);
+        if (lower == 0) {
+            if (right == 1) { x = side - 1 - x; y = side - 1 - y; }
+            const uint32_t t = x; x = y; y = t;
+        }
+    }
+    return position;
+}
+
+static inline uint32_t reverse(uint32_t v) {
+    v = __builtin_bswap32(v);
+    v = (v & 0x0f0f0f0f) << 4 | ((v >> 4) & 0x0f0f0f0f);
+    v = (v & 0x33333333) << 2 | ((v >> 2) & 0x33333333);
+    return (v & 0x55555555) << 1 | ((v >> 1) & 0x55555555);
+}
+
+static inline uint32_t owen(uint32_t n, uint32_t seed) {  // of bit-reversed n; constants by N. Vegdahl
+    n ^= n * 0x3d20adeau; n += seed; n *= (seed >> 16) | 1; n ^= n * 0x05526c56u;
+    return n ^ n * 0x53a22864u;
+}
+
+static inline uint32_t pascal(uint32_t v) {  // of bit-reversed v: the second component, in fixed point
+    v ^= (v & 0x0000ffff) << 16; v ^= (v & 0x00ff00ff) << 8; v ^= (v & 0x0f0f0f0f) << 4;
+    v ^= (v & 0x33333333) << 2;
+    return v ^ (v & 0x55555555) << 1;
+}
+
+static inline float checkerboard(float x, float y) {
+    const float z = 8.0f / y, u = (x - 0.5f) * z;
+    const float half = 0.5f * (std::floor(u) + std::floor(z));
+    return z < 4194304.0f ? 1.0f - 2.0f * (half - std::floor(half)) : 0.5f;
+}
+
+static inline float zone_plate(float x, float y) { return 0.5f + 0.5f * std::sin(1600.0f * (x * x + y * y)); }
+
+template <float (*scene)(float, float)>
+static void render(float* image, int side, uint32_t spp, uint32_t key) {
+    const float scale = 1.0f / side;
+    const uint32_t a = key * 0x9e3779b9u + 0x7f4a7c15u, b = a * 0x85ebca6bu ^ (a >> 13);
+#pragma omp parallel for schedule(dynamic, 8)
+    for (int y = 0; y < side; ++y)
+        for (int x = 0; x < side; ++x) {
+            const uint32_t first = hilbert(side, x, y) * spp;
+            float sum = 0.0f;
+#pragma omp simd reduction(+ : sum)
+            for (uint32_t s = 0; s < spp; ++s) {
+                const uint32_t index = first + s;
+                const uint32_t u = reverse(owen(index, a)), v = reverse(owen(reverse(pascal(reverse(index))), b));
+                sum += scene((x + (u >> 8) * 0x1p-24f) * scale, (y + (v >> 8) * 0x1p-24f) * scale);
+            }
+            image[y * side + x] = sum / spp;
+        }
+}
+
+int main(int, char** argument) {
+    const bool board = std::strcmp(argument[1], "checkerboard") == 0;
+    const int side = std::atoi(argument[2]), calls = std::atoi(argument[4]);
+    std::vector<float> image(side * side);
+    for (int call = 0; call <= calls; ++call) {
+        const auto start = std::chrono::steady_clock::now();
+        (board ? render<checkerboard> : render<zone_plate>)(image.data(), side, std::atoi(argument[3]), call);
+        const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+        if (call > 0) std::printf("%.9f\n", seconds.count());
+    }
+    std::FILE* file = std::fopen(argument[5], "wb");
+    return std::fwrite(image.data(), sizeof(float), image.size(), file) != image.size() || std::fclose(file);
+}

@@ -1,0 +1,118 @@
+"""Run time and error of frames by scene, sampler and number of samples: ``python -m figures._sweep draft``.
+
+Prints JSON. Samplers take turns, each call with a new key, so that noise hits all; what a call compiles is
+in the first one.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import qmcjax as qj
+from qmcjax import orders, samplers, scenes, sequences
+
+SIZES = {"draft": (64, (4, 16), 2), "paper": (256, (1, 4, 16, 64, 256), 7)}
+"""Side of the image, samples per pixel, calls after the first."""
+
+SCENES = {
+    "checkerboard": scenes.checkerboard(),
+    "zone plate": scenes.zone_plate(),
+    "disc": scenes.disc(),
+    "Gaussian bump": scenes.gaussian(),
+    "ball": scenes.ball(),
+    "soft shadow": scenes.soft_shadow(),
+}
+DRAFTED = ("ball",)
+
+Make = Callable[[int, int, int, int], Any]
+"""From side, samples per pixel, dimensions and key to a sampler."""
+
+
+def _along(order: Any, sequence: Callable[[int, int], Any]) -> Make:
+    return lambda side, spp, dims, key: samplers.contiguous(order(side, side), sequence(dims, key), spp)
+
+
+def _owen(dims: int, key: int) -> sequences.Sequence:
+    return sequences.owen(sequences.sobol(dims), key)
+
+
+SAMPLERS: dict[str, Make] = {
+    "random": _along(orders.raster, sequences.uniform),
+    "Owen, each pixel": lambda side, spp, dims, key: samplers.independent(sequences.sobol(dims), key),
+    "global Sobol', xor": lambda side, spp, dims, key: samplers.screen(
+        sequences.xor(sequences.sobol(dims), key), side, side
+    ),
+    "raster, Owen": _along(orders.raster, _owen),
+    "Hilbert, Owen": _along(orders.hilbert, _owen),
+    "Hilbert, Halton": _along(orders.hilbert, lambda dims, key: sequences.owen(sequences.halton(dims), key)),
+    "Z": lambda side, spp, dims, key: samplers.z(side, side, spp, key, dims=dims + dims % 2),
+    "lattice, rotated": lambda side, spp, dims, key: samplers.independent(
+        sequences.lattice(dims), key, randomize="shift"
+    ),
+}
+ADAPTIVE = "Hilbert, Owen"
+"""Also measured where constant pixels are skipped."""
+
+
+def frame(scene: Any, make: Make, side: int, spp: int, key: int, adaptive: bool) -> tuple[float, Any]:
+    """Return the time and the image of one frame."""
+    sampler = make(side, spp, len(scene.needs), key)
+    start = time.perf_counter()
+    if adaptive:
+        image = qj.render(scene, sampler, side, side, spp, adaptive=True).image
+    else:
+        image = qj.render(scene, sampler, side, side, spp)
+    image = np.asarray(image)
+    return time.perf_counter() - start, image
+
+
+def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
+    """Return a row for each sampler."""
+    scene = SCENES[name]
+    exact, bound = scene.reference(side, side)
+    entries = {who: (make, False) for who, make in SAMPLERS.items()}
+    if hasattr(scene, "varies"):
+        entries[f"{ADAPTIVE}, adaptive"] = SAMPLERS[ADAPTIVE], True
+    times: dict[str, list[float]] = {who: [] for who in entries}
+    errors: dict[str, list[float]] = {who: [] for who in entries}
+    for key in range(calls + 1):
+        for who, (make, adaptive) in entries.items():
+            seconds, image = frame(scene, make, side, spp, key, adaptive)
+            times[who].append(seconds)
+            errors[who].append(float(np.sqrt(np.mean((image - exact) ** 2))))
+    rows = []
+    for who in entries:
+        low, median, high = np.quantile(times[who][1:], [0.25, 0.5, 0.75])
+        rows.append(
+            {
+                "scene": name,
+                "sampler": who,
+                "spp": spp,
+                "seconds": float(median),
+                "seconds, lower quartile": float(low),
+                "seconds, upper quartile": float(high),
+                "seconds, first call": times[who][0],
+                "rms error": float(np.sqrt(np.mean(np.square(errors[who])))),
+                "reference bound": bound,
+            }
+        )
+    return rows
+
+
+def main(quality: str) -> None:
+    """Measure and print."""
+    side, counts, calls = SIZES[quality]
+    rows = []
+    for name in SCENES if quality == "paper" else DRAFTED:
+        for spp in counts:
+            rows += sweep(name, side, spp, calls)
+        print(f"{name} done", file=sys.stderr)
+    print(json.dumps({"side": side, "rows": rows}))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

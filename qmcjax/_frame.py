@@ -1,0 +1,89 @@
+"""Sums of samples over pixels: all of an image, or a list of them."""
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import DTypeLike
+
+from qmcjax import _summation
+from qmcjax._summation import State
+
+Pixels = tuple[Array, Array]
+"""Columns and rows."""
+
+
+@partial(jax.jit, static_argnames=("width", "height", "batch", "dims", "classes"))
+def accumulate(
+    pair: tuple[Any, Any],
+    pixels: Pixels | None,
+    state: State,
+    first: Array,
+    batches: Array,
+    width: int,
+    height: int,
+    batch: int,
+    dims: tuple[int, ...],
+    classes: str,
+) -> State:
+    """Add ``batches`` times ``batch`` samples of every pixel.
+
+    ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first two).
+    ``classes`` is the structure of the pair in words, part of the cache's key: plug-ins may be dataclasses
+    that JAX takes for one another, see `qmcjax.pytrees`.
+    """
+    del classes
+    scene, sampler = pair
+    sampler = sampler.of_pixels(*(pixels or of_image(width, height)), dims)
+
+    def batch_sum(parameters: Any, k: Array) -> Array:
+        # Or else what the samples of a pixel share would be moved out of the loop, once for each of a batch.
+        (scene, sampler, pixels), k = jax.lax.optimization_barrier((parameters, k))
+        x, y = pixels or of_image(width, height)
+        points = sampler.samples(x, y, k, batch, dims, state[0].dtype)
+        points = [completed(point, dims, len(scene.needs)) for point in points]
+        return _summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
+
+    return _summation.add_terms(batch_sum, (scene, sampler, pixels), state, first, batches)
+
+
+@jax.jit
+def mean(state: State, count: Array) -> Array:
+    """Return the sum over the number of terms."""
+    return _summation.value(state) / count
+
+
+def of_image(width: int, height: int) -> Pixels:
+    """Return column and row of every pixel."""
+    shape = (height, width)
+    return jax.lax.broadcasted_iota(jnp.uint32, shape, 1), jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
+
+
+def completed(point: Array, dims: tuple[int, ...], count: int) -> Array:
+    """Return points of ``count`` coordinates of which ``dims`` are given."""
+    if dims == tuple(range(count)):
+        return point
+    half = jnp.full(point.shape[:-1], 0.5, point.dtype)
+    given = {dim: point[..., j] for j, dim in enumerate(dims)}
+    return jnp.stack([given.get(dim, half) for dim in range(count)], axis=-1)
+
+
+def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Array:
+    """Take the first two coordinates from the pixel to the screen."""
+    dtype = point.dtype
+    below_one = np.nextafter(np.ones((), dtype), np.zeros((), dtype))
+    screen = [
+        # The last pixel's sum may round up to 1.
+        jnp.minimum((pixel.astype(dtype) + point[..., j]) * np.asarray(1 / side, dtype), below_one)
+        for j, (pixel, side) in enumerate(((x, width), (y, height)))
+    ]
+    return jnp.stack([*screen, *(point[..., j] for j in range(2, point.shape[-1]))], axis=-1)
+
+
+def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike) -> State:
+    """Return the empty sum of values of a scene at pixels of a shape."""
+    point = jax.ShapeDtypeStruct((*shape, len(scene.needs)), dtype)
+    return _summation.zeros(jax.eval_shape(scene, point))

@@ -1,0 +1,175 @@
+"""Images without the samples that a scene does not need."""
+
+import math
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax import _frame, checks
+from qmcjax.samplers import completed
+
+_SIZES = (16384, 4096, 1024, 256)
+"""Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
+
+Group = tuple[tuple[int, ...], NDArray[np.intp]]
+"""Coordinates that vary, and the pixels in which they and no others do."""
+
+
+class AdaptiveImage(NamedTuple):
+    """An image, and where its samples went."""
+
+    image: Array
+    """Shape (height, width) or (height, width, 3)."""
+    counts: NDArray[np.uint32]
+    """Shape (height, width): samples taken in each pixel."""
+    saving: float
+    """The part of all width * height * spp samples that was not taken."""
+
+
+class Task(NamedTuple):
+    """What is rendered."""
+
+    scene: Any
+    sampler: Any
+    width: int
+    height: int
+    spp: int
+    dtype: np.dtype
+
+
+def skipping(task: Task, progress: Callable[[float], None]) -> AdaptiveImage:
+    """Take one sample where the scene is constant, and only the coordinates that vary elsewhere."""
+    image, groups = plan(task)
+    counts = np.ones(image.shape[:2], np.uint32)
+    total, done = sum(len(pixels) for _, pixels in groups), 0
+    for dims, pixels in groups:
+        for part, values in means(task, dims, pixels):
+            flat(image)[part] = values
+            done += len(part)
+            progress(done / total)
+        counts.ravel()[pixels] = task.spp
+    return result(task, image, counts)
+
+
+def plan(task: Task) -> tuple[NDArray, list[Group]]:
+    """Return the image of the pixels' centres, and the pixels where the scene varies."""
+    varies = getattr(task.scene, "varies", None)
+    every = tuple(range(len(task.scene.needs)))
+    with checks.precision(task.dtype):
+        classes = str(jax.tree.structure(task.scene))
+        centre, vary, codes = _centres(
+            task.scene, task.width, task.height, task.dtype, varies is not None, classes
+        )
+        image = np.array(centre)
+    if varies is None:
+        return image, [(every, np.arange(task.width * task.height))]
+    rest = np.flatnonzero(vary)
+    codes = np.asarray(codes).ravel()[rest]
+    groups = []
+    while len(rest):
+        code = codes[0]
+        same = codes == code
+        dims = tuple(j for j in every if int(code) >> _bit(j) & 1)
+        groups.append((dims, rest[same]))
+        rest, codes = rest[~same], codes[~same]
+    return image, groups
+
+
+def _bit(dim: int) -> int:
+    """Return the bit that tells of a coordinate: x and y share one, and so do all from 32 on."""
+    return min(max(dim - 1, 0), 31)
+
+
+@partial(jax.jit, static_argnames=("width", "height", "dtype", "varies", "classes"))
+def _centres(
+    scene: Any, width: int, height: int, dtype: np.dtype, varies: bool, classes: str
+) -> tuple[Array, Array | None, Array | None]:
+    """Return the values at the centres of all pixels, whether they vary, and a word of bits for what does."""
+    del classes
+    x, y = _frame.of_image(width, height)
+    count = len(scene.needs)
+    half = jnp.full((*x.shape, count), 0.5, dtype)
+    image = scene(_frame.on_screen(half, x, y, width, height))
+    if not varies:
+        return image, None, None
+    # Points are rounded; so are these edges, by a unit each of the product and of the reciprocal.
+    margin = 4 * jnp.finfo(dtype).eps
+    low, high = [], []
+    for pixel, side in ((x, width), (y, height)):
+        pixel, scale = pixel.astype(dtype), np.asarray(1 / side, dtype)
+        low.append(pixel * (scale * (1 - margin)))
+        high.append((pixel + 1) * (scale * (1 + margin)))
+    rest = [jnp.full(x.shape, edge, dtype) for edge in (0, 1)]
+    bits = scene.varies(
+        jnp.stack([*low, *[rest[0]] * (count - 2)], axis=-1),
+        jnp.stack([*high, *[rest[1]] * (count - 2)], axis=-1),
+    )
+    codes = jnp.zeros(x.shape, jnp.uint32)
+    for j in range(count):
+        codes |= bits[..., j].astype(jnp.uint32) << np.uint32(_bit(j))
+    return image, codes != 0, codes
+
+
+def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray, NDArray]]:
+    """Yield the means of all samples, for one part of the pixels after the other."""
+    sampler = completed(task.sampler)
+    batch = math.gcd(task.spp, sampler.unrolled(dims))
+    pair, size = (task.scene, sampler), (task.width, task.height)
+    classes = str(jax.tree.structure(pair))
+    with checks.precision(task.dtype):
+        begun = [
+            (part, _means(pair, padded, np.uint32(task.spp), *size, batch, dims, task.dtype, classes))
+            for part, padded in _parts(pixels)
+        ]
+        for part, values in begun:
+            yield part, np.asarray(values)[: len(part)]
+
+
+@partial(jax.jit, static_argnames=("width", "height", "batch", "dims", "dtype", "classes"))
+def _means(
+    pair: tuple[Any, Any],
+    numbers: Array,
+    spp: Array,
+    width: int,
+    height: int,
+    batch: int,
+    dims: tuple[int, ...],
+    dtype: np.dtype,
+    classes: str,
+) -> Array:
+    """Return the means over pixels by their numbers."""
+    pixels = numbers % np.uint32(width), numbers // np.uint32(width)
+    state = _frame.zeros(pair[0], numbers.shape, dtype)
+    batches = spp // np.uint32(batch)
+    state = _frame.accumulate(
+        pair, pixels, state, jnp.uint32(0), batches, width, height, batch, dims, classes
+    )
+    return _frame.mean(state, spp.astype(dtype))
+
+
+def _parts(pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.uint32]]]:
+    """Cut a list into parts, and fill each up to one of `_SIZES`."""
+    start = 0
+    for size in _SIZES:
+        while len(pixels) - start >= size or (size == _SIZES[-1] and start < len(pixels)):
+            part = pixels[start : start + size]
+            yield part, np.resize(part, size).astype(np.uint32)
+            start += size
+
+
+def flat(image: NDArray) -> NDArray:
+    """Return a view with one row a pixel."""
+    return image.reshape(image.shape[0] * image.shape[1], *image.shape[2:])
+
+
+def result(task: Task, image: NDArray, counts: NDArray[np.uint32]) -> AdaptiveImage:
+    """Return the image with the part of all samples that it saved."""
+    every = task.width * task.height * task.spp
+    with checks.precision(task.dtype):
+        return AdaptiveImage(jnp.asarray(image), counts, 1 - int(counts.sum(dtype=np.uint64)) / every)

@@ -1,0 +1,110 @@
+"""Points that pixels far enough from each other share."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.sequences import Sequence
+
+_ON_SCREEN = 2
+
+
+@pytree
+@dataclass(frozen=True)
+class Interleaved(Sampler):
+    """The pixels of a tile take one block of the sequence after the other, in every tile the same."""
+
+    sequence: Sequence
+    spp: int = field(metadata={"static": True})
+    tile: int = field(metadata={"static": True})
+    positions: Any
+    """The sampler of the position inside the pixel, or None."""
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates."""
+        return self.sequence.dims + (0 if self.positions is None else _ON_SCREEN)
+
+    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        tile = np.uint32(self.tile)
+        index = (y % tile * tile + x % tile) * np.uint32(self.spp) + sample
+        if self.positions is None:
+            return self.sequence(index, dims, dtype)
+        parts = []
+        own = tuple(j for j in dims if j < _ON_SCREEN)
+        shared = tuple(j - _ON_SCREEN for j in dims if j >= _ON_SCREEN)
+        if own:
+            parts.append(self.positions(x, y, sample, own, dtype))
+        if shared:
+            parts.append(self.sequence(index, shared, dtype))
+        joined = jnp.concatenate(parts, axis=-1)
+        order = [*own, *(j + _ON_SCREEN for j in shared)]
+        return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise a ValueError unless no pixel needs more than its block."""
+        check_count(spp, self.spp, "samples in the block of a pixel")
+        if self.positions is not None:
+            self.positions.check(width, height, spp)
+
+
+def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Any = None) -> Interleaved:
+    """Sample all tiles of the image alike, and the pixels of a tile with blocks of one sequence.
+
+    Methods for programs that render whole images at a point in time, or for one vector of everything but the
+    pixel [1]_ [2]_:
+
+    - ``tile=1``: every pixel has the same points, as where the images of an accumulation buffer are averaged.
+    - ``tile=1`` with ``positions``: only the position inside the pixel is its own, the method of dependent
+      tests. Few samples show as many ghosts of what moves (strobing).
+    - a larger ``tile``: interleaved sampling. Neighbours have different points, which turns ghosts into
+      a fine pattern.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        Of the coordinates that are shared: all, or those after the first two if there are ``positions``.
+    spp : int
+        Points in the block of a pixel, at least 1.
+    tile : int
+        Side of a tile in pixels, at least 1.
+    positions : Sampler, optional
+        Coordinates 0 and 1.
+
+    Returns
+    -------
+    Interleaved
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range, or the sequence does not have ``tile**2 * spp`` points, or ``positions``
+        has fewer than two coordinates.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.1.2 and 3.1.3.
+    .. [2] A. Keller, W. Heidrich, "Interleaved Sampling", 2001.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> sampler = samplers.interleaved(sequences.van_der_corput(), spp=4, tile=2)
+    >>> print([sampler(x, 0, 0, dims=(0,)).item() for x in range(4)])
+    [0.0, 0.125, 0.0, 0.125]
+    """
+    spp = checks.integer("spp", spp, 1, 2**32 - 1)
+    tile = checks.integer("tile", tile, 1, 2**16)
+    limit = checks.INDEX_LIMIT if sequence.size is None else sequence.size
+    if tile * tile * spp > limit:
+        raise ValueError(f"spp must be at most {limit // tile**2} for tiles of {tile} x {tile}, got {spp}")
+    if positions is not None and positions.dims < _ON_SCREEN:
+        raise ValueError(f"positions must have at least 2 coordinates, got {positions.dims}")
+    return Interleaved(sequence, spp, tile, positions)

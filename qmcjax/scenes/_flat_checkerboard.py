@@ -1,0 +1,154 @@
+"""A flat checkerboard at any angle."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.scenes import _flat_checkerboard_reference
+from qmcjax.scenes._base import cast, cast_edges
+from qmcjax.scenes._edges import visible
+from qmcjax.scenes._parameters import numbers
+
+
+@pytree
+@dataclass(frozen=True)
+class FlatCheckerboard:
+    """A checkerboard seen from above, turned about the centre of the image.
+
+    With ``X = squares ((x - 1/2) cos(angle) + (y - 1/2) sin(angle))`` and
+    ``Y = squares ((y - 1/2) cos(angle) - (x - 1/2) sin(angle))`` the value is 1 where
+    ``floor(X) + floor(Y)`` is even and 0 elsewhere.
+    """
+
+    squares: Array | NDArray[np.float64]
+    """How many squares fit across the image."""
+    angle: Array | NDArray[np.float64]
+    """In radians, from x to y."""
+
+    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
+        scene = cast_edges(self, point.dtype)
+        x, y = point[..., 0] - 0.5, point[..., 1] - 0.5
+        cosine, sine = scene.squares * jnp.cos(scene.angle), scene.squares * jnp.sin(scene.angle)
+        return (1 + _parity(jnp.floor(x * cosine + y * sine) + jnp.floor(y * cosine - x * sine))) * 0.5
+
+    def varies(self, low: Array, high: Array) -> Array:
+        """Say which boxes are not within one square; see `Scene`."""
+        scene = cast(self, low.dtype)
+        low, high = low - 0.5, high - 0.5
+        cosine, sine = scene.squares * jnp.cos(scene.angle), scene.squares * jnp.sin(scene.angle)
+        slack = 8 * jnp.finfo(low.dtype).eps * scene.squares
+        met = jnp.zeros(low.shape[:-1], bool)
+        for slopes in ((cosine, sine), (-sine, cosine)):
+            first, last = -slack, slack
+            for axis, slope in enumerate(slopes):
+                ends = slope * low[..., axis], slope * high[..., axis]
+                first, last = first + jnp.minimum(*ends), last + jnp.maximum(*ends)
+            met |= jnp.floor(first) != jnp.floor(last)
+        return jnp.stack([met, met], axis=-1)
+
+    def boundary(self, u: Array) -> tuple[Array, Array]:
+        """Return points on the edges and the jumps there; see `qmcjax.boundary_gradient`.
+
+        All lines ``X = k`` and ``Y = k`` that meet the image are sampled equally often. On the left of the
+        direction in which a line is followed is what has the lesser X or Y.
+        """
+        scene = cast(self, u.dtype)
+        cosine, sine = jnp.cos(scene.angle), jnp.sin(scene.angle)
+        half = jax.lax.stop_gradient(0.5 * scene.squares * (abs(cosine) + abs(sine)))  # of the image, along X
+        farthest = jnp.maximum(jnp.ceil(half) - 1, 0)
+        lines = 2 * farthest + 1
+        position = u[..., 0] * (2 * lines)
+        line = jax.lax.stop_gradient(jnp.floor(position))
+        second = line >= lines
+        k = line - farthest - jnp.where(second, lines, 0)
+
+        first_axis, second_axis = jnp.stack([cosine, sine]), jnp.stack([-sine, cosine])
+        across = jnp.where(second[..., None], *_same_shape(second_axis, first_axis, k))
+        onward = jnp.where(second[..., None], *_same_shape(-first_axis, second_axis, k))
+        foot = 0.5 + (k / scene.squares)[..., None] * across
+        low, high = visible(foot - onward, foot + onward)
+        distance = 2 * (low + (position - line) * (high - low)) - 1
+        square = jnp.floor(jnp.where(second, -1, 1) * distance * scene.squares)
+        return foot + distance[..., None] * onward, -_parity(k + square)
+
+    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel.
+
+        Parameters
+        ----------
+        width, height : int
+            The resolution in pixels, each in [1, 65536].
+
+        Returns
+        -------
+        image : float64 ndarray, shape (height, width)
+        bound : float
+            No pixel is off by more; below 1e-12 at 512 x 512, all of it rounding. The time taken is in
+            proportion to ``(width + height) (width + height + squares)``.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is out of range.
+        """
+        width = checks.integer("width", width, 1, 65536)
+        height = checks.integer("height", height, 1, 65536)
+        return _flat_checkerboard_reference.pixel_means(float(self.squares), float(self.angle), width, height)
+
+    def reference_gradient(self, width: int, height: int) -> tuple["FlatCheckerboard", float]:
+        """Return the exact derivatives of the pixel means; see `Scene`."""
+        width = checks.integer("width", width, 1, 65536)
+        height = checks.integer("height", height, 1, 65536)
+        squares, angle, bound = _flat_checkerboard_reference.pixel_gradients(
+            float(self.squares), float(self.angle), width, height
+        )
+        return FlatCheckerboard(squares, angle), bound
+
+
+def _parity(integers: Array) -> Array:
+    """Return 1 for even and -1 for odd integers."""
+    half = 0.5 * integers
+    return 1 - 4 * (half - jnp.floor(half))
+
+
+def _same_shape(a: Array, b: Array, like: Array) -> tuple[Array, Array]:
+    shape = (*like.shape, 2)
+    return jnp.broadcast_to(a, shape), jnp.broadcast_to(b, shape)
+
+
+def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) -> FlatCheckerboard:
+    """Return a checkerboard seen from above.
+
+    Parameters
+    ----------
+    squares : float
+        How many squares fit across the image; positive.
+    angle : float
+        By how much it is turned about the centre of the image, in radians, from x to y.
+
+    Returns
+    -------
+    FlatCheckerboard
+
+    Raises
+    ------
+    ValueError
+        If ``squares`` is not positive and finite, or the angle not finite.
+
+    Examples
+    --------
+    >>> flat_checkerboard(squares=2.0, angle=0.0)(jnp.array([[0.1, 0.1], [0.9, 0.1]]))
+    Array([1., 0.], dtype=float32)
+    """
+    checks.positive("squares", squares)
+    return FlatCheckerboard(numbers("squares", squares), numbers("angle", angle))

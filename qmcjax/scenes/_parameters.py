@@ -1,0 +1,47 @@
+"""Parameters of scenes: real numbers and vectors of them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from numpy.typing import NDArray
+
+
+def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
+    """Return ``value`` as an array of this shape, or raise a ValueError unless it is one of finite numbers.
+
+    ``None`` in ``shape`` stands for any length. What holds JAX arrays becomes one, and other values are in
+    float64, so that the references see all digits.
+    """
+    traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
+    array = jnp.asarray(value) if traced else _float64(name, value)
+    found = jnp.shape(array)
+    fits = len(found) == len(shape) and all(b in (None, a) for a, b in zip(found, shape, strict=True))
+    if not fits:
+        wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
+        raise ValueError(f"{name} must have shape {wanted}, got {found}: {value!r}")
+    if not isinstance(array, Tracer) and not np.all(np.isfinite(np.asarray(array))):
+        raise ValueError(f"{name} must be finite, got {value!r}")
+    return array
+
+
+def require(name: str, value: Any, holds: Callable[[NDArray], Any], rule: str) -> None:
+    """Raise a ValueError if ``value`` is known and does not hold the rule everywhere."""
+    if not isinstance(value, Tracer) and not np.all(holds(np.asarray(value))):
+        raise ValueError(f"{name} must be {rule}, got {value!r}")
+
+
+def named(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
+    """Return the names of all dimensions: those without a meaning are called u2, u3, ..."""
+    return (*names, *(f"u{j}" for j in range(len(names), dims)))[:dims]
+
+
+def _float64(name: str, value: Any) -> NDArray[np.float64]:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be made of real numbers, got {value!r}") from None

@@ -1,0 +1,149 @@
+"""Light paths through a room without geometry: as many dimensions as one likes, and a closed form."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.scenes._base import EPS, cast, in_float64
+from qmcjax.scenes._parameters import numbers, require
+
+
+@pytree
+@dataclass(frozen=True)
+class PathToy:
+    """Light gathered along a path of random bounces with Russian roulette; see `path_toy`."""
+
+    emission: Any
+    """What the room emits at its brightest place."""
+
+    albedo: Any
+    """What it reflects at its most reflecting place."""
+
+    survival: Any
+    """The probability to go on at each bounce; None goes on always."""
+
+    bounces: int = field(metadata={"static": True})
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension: two or three for every bounce."""
+        each = ("u", "v") if self.survival is None else ("survival", "u", "v")
+        return ("x", "y", *(f"{name}{k}" for k in range(1, self.bounces + 1) for name in each))
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
+        scene = cast(self, point.dtype)
+        coordinates = iter([point[..., j] for j in range(len(self.needs))])
+        x, y = next(coordinates), next(coordinates)
+        radiance = scene.emission * y
+        throughput = jnp.ones_like(x)
+        for _ in range(self.bounces):
+            throughput *= scene.albedo * x
+            if scene.survival is not None:
+                # The mean does not depend on it, so that its derivative is 0; the sample's is not.
+                survival = jax.lax.stop_gradient(scene.survival)
+                throughput = jnp.where(next(coordinates) < survival, throughput / survival, 0)
+            x, y = _around(x + next(coordinates)), _around(y + next(coordinates))
+            radiance += throughput * scene.emission * y
+        return radiance
+
+    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: a ramp along x of reflected and one along y of own light.
+
+        Parameters
+        ----------
+        width, height : int
+            The resolution in pixels, each in [1, 65536].
+
+        Returns
+        -------
+        image : float64 ndarray, shape (height, width)
+        bound : float
+            No pixel is off by more, all of it rounding.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is out of range.
+        """
+        width = checks.integer("width", width, 1, 65536)
+        height = checks.integer("height", height, 1, 65536)
+        scene = in_float64(self)
+        emission, albedo = float(scene.emission), float(scene.albedo)
+        arriving = 0.5 * emission * float(np.sum((0.5 * albedo) ** np.arange(self.bounces)))
+        x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
+        image = np.add.outer(emission * y, albedo * arriving * x)
+        return image, (8 + self.bounces) * EPS * float(image.max())
+
+
+def path_toy(
+    bounces: int = 8,
+    albedo: Any = 0.9,
+    survival: Any = 0.5,
+    emission: Any = 1.0,
+) -> PathToy:
+    r"""Return light paths through a room without geometry, in as many dimensions as one likes.
+
+    The room is the unit square, whose opposite edges are joined. Its place ``p = (x, y)`` emits
+    ``e(p) = emission y`` and reflects the part ``a(p) = albedo x`` of the light that arrives there. A path
+    starts at the place that the pixel sees; a bounce takes it from ``p`` to ``(p + (u, v)) mod 1``, that is,
+    anywhere with the same probability. With Russian roulette the path goes on only where another coordinate
+    is below ``survival``, and is then worth ``1 / survival`` times as much:
+
+    .. math:: f = \sum_{k=0}^{bounces} e(p_k) \prod_{i<k} \frac{a(p_i)}{survival} [r_{i+1} < survival].
+
+    As in a renderer, every value depends on all coordinates before, and later bounces matter less. Since
+    places are independent of each other, the mean for a given ``p_0`` is
+    ``e(p_0) + a(p_0) E (1 + A + ... + A**(bounces - 1))``, with the means ``E = emission / 2`` and
+    ``A = albedo / 2`` over the room.
+
+    Parameters
+    ----------
+    bounces : int
+        In [1, 340]; each takes three dimensions, or two without roulette.
+    albedo : float
+        The largest reflectance, in (0, 1].
+    survival : float or None
+        The probability to go on, in (0, 1]. None goes on always and does not need these coordinates.
+    emission : float
+        The largest emission; positive.
+
+    Returns
+    -------
+    PathToy
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    Notes
+    -----
+    The variance is finite for any number of bounces, but grows with it unless ``albedo**2 / 3 < survival``.
+
+    Examples
+    --------
+    >>> scene = path_toy(bounces=1, albedo=1.0, survival=None)
+    >>> scene(jnp.array([0.5, 0.25, 0.75, 0.5])), scene.needs
+    (Array(0.625, dtype=float32), ('x', 'y', 'u1', 'v1'))
+    """
+    bounces = checks.integer("bounces", bounces, 1, 340)
+    albedo, emission = numbers("albedo", albedo), numbers("emission", emission)
+    require("albedo", albedo, lambda a: (a > 0) & (a <= 1), "in (0, 1]")
+    checks.positive("emission", emission)
+    if survival is not None:
+        survival = numbers("survival", survival)
+        require("survival", survival, lambda s: (s > 0) & (s <= 1), "in (0, 1]")
+    return PathToy(emission, albedo, survival, bounces)
+
+
+def _around(x: Array) -> Array:
+    """Take a number in [0, 2) into [0, 1)."""
+    return x - jnp.floor(x)

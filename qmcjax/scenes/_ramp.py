@@ -1,0 +1,97 @@
+"""A grey ramp over one dimension."""
+
+from dataclasses import dataclass, field
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.scenes._base import EPS
+from qmcjax.scenes._parameters import named
+
+
+@pytree
+@dataclass(frozen=True)
+class Ramp:
+    """The scene whose value is one of the coordinates."""
+
+    dimension: int = field(metadata={"static": True})
+    """Which one, counted from 0."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension up to the one that is shown."""
+        return named(max(self.dimension + 1, 2))
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
+        return point[..., self.dimension]
+
+    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: 1/2 but for the ramps over x or y.
+
+        Parameters
+        ----------
+        width, height : int
+            The resolution in pixels, each in [1, 65536].
+
+        Returns
+        -------
+        image : float64 ndarray, shape (height, width)
+        bound : float
+            No pixel is off by more.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is out of range.
+        """
+        width = checks.integer("width", width, 1, 65536)
+        height = checks.integer("height", height, 1, 65536)
+        image = np.full((height, width), 0.5)
+        if self.dimension == 0:
+            image[:] = (np.arange(width) + 0.5) / width
+        elif self.dimension == 1:
+            image[:] = ((np.arange(height) + 0.5) / height)[:, None]
+        return image, EPS
+
+    def varies(self, low: Array, high: Array) -> Array:
+        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
+        del low
+        return jnp.zeros(high.shape, bool).at[..., self.dimension].set(True)
+
+
+def ramp(dimension: int = 5) -> Ramp:
+    """Return the grey ramp of [1]_: its picture with one sample a pixel is a coordinate of the sampler.
+
+    Where the image shows a pattern, this dimension goes together with the first two, the pixel; the mean
+    1/2 is reached only after as many samples as it takes to break the pattern.
+
+    Parameters
+    ----------
+    dimension : int
+        The dimension shown, counted from 0, in [0, 1023]; 0 and 1 are x and y.
+
+    Returns
+    -------
+    Ramp
+
+    Raises
+    ------
+    ValueError
+        If ``dimension`` is out of range.
+
+    References
+    ----------
+    .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+       Hierarchical Ordering of Pixels", 2020, Fig. 8.
+
+    Examples
+    --------
+    >>> ramp(2)(jnp.array([0.1, 0.2, 0.75]))
+    Array(0.75, dtype=float32)
+    """
+    return Ramp(checks.integer("dimension", dimension, 0, 1023))

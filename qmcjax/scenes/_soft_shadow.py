@@ -1,0 +1,136 @@
+"""The shadow of a half plane in the light of a rectangle."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax import checks
+from qmcjax.pytrees import pytree
+from qmcjax.scenes._base import cast, cast_edges, in_float64
+from qmcjax.scenes._blurred_edge import smeared_by_box
+from qmcjax.scenes._constancy import linear, sign_varies
+from qmcjax.scenes._parameters import numbers, require
+
+
+@pytree
+@dataclass(frozen=True)
+class SoftShadow:
+    """The shadow of a half plane in the light of a rectangle; see `soft_shadow`."""
+
+    angle: Any
+
+    offset: Any
+
+    height: Any
+    """The height of the half plane, with the light at height 1."""
+
+    light: Any
+    """The sides of the light, shape (2,); None is a point."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension; the light only if it has an area."""
+        return ("x", "y") if self.light is None else ("x", "y", "light_u", "light_v")
+
+    def _edge(self) -> tuple[Any, list[Any]]:
+        """Return constant and slopes of the linear function that is negative in the shadow."""
+        normal = [jnp.cos(self.angle), jnp.sin(self.angle)]
+        middle = 0.5 * self.height * (normal[0] + normal[1])
+        slopes = [(1 - self.height) * n for n in normal]
+        if self.light is None:
+            return middle - self.offset, slopes
+        sides = [self.height * n * self.light[j] for j, n in enumerate(normal)]
+        return middle - 0.5 * (sides[0] + sides[1]) - self.offset, [*slopes, *sides]
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
+        return (linear(point, *cast_edges(self, point.dtype)._edge()) >= 0).astype(point.dtype)
+
+    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: a convolution of two rectangles.
+
+        Parameters
+        ----------
+        width, height : int
+            The resolution in pixels, each in [1, 65536].
+
+        Returns
+        -------
+        image : float64 ndarray, shape (height, width)
+        bound : float
+            No pixel is off by more, all of it rounding.
+
+        Raises
+        ------
+        ValueError
+            If the resolution is out of range.
+        """
+        width = checks.integer("width", width, 1, 65536)
+        height = checks.integer("height", height, 1, 65536)
+        scene = in_float64(self)
+        angle, up = float(scene.angle), float(scene.height)
+        across, along = math.cos(angle), math.sin(angle)
+        u, v = (0.0, 0.0) if scene.light is None else scene.light * (up / (1 - up))
+        offset = (float(scene.offset) - 0.5 * up * (across + along)) / (1 - up)
+        shadow, bound = smeared_by_box(angle, offset, (abs(u * across), abs(v * along)), width, height)
+        return 1 - shadow, bound
+
+    def varies(self, low: Array, high: Array) -> Array:
+        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
+        constant, slopes = cast(self, low.dtype)._edge()
+        met = sign_varies(low, high, constant, slopes)
+        return jnp.stack([met & (slope != 0) for slope in slopes], axis=-1)
+
+
+def soft_shadow(
+    angle: Any = 0.4,
+    offset: Any = 0.6,
+    height: Any = 0.4,
+    light: Any = (0.5, 0.3),
+) -> SoftShadow:
+    """Return the ground below a half plane and, above that, a rectangular light.
+
+    The image is the ground, seen from above. The light is parallel to it at height 1, with its centre above
+    that of the image. The half plane is parallel to both at the given height and fills
+    ``x cos(angle) + y sin(angle) < offset``. The value is 1 where nothing is between the point ``p`` on the
+    ground and the point ``q`` of the light, that is, where ``(1 - height) p + height q`` is not in the half
+    plane.
+
+    Parameters
+    ----------
+    angle : float
+        The direction from the half plane to its outside, in radians from x to y.
+    offset : float
+        The distance of its edge from the point above the corner (0, 0) along that direction.
+    height : float
+        Where the half plane is between ground and light, in (0, 1).
+    light : float array, shape (2,), or None
+        The sides of the light along x and y; positive. None is a point: the scene then does not need
+        the coordinates of the light.
+
+    Returns
+    -------
+    SoftShadow
+
+    Raises
+    ------
+    ValueError
+        If a parameter is out of range.
+
+    Examples
+    --------
+    >>> scene = soft_shadow(angle=0.0, offset=0.5, height=0.5, light=(0.4, 0.4))
+    >>> scene(jnp.array([[0.4, 0.5, 0.9, 0.5], [0.4, 0.5, 0.1, 0.5]]))
+    Array([1., 0.], dtype=float32)
+    """
+    height = numbers("height", height)
+    require("height", height, lambda h: (h > 0) & (h < 1), "above 0 and below 1")
+    if light is not None:
+        light = numbers("light", light, (2,))
+        checks.positive("light", light)
+    return SoftShadow(numbers("angle", angle), numbers("offset", offset), height, light)

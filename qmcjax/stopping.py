@@ -1,0 +1,86 @@
+"""Passes in each pixel until its error is small."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from qmcjax.adaptive import AdaptiveImage, Group, Task, flat, means, plan, result
+
+PILOT = 4
+"""Passes before the first decision."""
+
+_PILOT_KEY = 2**32 - 1
+"""Folded into the key for the pilot. No pass has this number."""
+
+
+def until(task: Task, tolerance: float, unbiased: bool, progress: Callable[[float], None]) -> AdaptiveImage:
+    """Take passes in each pixel that varies until its standard error is at most ``tolerance``."""
+    centre, groups = plan(task)
+    limit = task.spp // task.sampler.spp
+    vary = np.zeros(task.width * task.height, bool)
+    for _, pixels in groups:
+        vary[pixels] = True
+
+    pilot = task.sampler
+    if unbiased:
+        pilot = replace(pilot, key=jax.random.fold_in(pilot.key, _PILOT_KEY))
+    moments = _Moments(centre.shape)
+    for number in range(PILOT):
+        moments.add(task, pilot.of_pass(number), groups, vary)
+        progress((number + 1) / limit)
+    if unbiased:
+        wanted = np.ceil(moments.variance() / tolerance**2)
+        passes = np.clip(wanted, 1, limit - PILOT).astype(np.int64) * vary
+        moments = _Moments(centre.shape)
+        for number in range(int(passes.max(initial=0))):
+            moments.add(task, task.sampler.of_pass(number), groups, passes > number)
+            progress((PILOT + number + 1) / limit)
+        passes += PILOT
+    else:
+        active = vary
+        for number in range(PILOT, limit):
+            active = active & (moments.variance() > tolerance**2 * moments.count)
+            if not active.any():
+                break
+            moments.add(task, task.sampler.of_pass(number), groups, active)
+            progress((number + 1) / limit)
+        passes = moments.count
+    progress(1.0)
+    counts = np.where(vary, passes * task.sampler.spp, 1).astype(np.uint32).reshape(centre.shape[:2])
+    flat(centre)[vary] = moments.mean[vary]
+    return result(task, centre, counts)
+
+
+class _Moments:
+    """Means of the passes of each pixel so far, and the sums of their squared deviations."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.shape = shape
+        pixels = shape[0] * shape[1]
+        self.count = np.zeros(pixels, np.int64)
+        self.mean = np.zeros((pixels, *shape[2:]))
+        self.squares = np.zeros_like(self.mean)
+
+    def add(self, task: Task, sampler: Any, groups: list[Group], active: NDArray[np.bool_]) -> None:
+        """Add a pass of the active pixels (B. P. Welford, 1962)."""
+        one = task._replace(sampler=sampler, spp=task.sampler.spp)
+        for dims, pixels in groups:
+            for part, values in means(one, dims, pixels[active[pixels]]):
+                self.count[part] += 1
+                deviation = values - self.mean[part]
+                self.mean[part] += (deviation.T / self.count[part]).T
+                self.squares[part] += deviation * (values - self.mean[part])
+
+    def variance(self) -> NDArray[np.float64]:
+        """Return the variance of a pass: the largest among a pixel, its eight neighbours and all channels.
+
+        A few passes of a pixel may agree by chance, where an edge cuts off a corner; less so in all of them.
+        """
+        of_pixel = (self.squares.T / np.maximum(self.count - 1, 1)).T.reshape(self.shape)
+        padded = np.pad(of_pixel.reshape(*self.shape[:2], -1).max(axis=2), 1)
+        rows = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+        return np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:]).ravel()

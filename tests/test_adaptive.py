@@ -1,0 +1,234 @@
+"""Samples that a scene does not need are not taken, and the image is the same."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import qmcjax as qj
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.pytrees import pytree
+
+SIDE, SPP = 20, 16
+
+
+@pytree
+@dataclass(frozen=True)
+class Quadrants:
+    """Constant, textured, blinking and both in the quadrants, in three channels."""
+
+    period: jax.Array | float
+    needs = ("x", "y", "other", "time")
+
+    def __call__(self, point):
+        x, y, time = point[..., 0], point[..., 1], point[..., 3]
+        texture = jnp.where(x >= 0.5, jnp.sin(self.period * x) + y, 0.25)
+        blinking = jnp.where(y >= 0.5, jnp.floor(2 * time) + time * time, 0.75)
+        return jnp.stack([texture, blinking, texture * blinking], axis=-1)
+
+    def varies(self, low, high):
+        right, below = high[..., 0] >= 0.5, high[..., 1] >= 0.5
+        return jnp.stack([right, right, jnp.zeros_like(right), below], axis=-1)
+
+
+@pytree
+@dataclass(frozen=True)
+class Wide:
+    """One of forty coordinates matters, on the left."""
+
+    level: float
+    needs = ("x", "y", *(f"u{j}" for j in range(2, 40)))
+
+    def __call__(self, point):
+        return jnp.where(point[..., 0] < 0.25, point[..., 36], self.level)
+
+    def varies(self, low, high):
+        bits = [jnp.zeros(low.shape[:-1], bool)] * 40
+        bits[36] = low[..., 0] < 0.25
+        return jnp.stack(bits, axis=-1)
+
+
+@pytree
+@dataclass(frozen=True)
+class Spike:
+    """1 in a strip of each pixel of an image of 4 x 4, of a width that few samples see."""
+
+    width: float
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        inside = 4 * point[..., 0] - jnp.floor(4 * point[..., 0])
+        return (inside < self.width).astype(point.dtype)
+
+
+@pytree
+@dataclass(frozen=True)
+class NotANumber:
+    """The square root of a difference that is negative in a part of some pixels."""
+
+    from_x: float
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return jnp.sqrt(jnp.where(point[..., 0] > self.from_x, 0.15 - point[..., 1] % 0.25, 1.0))
+
+
+@pytree
+@dataclass(frozen=True)
+class Asked:
+    """A sampler that writes down which coordinates it is asked for."""
+
+    sampler: samplers.Sampler
+    log: ClassVar[list] = []
+
+    @property
+    def dims(self):
+        return self.sampler.dims
+
+    def __call__(self, x, y, sample, dims=(0, 1), dtype=jnp.float32):
+        self.log.append(dims)
+        return self.sampler(x, y, sample, dims, dtype)
+
+    def check(self, width, height, spp):
+        self.sampler.check(width, height, spp)
+
+
+def along(side, spp, dims=2):
+    return samplers.contiguous(orders.hilbert(side, side), sequences.owen(sequences.sobol(dims), key=1), spp)
+
+
+def passes(make=lambda key: samplers.independent(sequences.uniform(2, key), key), spp=4, key=7):
+    return samplers.randomized(make, key, spp)
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, pytest.param(jnp.float64, marks=pytest.mark.slow)])
+def test_image_is_the_same_and_counts_are_what_was_taken(dtype):
+    scene, sampler = Quadrants(20.0), along(SIDE, SPP, 4)
+    whole = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=dtype)
+    result = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=dtype, adaptive=True)
+    assert result.image.dtype == dtype
+    assert result.counts.dtype == np.uint32
+    np.testing.assert_allclose(result.image, whole, rtol=0, atol=4 * float(jnp.finfo(dtype).eps))
+    np.testing.assert_array_equal(result.counts[10:, :], SPP)
+    np.testing.assert_array_equal(result.counts[:, 10:], SPP)
+    np.testing.assert_array_equal(result.counts[:9, :9], 1)
+    assert result.saving == pytest.approx(1 - result.counts.sum() / (SIDE * SIDE * SPP), abs=1e-12)
+
+
+def test_only_coordinates_that_vary_are_generated():
+    Asked.log.clear()
+    result = qj.render(Quadrants(30.0), Asked(along(SIDE, SPP, 4)), SIDE, SIDE, SPP, adaptive=True)
+    assert set(Asked.log) == {(0, 1), (3,), (0, 1, 3)}
+    assert 0 < result.saving < 0.25
+
+
+@pytest.mark.slow
+def test_more_coordinates_than_bits():
+    scene, sampler = Wide(0.5), samplers.independent(sequences.sobol(40), key=1)
+    result = qj.render(scene, sampler, 8, 8, SPP, adaptive=True)
+    np.testing.assert_allclose(result.image, qj.render(scene, sampler, 8, 8, SPP), rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(result.counts[:, 3:], 1)
+    np.testing.assert_array_equal(result.counts[:, :2], SPP)
+
+
+def test_scenes_that_say_nothing_are_sampled_everywhere():
+    scene, sampler = scenes.zone_plate(10.0), along(SIDE, SPP)
+    result = qj.render(scene, sampler, SIDE, SIDE, SPP, adaptive=True)
+    np.testing.assert_allclose(result.image, qj.render(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=1e-6)
+    assert result.saving == 0
+    assert (result.counts == SPP).all()
+
+
+def test_new_parameters_compile_nothing():
+    sampler = Asked(along(SIDE, SPP, 4))
+    qj.render(Quadrants(20.0), sampler, SIDE, SIDE, SPP, adaptive=True)
+    Asked.log.clear()
+    for period in (21.0, 22.0):
+        qj.render(Quadrants(period), sampler, SIDE, SIDE, SPP, adaptive=True)
+    assert not Asked.log
+
+
+def test_passes_go_on_until_the_error_is_small():
+    scene, tolerance = scenes.zone_plate(30.0), 0.02
+    result = qj.render(scene, passes(), SIDE, SIDE, 4096, adaptive=True, tolerance=tolerance)
+    error = np.asarray(result.image, np.float64) - scene.reference(SIDE, SIDE)[0]
+    assert 0.5 * tolerance < np.sqrt(np.mean(error**2)) < tolerance
+    assert (result.counts % 4 == 0).all()
+    assert result.counts.min() >= 16
+    assert result.counts.max() > 2 * result.counts.min()
+    assert 0.5 < result.saving < 1
+    limited = qj.render(scene, passes(), SIDE, SIDE, 64, adaptive=True, tolerance=tolerance)
+    assert limited.counts.max() == 64
+
+
+@pytest.mark.parametrize("unbiased", [True, False])
+def test_unbiased_when_asked_for(unbiased):
+    """Four passes of four samples in nine pixels see no spike with probability (1 - width)^144, 0.56."""
+    scene, images = Spike(0.004), []
+    for key in range(30):
+        result = qj.render(
+            scene, passes(key=key), 4, 4, 1024, adaptive=True, tolerance=0.004, unbiased=unbiased
+        )
+        images.append(np.asarray(result.image, np.float64).mean())
+        assert result.counts.min() >= (20 if unbiased else 16)
+        assert result.counts.max() <= 1024
+    deviation = np.mean(images) - 0.004
+    sigma = np.std(images, ddof=1) / np.sqrt(len(images))
+    assert (abs(deviation) < 5 * sigma) == unbiased
+
+
+def test_constant_pixels_take_no_passes():
+    scene = Quadrants(20.0)
+    sampler = passes(lambda key: samplers.independent(sequences.uniform(4, key), key))
+    result = qj.render(scene, sampler, SIDE, SIDE, 32, adaptive=True, tolerance=1e-9)
+    assert (result.counts[:9, :9] == 1).all()
+    assert (result.counts[10:, 10:] == 32).all()
+    np.testing.assert_array_equal(result.image[:9, :9], [[[0.25, 0.75, 0.1875]] * 9] * 9)
+
+
+def test_progress_is_reported_and_ends():
+    options: list[dict[str, Any]] = [{}, {"tolerance": 0.1}]
+    for more in options:
+        seen: list[float] = []
+        qj.render(
+            scenes.zone_plate(10.0), passes(), SIDE, SIDE, 64, adaptive=True, progress=seen.append, **more
+        )
+        assert seen == sorted(seen)
+        assert seen[0] > 0
+        assert seen[-1] == 1
+
+
+@pytest.mark.parametrize("adaptive", [True, False])
+def test_values_that_are_not_finite_are_found_and_named(adaptive):
+    """Points 12, 13, 14 and 15 have 4, 13, 22 and 7 27ths of the height: 22/27 / 4 is above 0.15."""
+    sampler = samplers.contiguous(orders.raster(4, 4), sequences.halton(2), 4)
+    with pytest.raises(ValueError, match=r"got nan in pixel \(3, 0\), sample 2, point \[0.859375, 0.2037"):
+        qj.render(NotANumber(0.75), sampler, 4, 4, 4, adaptive=adaptive)
+
+
+@pytest.mark.parametrize(
+    ("sampler", "spp", "more", "message"),
+    [
+        (along(4, 4), 4, {"tolerance": 0.1}, "adaptive must be True for a tolerance"),
+        (along(4, 4), 4, {"adaptive": True, "tolerance": 0.1}, "samplers.randomized .* got Contiguous"),
+        (passes(), 16, {"adaptive": True, "tolerance": 0.0}, "tolerance must be positive .* 0.0"),
+        (passes(), 18, {"adaptive": True, "tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
+        (passes(), 12, {"adaptive": True, "tolerance": 0.1}, "at least 16 .* got 12"),
+        (passes(), 16, {"adaptive": True, "tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),
+        (along(4, 4), 4, {"adaptive": True, "unbiased": True}, "unbiased must be False without"),
+    ],
+)
+def test_bad_input_is_named(sampler, spp, more, message):
+    with pytest.raises(ValueError, match=message):
+        qj.render(scenes.zone_plate(10.0), sampler, 4, 4, spp, **more)
+
+
+def test_not_for_transformations():
+    def total(frequency):
+        return qj.render(scenes.zone_plate(frequency), along(4, 4), 4, 4, 4, adaptive=True).image.sum()
+
+    with pytest.raises(ValueError, match=r"adaptive=True .* got a tracer"):
+        jax.grad(total)(10.0)

@@ -1,0 +1,278 @@
+"""Derivatives of pixel means by sampled edges, and their closed forms."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import scenes, sequences
+from qmcjax.boundary import boundary_gradient
+from qmcjax.pytrees import pytree
+from qmcjax.scenes._edges import spread
+
+WIDTH, HEIGHT = 16, 12
+# None of these has an edge along or through the border of pixels, where means have kinks.
+SCENES = {
+    "step": scenes.step(0.41, 0.61),
+    "step upwards": scenes.step(-2.1, -0.3),
+    "step outside": scenes.step(0.4, 2.5),
+    "staircase": scenes.staircase(0.41, [0.9, 0.3, 0.63, 1.7]),
+    "line": scenes.line(1.21, 0.61, 0.05),
+    "disc": scenes.disc((0.451, 0.562), 0.307),
+    "cut disc": scenes.disc((1.03, 0.2), 0.41),
+    "disc around": scenes.disc((0.5, 0.5), 0.81),
+    "triangle": scenes.triangle([(0.151, 0.207), (0.913, 0.404), (0.355, 0.857)]),
+    "turned triangle": scenes.triangle([(0.151, 0.207), (0.355, 0.857), (0.913, 0.404)]),
+    "cut triangle": scenes.triangle([(1.21, 0.41), (0.153, -0.2), (0.353, 0.87)]),
+    "flat board": scenes.flat_checkerboard(8.1, 0.31),
+    "flat board, few": scenes.flat_checkerboard(0.93, -2.0),
+    "heaviside(2)": scenes.heaviside(2, 0.931),
+    "heaviside(4)": scenes.heaviside(4, 1.7),
+}
+NAMES = pytest.mark.parametrize("name", SCENES)
+
+
+def elements(scene):
+    """Yield (leaf, index) of all real numbers of a scene."""
+    for i, leaf in enumerate(jax.tree.leaves(scene)):
+        yield from ((i, index) for index in np.ndindex(np.shape(leaf)))
+
+
+def moved(scene, i, index, by):
+    leaves, tree = jax.tree.flatten(scene)
+    leaves = [np.array(leaf, np.float64) for leaf in leaves]
+    leaves[i][index] += by
+    return tree.unflatten(leaves)
+
+
+def flat(gradient):
+    """Return all gradients side by side, shape (height, width, numbers)."""
+    return np.concatenate(
+        [np.reshape(leaf, (*leaf.shape[:2], -1)) for leaf in jax.tree.leaves(gradient)], axis=-1
+    ).astype(np.float64)
+
+
+def sequence(name, key):
+    """Return a randomised sequence on the edges."""
+    dims = len(SCENES[name].needs) - 1
+    return sequences.owen(sequences.sobol(dims), key=key)
+
+
+@NAMES
+@pytest.mark.parametrize(("width", "height"), [(WIDTH, HEIGHT), (1, 1), (64, 7)])
+def test_closed_forms_are_central_differences(name, width, height):
+    """To 1e-6 of the largest, the derivatives of exact means."""
+    scene = SCENES[name]
+    gradient, bound = scene.reference_gradient(width, height)
+    assert jax.tree.structure(gradient) == jax.tree.structure(scene)
+    assert bound <= 1e-10 * width * height
+    step = 2e-6
+    for (i, index), image in zip(elements(scene), np.moveaxis(flat(gradient), -1, 0), strict=True):
+        assert image.shape == (height, width)
+        after, before = (moved(scene, i, index, by).reference(width, height)[0] for by in (step, -step))
+        difference = (after - before) / (2 * step)
+        assert abs(difference - image).max() <= 1e-6 * max(1, abs(image).max()) + bound
+
+
+@NAMES
+def test_closed_forms_average(name):
+    """Four sub-pixels average to one."""
+    (fine, a), (coarse, b) = (SCENES[name].reference_gradient(k * WIDTH, k * HEIGHT) for k in (2, 1))
+    average = flat(fine).reshape(HEIGHT, 2, WIDTH, 2, -1).mean(axis=(1, 3))
+    assert abs(average - flat(coarse)).max() <= a + b
+
+
+def test_bounds_of_edges_that_graze_borders():
+    """Which pixels does an edge sweep that all but lies on a border? The bound says that it is open."""
+    _, clear = scenes.step(1e-10, 0.3).reference_gradient(2, 2)
+    _, grazing = scenes.step(1e-10, 0.5).reference_gradient(2, 2)
+    assert clear < 1e-13 < 1e-6 < grazing
+    _, clear = scenes.disc((0.5, 0.5), 0.3).reference_gradient(2, 2)
+    _, grazing = scenes.disc((0.5, 0.5), 0.25).reference_gradient(4, 4)
+    assert clear < 1e-13 < 1e-7 < grazing
+    gradient, bound = scenes.step(3e-8, 0.5).reference_gradient(2, 1)
+    # x < 1/2 / cos(angle) - y tan(angle), and 1 / cos(angle) is 1 + angle**2 / 2: all but y < 1e-8 is left.
+    np.testing.assert_allclose(gradient.offset, [[2, 0]], atol=bound + 1e-7)
+
+
+def test_closed_forms_by_hand():
+    """An edge of length 1, a circumference, a height: what they sweep."""
+    gradient, bound = scenes.step(0.0, 0.3).reference_gradient(2, 1)
+    np.testing.assert_allclose(gradient.offset, [[2, 0]], atol=bound)
+    np.testing.assert_allclose(gradient.angle, [[-1, 0]], atol=bound)  # the mean of -y is -1/2
+    gradient, bound = scenes.disc((0.5, 0.5), 0.2).reference_gradient(1, 1)
+    np.testing.assert_allclose(gradient.radius, [[2 * np.pi * 0.2]], atol=bound)
+    np.testing.assert_allclose(gradient.centre, np.zeros((1, 1, 2)), atol=bound)
+    gradient, bound = scenes.triangle([(0.1, 0.1), (0.7, 0.1), (0.2, 0.5)]).reference_gradient(1, 1)
+    np.testing.assert_allclose(gradient.vertices[0, 0, 2], [0, 0.3], atol=bound)
+    gradient, bound = scenes.heaviside(3, 1.5).reference_gradient(1, 1)
+    np.testing.assert_allclose(gradient.threshold, [[0.75]], atol=bound)
+
+
+def estimates(name, n, keys, kind=sequence):
+    """Return the gradients by randomised points, shape (keys, height, width, numbers)."""
+    made = [boundary_gradient(SCENES[name], kind(name, key), WIDTH, HEIGHT, n) for key in range(keys)]
+    return np.stack([flat(gradient) for gradient in made])
+
+
+# Each kind of scene compiles for a second.
+QUICK = ["staircase", "disc", "cut disc", "turned triangle", "cut triangle", "flat board", "heaviside(4)"]
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in SCENES]
+)
+def test_the_estimate_is_the_closed_form(name):
+    """Within 5 sigma of the mean over 64 keys, for every pixel and parameter, and typically within one."""
+    scene, keys, n = SCENES[name], 64, 2**10
+    gradient = boundary_gradient(scene, sequence(name, 0), WIDTH, HEIGHT, n)
+    assert jax.tree.structure(gradient) == jax.tree.structure(scene)
+    for image, leaf in zip(jax.tree.leaves(gradient), jax.tree.leaves(scene), strict=True):
+        assert image.shape == (HEIGHT, WIDTH, *np.shape(leaf)) and image.dtype == jnp.float32
+    samples = estimates(name, n, keys)
+    exact = flat(scene.reference_gradient(WIDTH, HEIGHT)[0])
+    sigma = samples.std(axis=0, ddof=1) / np.sqrt(keys)
+    off = abs(samples.mean(axis=0) - exact)
+    # An edge that just touches a pixel may be missed by all points.
+    one_point = 2 * WIDTH * HEIGHT / (n * keys)
+    assert np.all(off <= 5 * sigma + one_point)
+    hit = sigma > one_point / 10
+    assert hit.any() == exact.any()
+    assert not hit.any() or 0.6 < np.sqrt(np.mean((off[hit] / sigma[hit]) ** 2)) < 1.6
+
+
+def randomly(name, key):
+    return sequences.uniform(1, key=key)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"),
+    [("disc", 10), pytest.param("triangle", 10, marks=pytest.mark.slow), ("flat board", 3)],
+)
+def test_low_discrepancy_beats_random(name, factor):
+    """By ``factor`` and more at 2**12 samples; 16 times as many lower the error to 1/16, random ones to 1/4.
+
+    A pixel's share of a curve is an interval of u, of which scrambled points miscount only the two ends. The
+    board has many lines, and so many ends a pixel.
+    """
+    exact = flat(SCENES[name].reference_gradient(WIDTH, HEIGHT)[0])
+    random, scrambled = (
+        [np.sqrt(np.mean((estimates(name, n, 16, kind) - exact) ** 2)) for n in (2**10, 2**12, 2**14)]
+        for kind in (randomly, sequence)
+    )
+    assert random[1] >= factor * scrambled[1]
+    assert 3.4 < random[0] / random[2] < 4.6
+    assert 11 < scrambled[0] / scrambled[2] < 23
+
+
+@pytest.mark.parametrize("name", ["disc", "triangle", "flat board"])
+def test_points_are_on_visible_edges(name):
+    """No point is wasted on edges outside of the image; the value jumps by what is said on the side said."""
+    scenes_cut = {
+        "disc": scenes.disc((1.03, 0.2), 0.41),
+        "triangle": scenes.triangle([(1.21, 0.41), (0.153, -0.2), (0.353, 0.87)]),
+        "flat board": scenes.flat_checkerboard(8.1, 0.31),
+    }
+    scene = scenes_cut[name]
+    with jax.enable_x64(True):
+        u = jnp.asarray((np.arange(1000) + 0.5)[:, None] / 1000)
+        point, jump = jax.jit(scene.boundary)(u)
+        slide = jax.jit(lambda u: jax.jvp(lambda u: scene.boundary(u)[0], (u,), (jnp.ones_like(u),)))
+        _, tangent = slide(u)
+        point, jump, tangent = map(np.asarray, (point, jump, tangent))
+        assert np.all((point >= -1e-12) & (point <= 1 + 1e-12))
+        turned = np.stack([-tangent[:, 1], tangent[:, 0]], axis=-1)
+        turned *= 1e-7 / np.linalg.norm(turned, axis=-1, keepdims=True)
+        found = np.asarray(scene(jnp.asarray(point + turned)) - scene(jnp.asarray(point - turned)))
+    assert np.mean(found != jump) <= 0.002  # but next to a corner
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_empty_pieces_are_not_hit(dtype):
+    """Neither first nor last, for the least and the largest u, whatever the lengths add up to."""
+    with jax.enable_x64(True):
+        u = jnp.asarray([0, 0.5, 1 - np.finfo(dtype).epsneg], dtype)
+        for length in np.random.default_rng(1).random((50, 2)).astype(dtype):
+            piece, position = spread(u, jnp.asarray([0, length[0], 0, length[1], 0], dtype))
+            assert piece[0] == 1 and piece[2] == 3 and np.isin(piece[1], [1, 3])
+            assert np.all(position >= 0) and np.all(position <= length[np.asarray(piece) // 2])
+        assert np.array_equal(spread(u, jnp.zeros(3, dtype))[1], [0, 0, 0])
+
+
+def test_sums_are_compensated():
+    """A sum of 2**20 equal terms in one pixel is right to 1e-6 in float32."""
+    gradient = boundary_gradient(scenes.step(0.0, 0.3), sequences.van_der_corput(), 1, 1, 2**20)
+    assert abs(float(gradient.offset[0, 0]) - 1) <= 1e-6
+
+
+def test_any_n_counts_each_point_once():
+    scene, n = SCENES["disc"], 5000  # five blocks, the last one partly
+    vdc = sequences.van_der_corput()
+    whole = flat(boundary_gradient(scene, vdc, 4, 3, n)) * n
+    first = flat(boundary_gradient(scene, vdc, 4, 3, n - 1)) * (n - 1)
+    one = abs(whole - first).max(axis=-1)
+    assert np.sum(one > 1e-2) == 1
+    assert one.max() == pytest.approx(12 * 2 * np.pi * 0.307, rel=1e-2)
+
+
+def test_a_new_parameter_does_not_compile():
+    from qmcjax.boundary import _gradient
+
+    made = [
+        boundary_gradient(scenes.disc(radius=r), sequences.van_der_corput(), 8, 8, n)
+        for r, n in ((0.2, 64), (0.3, 65))
+    ]
+    before = _gradient._cache_size()
+    boundary_gradient(scenes.disc(radius=0.4), sequences.van_der_corput(), 8, 8, 66)
+    assert _gradient._cache_size() == before
+    assert made[0].radius.sum() < made[1].radius.sum()
+
+
+@pytest.mark.slow
+def test_inside_a_program():
+    """Compiled and mapped over keys: the same."""
+    scene = SCENES["disc"]
+    one = lambda key: boundary_gradient(scene, sequence("disc", key), 8, 8, 256).radius  # noqa: E731
+    keys = jax.random.split(jax.random.key(1), 3)
+    mapped = jax.jit(jax.vmap(one))(keys)
+    np.testing.assert_allclose(mapped, np.stack([one(key) for key in keys]), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "call, message",
+    [
+        (lambda: estimate(scenes.zone_plate()), "scene must have boundary.*ZonePlate"),
+        (
+            lambda: estimate(scenes.checkerboard()),
+            "finitely many edges, got a Checker.*flat_checkerboard",
+        ),
+        (lambda: estimate(Flat()), "scene.boundary must return points .1024, 2. .*got .1024, 1. and .1024,."),
+        (lambda: estimate(scenes.heaviside(4)), "sequence must have the 3 dimensions.*Heaviside.*got 1"),
+        (lambda: estimate(scenes.disc(), n=0), "n must be an integer in .1, 2147483648., got 0"),
+        (lambda: estimate(scenes.disc(), width=0), "width must be an integer"),
+        (lambda: estimate(scenes.disc(), height=2.5), "height must be an integer.*2.5"),
+        (lambda: estimate(scenes.disc(), 65536, 65536), "width times height must be below 2"),
+        (lambda: estimate(scenes.disc(), dtype=jnp.float16), "dtype must be .*float16"),
+    ],
+)
+def test_bad_input(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytree
+@dataclass(frozen=True)
+class Flat:
+    """A scene whose boundary is no curve on the plane."""
+
+    level: float = 0.5
+    needs = ("x", "y")
+
+    def boundary(self, u):
+        return u * self.level, u[..., 0]
+
+
+def estimate(scene, width=4, height=4, n=16, **options):
+    return boundary_gradient(scene, sequences.van_der_corput(), width, height, n, **options)

@@ -100,5 +100,5 @@ def _means(
         return function(sampler(x, y, jnp.full(shape, sample, jnp.uint32), dims, dtype)).astype(dtype)
 
     state = _summation.zeros(jax.eval_shape(values, sampler, jnp.uint32(0)))
-    state = _summation.add_terms(values, sampler, state, jnp.uint32(0), jnp.uint32(spp))
+    state = _summation.add_terms(values, False, sampler, state, jnp.uint32(0), jnp.uint32(spp))
     return _summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]

@@ -14,6 +14,7 @@ from qmcjax import orders as orders
 from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
 from qmcjax import sequences as sequences
+from qmcjax.boundary import boundary_gradient as boundary_gradient
 from qmcjax.integrate import integrate as integrate
 from qmcjax.layers import render_layers as render_layers
 from qmcjax.passes import render_passes as render_passes

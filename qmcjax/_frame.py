@@ -40,14 +40,13 @@ def accumulate(
     sampler = sampler.of_pixels(*(pixels or of_image(width, height)), dims)
 
     def batch_sum(parameters: Any, k: Array) -> Array:
-        # Or else what the samples of a pixel share would be moved out of the loop, once for each of a batch.
-        (scene, sampler, pixels), k = jax.lax.optimization_barrier((parameters, k))
+        scene, sampler, pixels = parameters
         x, y = pixels or of_image(width, height)
         points = sampler.samples(x, y, k, batch, dims, state[0].dtype)
         points = [completed(point, dims, len(scene.needs)) for point in points]
         return _summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
 
-    return _summation.add_terms(batch_sum, (scene, sampler, pixels), state, first, batches)
+    return _summation.add_terms(batch_sum, True, (scene, sampler, pixels), state, first, batches)
 
 
 @jax.jit

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.custom_derivatives import SymbolicZero
 
 State = tuple[Array, Array]
 """A sum, and what rounding has added to it."""
@@ -30,9 +31,14 @@ def pairwise(terms: list[Array]) -> Array:
     return terms[0] if middle == 0 else pairwise(terms[:middle]) + pairwise(terms[middle:])
 
 
-@partial(jax.custom_vjp, nondiff_argnums=(0,))
+@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
 def add_terms(
-    term: Callable[[Any, Array], Array], parameters: Any, state: State, first: Array, count: Array
+    term: Callable[[Any, Array], Array],
+    pinned: bool,
+    parameters: Any,
+    state: State,
+    first: Array,
+    count: Array,
 ) -> State:
     """Add ``term(parameters, k)`` for ``k = first, ..., first + count - 1``, compensated.
 
@@ -43,6 +49,9 @@ def add_terms(
     ----------
     term : callable
         A function of parameters and a uint32 number.
+    pinned : bool
+        Whether to compute all of a term in its turn. Otherwise compilers move what terms share out of the
+        loop, once for each time that a term computes it.
     parameters : pytree
         Its floating point leaves have gradients.
     state : State
@@ -53,9 +62,15 @@ def add_terms(
     -------
     State
     """
-    return jax.lax.fori_loop(
-        np.uint32(0), count, lambda k, state: _compensated(state, term(parameters, first + k)), state
-    )
+
+    def body(k: Array, state: State) -> State:
+        return _compensated(state, term(*_turn(pinned, parameters, first + k)))
+
+    return jax.lax.fori_loop(np.uint32(0), count, body, state)
+
+
+def _turn(pinned: bool, parameters: Any, k: Array) -> tuple[Any, Array]:
+    return jax.lax.optimization_barrier((parameters, k)) if pinned else (parameters, k)
 
 
 def _compensated(state: State, term: Array) -> State:
@@ -66,30 +81,44 @@ def _compensated(state: State, term: Array) -> State:
     return new, (new - total) - term
 
 
-def _forward(term, parameters, state, first, count):
-    return add_terms(term, parameters, state, first, count), (parameters, first, count)
+def _forward(term, pinned, parameters, state, first, count):
+    values = jax.tree.map(lambda primal: primal.value, (parameters, state, first, count))
+    # As structure, which programs are made for: an empty tuple for each leaf that a derivative is wanted of.
+    wanted = jax.tree.map(lambda primal: () if primal.perturbed else None, parameters)
+    return add_terms(term, pinned, *values), (values[0], wanted, *values[2:])
 
 
-def _backward(term, residuals, cotangents):
-    parameters, first, count = residuals
+def _backward(term, pinned, residuals, cotangents):
+    parameters, wanted, first, count = residuals
     leaves, tree = jax.tree.flatten(parameters)
-    smooth = [jnp.issubdtype(jnp.result_type(leaf), jnp.inexact) for leaf in leaves]
+    is_wanted = [mark is not None for mark in tree.flatten_up_to(wanted)]
+    fixed = [None if mark else leaf for leaf, mark in zip(leaves, is_wanted, strict=True)]
+    smooth = [leaf for leaf, mark in zip(leaves, is_wanted, strict=True) if mark]
+    cotangents = jax.tree.map(_instantiated, cotangents)
 
-    def body(k: Array, sums: list[State | None]) -> list[State | None]:
-        _, pull_back = jax.vjp(lambda parameters: term(parameters, first + k), parameters)
-        gradients = jax.tree.leaves(pull_back(cotangents[0])[0])
-        return [s and _compensated(s, g) for s, g in zip(sums, gradients, strict=True)]
+    def body(k: Array, sums: list[State]) -> list[State]:
+        (all_fixed, all_smooth), turn = _turn(pinned, (fixed, smooth), first + k)
 
-    start = [
-        zeros(jnp.asarray(leaf)) if is_smooth else None
-        for leaf, is_smooth in zip(leaves, smooth, strict=True)
-    ]
-    sums = jax.lax.fori_loop(np.uint32(0), count, body, start)
-    gradients = [
-        np.zeros(np.shape(leaf), jax.dtypes.float0) if s is None else value(s)
-        for leaf, s in zip(leaves, sums, strict=True)
-    ]
+        def of_smooth(smooth: list[Array]) -> Array:
+            # Other leaves are constants: a scene may refuse derivatives that nobody asked for.
+            given = iter(smooth)
+            whole = [next(given) if mark else leaf for leaf, mark in zip(all_fixed, is_wanted, strict=True)]
+            return term(tree.unflatten(whole), turn)
+
+        _, pull_back = jax.vjp(of_smooth, all_smooth)
+        return [_compensated(s, g) for s, g in zip(sums, pull_back(cotangents[0])[0], strict=True)]
+
+    start = [zeros(jnp.asarray(leaf)) for leaf in smooth]
+    sums = iter(jax.lax.fori_loop(np.uint32(0), count, body, start))
+    gradients = [value(next(sums)) if mark else None for mark in is_wanted]
     return tree.unflatten(gradients), cotangents, None, None
 
 
-add_terms.defvjp(_forward, _backward)
+def _instantiated(cotangent: Any) -> Array:
+    """Return zeros for what nothing depends on."""
+    if isinstance(cotangent, SymbolicZero):
+        return jnp.zeros(cotangent.aval.shape, cotangent.aval.dtype)
+    return cotangent
+
+
+add_terms.defvjp(_forward, _backward, symbolic_zeros=True)

@@ -164,7 +164,7 @@ def _gradient(
 
     parameters = (scene, sequence, n)
     state = _summation.zeros(jax.eval_shape(block, parameters, n))
-    state = _summation.add_terms(block, parameters, state, jnp.uint32(0), blocks)
+    state = _summation.add_terms(block, False, parameters, state, jnp.uint32(0), blocks)
     total = _summation.value(state)  # pyright: ignore[reportArgumentType]
     sums = total * (width * height / n.astype(dtype))
     ends = np.cumsum([leaf.size for leaf in leaves])

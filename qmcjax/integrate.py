@@ -126,7 +126,7 @@ def _mean(
 
     parameters = (function, sequence, tables, start)
     state = _summation.zeros(jax.eval_shape(batch, parameters, start))
-    state = _summation.add_terms(batch, parameters, state, jnp.uint32(0), jnp.uint32(batches))
+    state = _summation.add_terms(batch, False, parameters, state, jnp.uint32(0), jnp.uint32(batches))
     total = _tree_sum(_summation.value(state))  # pyright: ignore[reportArgumentType]
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)

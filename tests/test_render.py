@@ -194,6 +194,20 @@ def test_gradient_through_scene_parameters(spp):
         assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
 
 
+def test_only_derivatives_that_are_wanted_are_taken():
+    """An edge refuses its own derivative, and nothing else's."""
+    sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(4), 16)
+
+    def total(difficulty, shift):
+        return qj.render(qj.scenes.genz("discontinuous", 4, difficulty, shift), sampler, 4, 4, 16).sum()
+
+    slope = jax.grad(total)(jnp.float32(1), 0.5)
+    difference = (total(jnp.float32(1.01), 0.5) - total(jnp.float32(0.99), 0.5)) / 0.02
+    assert float(slope) == pytest.approx(float(difference), rel=1e-3)
+    with pytest.raises(ValueError, match=r"Genz\.shift moves an edge"):
+        jax.grad(total, argnums=1)(1.0, jnp.float32(0.5))
+
+
 def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
     from importlib import import_module
 

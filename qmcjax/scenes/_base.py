@@ -77,23 +77,22 @@ def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
     leaves, tree = jax.tree_util.tree_flatten_with_path(scene)
     name = type(scene).__name__
     return tree.unflatten(
-        [
-            _moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(v).astype(dtype))
-            for path, v in leaves
-        ]
+        [moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(v).astype(dtype)) for path, v in leaves]
     )
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
-def _moves_an_edge(name: str, value: Array) -> Array:
+def moves_an_edge(name: str, value: Array) -> Array:
+    """Return a parameter, whose derivative JAX then refuses to take; see `cast_edges`."""
     return value
 
 
-@partial(_moves_an_edge.defjvp, symbolic_zeros=True)
+@partial(moves_an_edge.defjvp, symbolic_zeros=True)
 def _refuse(name: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
     if isinstance(tangents[0], SymbolicZero):
         return primals[0], tangents[0]
     raise ValueError(
         f"{name} moves an edge: the plain derivative of the scene is 0 almost everywhere, which is not the "
-        "derivative of any mean of it. Use qmcjax.boundary_gradient for the derivatives of the pixel means"
+        "derivative of any mean of it. qmcjax.boundary_gradient has the derivatives of the pixel means, of "
+        "scenes with a method boundary"
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes import _genz_reference
-from qmcjax.scenes._base import _moves_an_edge, cast, in_float64
+from qmcjax.scenes._base import cast, in_float64, moves_an_edge
 from qmcjax.scenes._parameters import named, numbers
 
 FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous", "discontinuous")
@@ -55,7 +55,7 @@ class Genz:
             return jnp.cos(2 * math.pi * u[0] + phase)
         if self.family == "corner_peak":
             return (1 + phase) ** -(len(x) + 1)
-        u = _moves_an_edge("Genz.shift", u)
+        u = moves_an_edge("Genz.shift", u)
         return jnp.where((x[0] <= u[0]) & (x[1] <= u[1]), jnp.exp(phase), 0)
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -120,8 +120,7 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     -----
     The functions are not normalised: the product peak is as high as the product of all ``a_j**2``, which
     must be in the range of the type. The plain derivative of the discontinuous family with respect to
-    ``shift`` is wrong, and an error; so is any of `qmcjax.render`, which differentiates all parameters
-    together.
+    ``shift`` is wrong, and an error.
 
     References
     ----------

@@ -117,7 +117,8 @@ def _backward(term, pinned, residuals, cotangents):
 def _instantiated(cotangent: Any) -> Array:
     """Return zeros for what nothing depends on."""
     if isinstance(cotangent, SymbolicZero):
-        return jnp.zeros(cotangent.aval.shape, cotangent.aval.dtype)
+        aval: Any = cotangent.aval
+        return jnp.zeros(aval.shape, aval.dtype)
     return cotangent
 
 

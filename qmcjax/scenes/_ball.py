@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes._ball_reference import swept_means
-from qmcjax.scenes._base import cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import disc_sides
 from qmcjax.scenes._parameters import numbers, require
 
 
 @pytree
 @dataclass(frozen=True)
-class Ball:
+class Ball(ExactScene):
     """A disc, 1 inside, which moves evenly along one straight line after the other and may jump between."""
 
     starts: Any
@@ -65,27 +65,11 @@ class Ball:
         way = self.ends[line] - start
         return start[0] + part * way[0], start[1] + part * way[1]
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel: an integral over time of areas.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more; about 2e-12 at 512 x 512, most of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is about 2e-12 at 512 x 512, most of it rounding.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
         scene = in_float64(self)
         image, bound = np.zeros((height, width)), 0.0
         for line, start in enumerate(scene.starts):

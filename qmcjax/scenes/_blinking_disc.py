@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._constancy import disc_sides
 from qmcjax.scenes._parameters import numbers, require
@@ -18,7 +18,7 @@ from qmcjax.scenes._parameters import numbers, require
 
 @pytree
 @dataclass(frozen=True)
-class BlinkingDisc:
+class BlinkingDisc(ExactScene):
     """A disc, 1 inside, which is there for ``on[0] <= time < on[1]``."""
 
     centre: Any
@@ -44,27 +44,8 @@ class BlinkingDisc:
             inside &= (scene.on[0] <= time) & (time < scene.on[1])
         return inside.astype(point.dtype)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a share of the time, times one of the pixel.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: a share of the time, times one of the pixel."""
         scene = in_float64(self)
         x, y = np.arange(width + 1) / width, (np.arange(height + 1) / height)[:, None]
         areas = disc_in_boxes(scene.centre[0], scene.centre[1], scene.radius, x[:-1], x[1:], y[:-1], y[1:])

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes import _checkerboard_reference
-from qmcjax.scenes._base import cast_edges, coordinates
+from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
 
 
 @pytree
 @dataclass(frozen=True)
-class Checkerboard:
+class Checkerboard(ExactScene):
     """A checkerboard seen in perspective up to the horizon, which is the upper edge of the image.
 
     At depth ``Z = squares / y`` and lateral position ``X = (x - 1/2) Z`` the value is 1 where
@@ -63,27 +63,11 @@ class Checkerboard:
             "infinite area, whose parts cancel. Use differences of scene.reference, or a flat_checkerboard"
         )
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more; about 2e-12 at 512 x 512, mostly rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is about 2e-12 at 512 x 512, mostly rounding.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
         return _checkerboard_reference.pixel_means(float(self.squares), width, height)
 
 

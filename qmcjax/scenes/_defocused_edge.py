@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box, smeared_by_disc
 from qmcjax.scenes._constancy import linear, sign_varies
 from qmcjax.scenes._parameters import numbers
@@ -19,7 +19,7 @@ from qmcjax.scenes._parameters import numbers
 
 @pytree
 @dataclass(frozen=True)
-class DefocusedEdge:
+class DefocusedEdge(ExactScene):
     """A half plane out of focus; see `defocused_edge`."""
 
     angle: Any
@@ -55,27 +55,8 @@ class DefocusedEdge:
             distance += scene.blur * (slopes[0] * across + slopes[1] * along)
         return (distance < 0).astype(point.dtype)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a convolution of three shapes.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: a convolution of three shapes."""
         scene = in_float64(self)
         angle, offset = float(scene.angle), float(scene.offset)
         if scene.blur is not None and self.aperture == "disc":

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._edges import spread
 from qmcjax.scenes._parameters import numbers
@@ -21,7 +21,7 @@ from qmcjax.scenes._pixel_cuts import split
 
 @pytree
 @dataclass(frozen=True)
-class Disc:
+class Disc(ExactScene):
     """A disc: 1 where the distance from ``centre`` is less than ``radius``, 0 elsewhere."""
 
     centre: Array | NDArray[np.float64]
@@ -72,27 +72,11 @@ class Disc:
         ]
         return jnp.stack(point, axis=-1), jnp.ones(angle.shape, u.dtype)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel: the area of a disc within rectangles.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more; below 2e-12 times ``1 + |centre| + radius`` at 512 x 512, all rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is below 2e-12 times ``1 + |centre| + radius`` at 512 x 512, all rounding.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
         scene = in_float64(self)
         x, y = np.arange(width + 1) / width, (np.arange(height + 1) / height)[:, None]
         centre_x, centre_y = scene.centre

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes import _flat_checkerboard_reference
-from qmcjax.scenes._base import cast, cast_edges
+from qmcjax.scenes._base import ExactScene, cast, cast_edges
 from qmcjax.scenes._edges import visible
 from qmcjax.scenes._parameters import numbers
 
 
 @pytree
 @dataclass(frozen=True)
-class FlatCheckerboard:
+class FlatCheckerboard(ExactScene):
     """A checkerboard seen from above, turned about the centre of the image.
 
     With ``X = squares ((x - 1/2) cos(angle) + (y - 1/2) sin(angle))`` and
@@ -81,28 +81,12 @@ class FlatCheckerboard:
         square = jnp.floor(jnp.where(second, -1, 1) * distance * scene.squares)
         return foot + distance[..., None] * onward, -_parity(k + square)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more; below 1e-12 at 512 x 512, all of it rounding. The time taken is in
-            proportion to ``(width + height) (width + height + squares)``.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is below 1e-12 at 512 x 512, all of it rounding. The time taken is in proportion to
+        ``(width + height) (width + height + squares)``.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
         return _flat_checkerboard_reference.pixel_means(float(self.squares), float(self.angle), width, height)
 
     def reference_gradient(self, width: int, height: int) -> tuple["FlatCheckerboard", float]:

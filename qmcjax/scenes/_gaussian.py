@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import bell_means, separable
 from qmcjax.scenes._parameters import numbers
 
 
 @pytree
 @dataclass(frozen=True)
-class Gaussian:
+class Gaussian(ExactScene):
     """The bump ``exp(-|p - centre|**2 / (2 width**2))``."""
 
     centre: Any
@@ -36,27 +36,8 @@ class Gaussian:
         y = (point[..., 1] - scene.centre[1]) / scene.width
         return jnp.exp(-0.5 * (x * x + y * y))
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel, a product of two differences of error functions.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel, a product of two differences of error functions."""
         scene = in_float64(self)
         scale = math.sqrt(0.5) / float(scene.width)
 

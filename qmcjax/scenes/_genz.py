@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes import _genz_reference
-from qmcjax.scenes._base import cast, in_float64, moves_an_edge
+from qmcjax.scenes._base import ExactScene, cast, in_float64, moves_an_edge
 from qmcjax.scenes._parameters import named, numbers
 
 FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous", "discontinuous")
@@ -22,7 +22,7 @@ FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuou
 
 @pytree
 @dataclass(frozen=True)
-class Genz:
+class Genz(ExactScene):
     """A member of one of Genz's families; see `genz`."""
 
     difficulty: Any
@@ -58,27 +58,11 @@ class Genz:
         u = moves_an_edge("Genz.shift", u)
         return jnp.where((x[0] <= u[0]) & (x[1] <= u[1]), jnp.exp(phase), 0)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding: about 1e-14 times the largest mean.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is about 1e-14 times the largest mean.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
         means = getattr(_genz_reference, self.family)
         scene = in_float64(self)
         return means(scene.difficulty, scene.shift, width, height)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, cast_edges
+from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges
 from qmcjax.scenes._half_planes import Step
 from qmcjax.scenes._parameters import named, numbers
 
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 @pytree
 @dataclass(frozen=True)
-class Heaviside:
+class Heaviside(ExactScene):
     """A half space: 1 where the sum of all coordinates is less than ``threshold``, 0 elsewhere."""
 
     threshold: Array | NDArray[np.float64]
@@ -57,24 +57,10 @@ class Heaviside:
         point = jnp.stack([u[..., 0], y, *(u[..., j] for j in range(1, self.dims - 1))], axis=-1)
         return point, -jnp.ones(u.shape[:-1], u.dtype)
 
-    def reference(self, width: int, height: int) -> tuple[Floats, float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[Floats, float]:
         """Return the exact mean over each pixel, an integral of the Irwin-Hall distribution function.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more; below 1e-12 at 512 x 512 for 8 dimensions, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is below 1e-12 at 512 x 512 for 8 dimensions, all of it rounding.
         """
         return self._means(width, height, _distribution)
 

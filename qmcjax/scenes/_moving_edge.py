@@ -8,9 +8,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
 from qmcjax.scenes._parameters import numbers
@@ -18,7 +17,7 @@ from qmcjax.scenes._parameters import numbers
 
 @pytree
 @dataclass(frozen=True)
-class MovingEdge:
+class MovingEdge(ExactScene):
     """The half plane ``x < offset + velocity time``: 1 inside, 0 outside."""
 
     offset: Any
@@ -41,27 +40,8 @@ class MovingEdge:
         """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return (linear(point, *cast_edges(self, point.dtype)._edge()) < 0).astype(point.dtype)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel, a ramp with rounded ends.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel, a ramp with rounded ends."""
         scene = in_float64(self)
         velocity = 0.0 if scene.velocity is None else float(scene.velocity)
         return smeared_by_box(0.0, float(scene.offset) + 0.5 * velocity, (abs(velocity), 0.0), width, height)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._parameters import numbers, require
 
 
 @pytree
 @dataclass(frozen=True)
-class PathToy:
+class PathToy(ExactScene):
     """Light gathered along a path of random bounces with Russian roulette; see `path_toy`."""
 
     emission: Any
@@ -54,27 +54,8 @@ class PathToy:
             radiance += throughput * scene.emission * y
         return radiance
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a ramp along x of reflected and one along y of own light.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: a ramp along x of reflected and one along y of own light."""
         scene = in_float64(self)
         emission, albedo = float(scene.emission), float(scene.albedo)
         arriving = 0.5 * emission * float(np.sum((0.5 * albedo) ** np.arange(self.bounces)))

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import separable
 from qmcjax.scenes._parameters import named, numbers, require
 
 
 @pytree
 @dataclass(frozen=True)
-class Product:
+class Product(ExactScene):
     """The product over ``j`` of ``(|4 x_j - 2| + a_j) / (1 + a_j)``, whose integral is 1."""
 
     a: Any
@@ -36,27 +36,8 @@ class Product:
             value *= (jnp.abs(4 * point[..., j] - 2) + a[j]) / (1 + a[j])
         return value
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel."""
         a = in_float64(self).a
 
         def mean(j: int, low: NDArray[np.float64], length: float) -> NDArray[np.float64]:

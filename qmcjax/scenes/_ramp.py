@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS
+from qmcjax.scenes._base import EPS, ExactScene
 from qmcjax.scenes._parameters import named
 
 
 @pytree
 @dataclass(frozen=True)
-class Ramp:
+class Ramp(ExactScene):
     """The scene whose value is one of the coordinates."""
 
     dimension: int = field(metadata={"static": True})
@@ -30,27 +30,8 @@ class Ramp:
         """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return point[..., self.dimension]
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: 1/2 but for the ramps over x or y.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: 1/2 but for the ramps over x or y."""
         image = np.full((height, width), 0.5)
         if self.dimension == 0:
             image[:] = (np.arange(width) + 0.5) / width

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
 from qmcjax.scenes._parameters import numbers, require
@@ -19,7 +19,7 @@ from qmcjax.scenes._parameters import numbers, require
 
 @pytree
 @dataclass(frozen=True)
-class SoftShadow:
+class SoftShadow(ExactScene):
     """The shadow of a half plane in the light of a rectangle; see `soft_shadow`."""
 
     angle: Any
@@ -51,27 +51,8 @@ class SoftShadow:
         """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return (linear(point, *cast_edges(self, point.dtype)._edge()) >= 0).astype(point.dtype)
 
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a convolution of two rectangles.
-
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
-        """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+    def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+        """Return the exact mean over each pixel: a convolution of two rectangles."""
         scene = in_float64(self)
         angle, up = float(scene.angle), float(scene.height)
         across, along = math.cos(angle), math.sin(angle)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax import checks
 from qmcjax.pytrees import pytree
-from qmcjax.scenes._base import EPS, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._edges import along
 from qmcjax.scenes._parameters import numbers
 from qmcjax.scenes._pixel_cuts import split_segments
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 @pytree
 @dataclass(frozen=True)
-class Triangle:
+class Triangle(ExactScene):
     """A triangle: 1 inside, 0 elsewhere."""
 
     vertices: Array | Floats
@@ -64,27 +64,11 @@ class Triangle:
         point, _ = along(vertices, jnp.roll(vertices, -1, axis=0), u[..., 0])
         return point, jnp.broadcast_to(jnp.sign(_twice_the_area(vertices)), point.shape[:-1])
 
-    def reference(self, width: int, height: int) -> tuple[Floats, float]:
+    def _pixel_means(self, width: int, height: int) -> tuple[Floats, float]:
         """Return the exact mean over each pixel: what is above the sides, with their signs.
 
-        Parameters
-        ----------
-        width, height : int
-            The resolution in pixels, each in [1, 65536].
-
-        Returns
-        -------
-        image : float64 ndarray, shape (height, width)
-        bound : float
-            No pixel is off by more; below 4e-12 at 512 x 512 for a triangle in the image, all of it rounding.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+        The bound is below 4e-12 at 512 x 512 for a triangle in the image, all of it rounding.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
         vertices = in_float64(self).vertices
         ends = np.roll(vertices, -1, axis=0)
         sides = zip(vertices, ends, strict=True)

@@ -10,7 +10,7 @@ from qmcjax import checks
 __all__ = ["curve_length", "segment_counts"]
 
 
-class _Order(Protocol):
+class Order(Protocol):
     @property
     def width(self) -> int: ...
 
@@ -20,7 +20,7 @@ class _Order(Protocol):
     def position(self, x: Any, y: Any) -> Any: ...
 
 
-def segment_counts(order: _Order, radius: int = 1) -> NDArray[np.int64]:
+def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     """Count the segments of a curve that enter the neighbourhood of each pixel.
 
     A segment is a maximal run of consecutive positions among the pixels at most ``radius`` columns
@@ -67,7 +67,7 @@ def segment_counts(order: _Order, radius: int = 1) -> NDArray[np.int64]:
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     pixels = _extent(y, radius, height) * _extent(x, radius, width)
 
-    position = np.asarray(order.position(x.astype(np.uint32), y.astype(np.uint32)))
+    position = positions(order)
     along = np.argsort(position, axis=None)
     is_step = np.diff(position.ravel()[along]) == 1
     rows, columns = np.divmod(along, width)
@@ -96,7 +96,7 @@ def _centres(along: NDArray, is_step: NDArray, radius: int, size: int) -> tuple[
     return first, np.minimum(np.minimum(start, end) + radius + 1, size)
 
 
-def curve_length(order: _Order) -> float:
+def curve_length(order: Order) -> float:
     """Return the length of a curve through the centres of all pixels of the image.
 
     Parameters
@@ -127,7 +127,12 @@ def curve_length(order: _Order) -> float:
     >>> print(curve_length(orders.hilbert(4, 4)), round(curve_length(orders.morton(2, 2)), 6))
     15.0 3.414214
     """
+    rows, columns = np.divmod(np.argsort(positions(order), axis=None), order.width)
+    return float(np.hypot(np.diff(rows), np.diff(columns)).sum())
+
+
+def positions(order: Order) -> NDArray[np.uint32]:
+    """Return the positions of all pixels, shape (height, width)."""
     x = np.arange(order.width, dtype=np.uint32)[None, :]
     y = np.arange(order.height, dtype=np.uint32)[:, None]
-    rows, columns = np.divmod(np.argsort(np.asarray(order.position(x, y)), axis=None), order.width)
-    return float(np.hypot(np.diff(rows), np.diff(columns)).sum())
+    return np.asarray(order.position(x, y))

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._curves import _Order
+from analysis._curves import Order, positions
 
 __all__ = ["neighbour_differences"]
 
 
-def neighbour_differences(order: _Order) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def neighbour_differences(order: Order) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return by how much the positions of pixels that share an edge differ.
 
     The differences are deterministic: where they come in regular patterns, a sequence enumerated along
@@ -37,8 +37,6 @@ def neighbour_differences(order: _Order) -> tuple[NDArray[np.int64], NDArray[np.
     [[1]
      [1]] [[2 2]]
     """
-    x = np.arange(order.width, dtype=np.uint32)[None, :]
-    y = np.arange(order.height, dtype=np.uint32)[:, None]
     # Unsigned differences would wrap around.
-    positions = np.asarray(order.position(x, y)).astype(np.int64)
-    return np.abs(np.diff(positions, axis=1)), np.abs(np.diff(positions, axis=0))
+    wide = positions(order).astype(np.int64)
+    return np.abs(np.diff(wide, axis=1)), np.abs(np.diff(wide, axis=0))

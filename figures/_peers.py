@@ -6,7 +6,6 @@ JSON: times of the calls after the first, each with a new key, that of the first
 
 import contextlib
 import json
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import qmcjax as qj
+from figures._cpp import compiled
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, (16,), 2), "paper": (512, (4, 16, 64, 256), 7)}
@@ -100,23 +100,6 @@ def torch_frame(name: str, side: int, spp: int) -> Frame | None:
 
         return frame
     return None
-
-
-def compiled(folder: Path) -> Path | None:
-    """Compile the C++ reference, if there is a compiler."""
-    compiler = shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")
-    if compiler is None:
-        return None
-    program = folder / "frame"
-    options = ["-O3", "-march=native", "-ffast-math", "-fopenmp"]
-    source = Path(__file__).with_name("_frame.cpp")
-    done = subprocess.run(
-        [compiler, *options, str(source), "-o", str(program)], capture_output=True, text=True
-    )
-    if done.returncode:
-        print(done.stderr, file=sys.stderr)
-        return None
-    return program
 
 
 def cpp(program: Path, name: str, side: int, spp: int, calls: int) -> dict:

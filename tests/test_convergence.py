@@ -209,6 +209,7 @@ class Random:
         return jax.random.uniform(jax.random.fold_in(self.key, sample[0, 0]), (*x.shape, len(dims)), dtype)
 
 
+@pytest.mark.slow
 def test_real_renderer():
     """Random samples of x y in a pixel have a known variance and slope -1/2; Owen-scrambled nets better."""
     size = 64

@@ -18,6 +18,8 @@ from figures import _store
 from figures.__main__ import main
 from figures._catalogue import CATALOGUE, Entry
 from figures._fingerprint import fingerprint, sources
+from figures._update import _finish
+from figures._worker import Done, Task
 
 ROOT = Path(__file__).parents[1]
 HEAVY = {"jax", "numpy", "scipy", "matplotlib"}
@@ -422,6 +424,16 @@ def test_the_command_line_is_no_source_of_a_figure():
     """What every figure imports, its package, brings in nothing of the machinery."""
     assert set(sources("figures")) == {"figures"}
     assert {"qmcjax", "qmcjax.checks"} <= set(sources("qmcjax.checks"))
+
+
+def test_tables_are_written_beside_the_pictures(tmp_path):
+    rows = [{"name": "a, b", "seconds": 0.5}, {"name": "c", "seconds": 1e-9}]
+    task = Task("sheet", "figures.sheet", "draft")
+    done = Done(1.0, b"picture", json.dumps({"table": rows}))
+    assert _finish(tmp_path, task, done, "Title", "fingerprint")
+    assert (tmp_path / "sheet.csv").read_text() == 'name,seconds\n"a, b",0.5\nc,1e-09\n'
+    assert _finish(tmp_path, task._replace(name="plain"), Done(1.0, b"", "{}"), "Title", "fingerprint")
+    assert not (tmp_path / "plain.csv").exists()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"one": 1}', '{"one": {"x": NaN}}', b"\xff"])

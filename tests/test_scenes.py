@@ -1,8 +1,6 @@
 """The scenes as functions of a point, and their references against samples, quadrature and themselves."""
 
 import re
-import subprocess
-import sys
 
 import jax
 import jax.numpy as jnp
@@ -238,11 +236,3 @@ def test_bad_parameters(factory, value):
 def test_bad_resolutions(factory, width, height, wrong):
     with pytest.raises(ValueError, match=f"{wrong} must be an integer"):
         factory().reference(width, height)
-
-
-def test_import_without_scipy():
-    """Only the references need scipy."""
-    code = "import sys, qmcjax.scenes; sys.exit(any(m.startswith('scipy.special') for m in sys.modules))"
-    bare = "import sys, jax, jax.numpy; sys.exit(any(m.startswith('scipy.special') for m in sys.modules))"
-    loaded_by_jax = subprocess.run([sys.executable, "-c", bare]).returncode
-    assert subprocess.run([sys.executable, "-c", code]).returncode == loaded_by_jax

@@ -148,12 +148,14 @@ _LOG_OF_POWERS = _Measure(
 )
 
 
-def _row(point: Array, index: Array, points: Array, exponent: Array, measure: _Measure, torus: bool) -> Array:
-    difference = point[None, :] - points
+def _row(
+    point: Array, index: Array, columns: Array, exponent: Array, measure: _Measure, torus: bool
+) -> Array:
+    difference = point[:, None] - columns
     if torus:
         difference = difference - jnp.round(difference)
-    squares = jnp.sum(jnp.square(difference), axis=1)
-    itself = jnp.arange(len(points), dtype=jnp.int32) == index
+    squares = jnp.sum(jnp.square(difference), axis=0)
+    itself = jnp.arange(columns.shape[1], dtype=jnp.int32) == index
     return measure.row(jnp.where(itself, jnp.inf, squares), exponent)
 
 
@@ -161,7 +163,7 @@ def _rows(function: Callable[..., Any], points: Array, *rest: Any) -> Any:
     """Return what the function gives for each row of pairs."""
     n = len(points)
     rows = (points, jnp.arange(n, dtype=jnp.int32))
-    return lax.map(lambda row: function(*row, points, *rest), rows, batch_size=max(1, min(n, _PAIRS // n)))
+    return lax.map(lambda row: function(*row, points.T, *rest), rows, batch_size=max(1, min(n, _PAIRS // n)))
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(2, 3))

@@ -20,7 +20,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
-__all__ = ["direct_sums", "fast_sums"]
+__all__ = ["direct_slopes", "direct_sums", "fast_sums"]
 
 _BATCH = 2**20
 """Numbers in one batch of waves or of kernel values, as long as there is more than one point."""
@@ -60,6 +60,44 @@ def direct_sums(points: Array, highest: int) -> Array:
     return _over_batches(batch, zero, points, len(both) ** (dims - 1) + len(positive))
 
 
+def direct_slopes(points: Array, factors: Array) -> Array:
+    """Return the derivatives of the real part of the sums times complex factors, added up.
+
+    That is 2 pi times the imaginary part of sum_k factor(k) k_j exp(-2 pi i k.x), for each point x and
+    coordinate j: two matrix products over the last axis, with and without k_j.
+
+    Parameters
+    ----------
+    points : float64 Array, shape (n, d)
+    factors : complex128 Array, shape (2 * highest + 1,) * (d - 1) + (highest + 1,)
+
+    Returns
+    -------
+    float64 Array, shape (n, d)
+    """
+    n, dims = points.shape
+    highest = factors.shape[-1] - 1
+    both, positive = np.arange(-highest, highest + 1.0), np.arange(highest + 1.0)
+    matrix = factors.reshape(-1, len(positive)).T
+
+    def batch(part: Array) -> Array:
+        last = _waves(part[:, -1], positive)
+        other = jnp.ones((len(part), 1), factors.dtype)
+        for j in range(dims - 1):
+            other = (other[:, :, None] * _waves(part[:, j], both)[:, None, :]).reshape(len(part), -1)
+        ends = jnp.concatenate([last, last * positive.astype(factors.dtype)[None, :]])
+        plain, weighted = jnp.matmul(ends, matrix, precision=lax.Precision.HIGHEST).reshape(2, *other.shape)
+        terms = jnp.imag(other * plain).reshape(-1, *(len(both),) * (dims - 1))
+        found = [
+            jnp.tensordot(terms.sum(axis=[1 + i for i in range(dims - 1) if i != j]), both, 1)
+            for j in range(dims - 1)
+        ]
+        return 2 * np.pi * jnp.stack([*found, jnp.imag(other * weighted).sum(axis=1)], axis=1)
+
+    parts, _ = _batches(points, len(both) ** (dims - 1) + len(positive))
+    return lax.map(batch, parts).reshape(-1, dims)[:n]
+
+
 def fast_sums(points: Array, highest: int) -> Array:
     """Return the same by FFT, each sum within 1e-11 n for n points.
 
@@ -95,13 +133,17 @@ def _over_batches(
     batch: Callable[[Array, Array, Array], Array], zero: Array, points: Array, width: int
 ) -> Array:
     """Add up over batches of points, filled up with points of weight 0 to equal sizes."""
+    step = jax.checkpoint(batch)
+    return lax.scan(lambda sums, part: (step(sums, *part), None), zero, _batches(points, width))[0]
+
+
+def _batches(points: Array, width: int) -> tuple[Array, Array]:
+    """Return batches of points and their weights, for so many numbers a point."""
     n, dims = points.shape
     count = -(-n // max(1, _BATCH // width))
     size = -(-n // count)
     padded = jnp.zeros((count * size, dims)).at[:n].set(points).reshape(count, size, dims)
-    weights = jnp.zeros(count * size).at[:n].set(1.0).reshape(count, size)
-    step = jax.checkpoint(batch)
-    return lax.scan(lambda sums, part: (step(sums, *part), None), zero, (padded, weights))[0]
+    return padded, jnp.zeros(count * size).at[:n].set(1.0).reshape(count, size)
 
 
 def _waves(x: Array, frequencies: NDArray[np.float64]) -> Array:

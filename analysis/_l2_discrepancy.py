@@ -1,17 +1,16 @@
 """The L2 discrepancies: closed forms, exact to rounding errors, and differentiable."""
 
-import math
 from fractions import Fraction
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
-from analysis._l2_double_double import add, constant, multiply, product, total
+from analysis._l2_double_double import add, constant, multiply, total
 from analysis._l2_kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, WRAPAROUND, Kernel
 from analysis._l2_pairs import pair_sum
 from analysis._star_discrepancy import checked_points
@@ -41,7 +40,7 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        At least one point in [0, 1]^d; a vector is a set in one dimension. At most 2^24 points and 256
+        At least one point in [0, 1)^d; a vector is a set in one dimension. At most 2^24 points and 256
         dimensions. Computed in float64, whatever the global flag.
 
     Returns
@@ -55,7 +54,7 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If the points are none, too many, not floats, or outside of [0, 1]^d. The values of traced points
+        If the points are none, too many, not floats, or outside of [0, 1)^d. The values of traced points
         are not known: they are not checked.
 
     Notes
@@ -302,12 +301,19 @@ def value_and_slopes(
     """
     n, dims = points.shape
     pairs, slopes = pair_sum(points, kernel, strips, rank, gradient)
-    averages = [kernel.average(points[:, j]) for j in range(dims)]
-    high, low = total(product(averages), 2.0**dims * n)
-    once = multiply((high, low), constant(Fraction(-2 * n)))
-    square = add(pairs, add(once, product([constant(Fraction(n * n)), *[kernel.mean()] * dims])))
+    high, low = kernel.average(points.T)
+    one = jnp.ones(())
+    mean, _ = lax.scan(
+        lambda product, _: (multiply(product, kernel.mean()), None), (one, 0 * one), length=dims
+    )
+    ones = jnp.ones(n)
+    averages, before = lax.scan(
+        lambda product, axis: (multiply(product, axis), product[0]), (ones, 0 * ones), (high, low)
+    )
+    once = multiply(total(averages, 2.0**dims * n), constant(Fraction(-2 * n)))
+    square = add(pairs, add(once, multiply(constant(Fraction(n * n)), mean)))
     root = jnp.sqrt(square[0] + square[1])
-    for j in range(dims if gradient else 0):
-        others = math.prod((averages[k][0] for k in range(dims) if k != j), start=jnp.ones(n))
-        slopes = slopes.at[:, j].add(-2 * n * others * kernel.average_slope(points[:, j]))
+    if gradient:
+        _, after = lax.scan(lambda product, axis: (product * axis, product), ones, high, reverse=True)
+        slopes = slopes - 2 * n * (before * after * kernel.average_slope(points.T)).T
     return root / n, slopes / (2 * n * root)

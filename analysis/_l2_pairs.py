@@ -3,12 +3,16 @@
 Every axis is cut into strips of equally many points. A pair that is in one strip of some axis is summed
 as it is, at the first such axis. All other pairs are ordered in every axis by their strips alone; there
 the kernel is a sum of products of functions of one point (`Kernel.factors`), and what all points below
-or above contribute to a point is a prefix sum over cells of strips. With one strip all pairs are near.
+or above contribute to a point is a prefix sum over cells of strips.
+
+With one strip the pairs are summed in square tiles, each unordered pair once: both of its points get their
+derivatives from the same product without one factor.
 """
 
 import itertools
 import math
 import operator
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,10 +24,13 @@ from analysis._l2_kernels import Kernel
 __all__ = ["pair_sum"]
 
 _TOGETHER = 4
-"""Pairs of a point that are added up before they are split: saves operations, costs no accuracy."""
+"""Pairs that are added up before they are split: saves operations, costs no accuracy."""
 
-_RECOMPUTED = 3
-"""Up to so many dimensions each derivative computes all factors anew, which is faster than to store them."""
+_TILE = 64
+"""Points along the sides of tiles: a tile fits into the fastest cache."""
+
+_LEAST = 2.0**-200
+"""In place of factors that are zero, by which one cannot divide."""
 
 Sums = tuple[Wide, Array]
 """A value, and its derivatives if wanted, shape (n, d), otherwise shape (0, d)."""
@@ -43,26 +50,78 @@ def pair_sum(points: Array, kernel: Kernel, strips: int, rank: int, gradient: bo
     gradient : bool
         Whether to return derivatives.
     """
+    if strips == 1:
+        value, slopes = _all_pairs(points, kernel, gradient)
+        return value, 2 * slopes
     n, dims = points.shape
     width = -(-n // strips)
-    if strips == 1:
-        order = jnp.arange(n, dtype=jnp.int32)[:, None]
-        strip = jnp.zeros((n, dims), jnp.int32)
-    else:
-        order = jnp.argsort(points, axis=0)
-        ranked = jnp.broadcast_to(jnp.arange(n, dtype=jnp.int32)[:, None] // width, (n, dims))
-        strip = jnp.put_along_axis(jnp.zeros_like(ranked), order, ranked, axis=0, inplace=False)
+    order = jnp.argsort(points, axis=0)
+    ranked = jnp.broadcast_to(jnp.arange(n, dtype=jnp.int32)[:, None] // width, (n, dims))
+    strip = jnp.put_along_axis(jnp.zeros_like(ranked), order, ranked, axis=0, inplace=False)
 
     def axis_sums(sums: Sums, axis: tuple[Array, Array]) -> tuple[Sums, None]:
         return _plus(sums, _near(points, strip, *axis, (strips, width), kernel, gradient)), None
 
     zero = jnp.zeros(())
     start = (zero, zero), jnp.zeros((n if gradient else 0, dims))
-    axes = jnp.arange(order.shape[1]), order.T
-    sums, _ = lax.scan(axis_sums, start, axes)
-    if strips > 1:
-        sums = _plus(sums, _far(points, strip, strips, kernel, rank, gradient))
+    sums, _ = lax.scan(axis_sums, start, (jnp.arange(dims), order.T))
+    sums = _plus(sums, _far(points, strip, strips, kernel, rank, gradient))
     return sums[0], 2 * sums[1]
+
+
+def _all_pairs(points: Array, kernel: Kernel, gradient: bool) -> Sums:
+    """Sum over all pairs, tile by tile and one dimension after the other."""
+    n, dims = points.shape
+    side = min(_TILE, -(-n // _TOGETHER) * _TOGETHER)
+    tiles = -(-n // side)
+    x = jnp.zeros((dims, tiles * side)).at[:, :n].set(points.T)
+    present = jnp.zeros(tiles * side).at[:n].set(1.0)
+    own = kernel.own(x)
+    ones = jnp.ones(side)
+
+    def cut(array: Array, tile: Array) -> Array:
+        return lax.dynamic_slice_in_dim(array, tile * side, side, array.ndim - 1)
+
+    def factor(axis: tuple[Array, ...]) -> tuple[Array, Array]:
+        """Return the differences in one dimension, and the kernel there."""
+        a, b, own_a, own_b = axis
+        delta = a[:, None] - b[None, :]
+        distance = jnp.abs(delta)
+        between = distance * (kernel.distance + kernel.square * distance)
+        kernel_here = own_a[:, None] + (kernel.constant + own_b)[None, :] + between
+        return delta, jnp.maximum(kernel_here, _LEAST)
+
+    def step(i: Array, j: Array, sums: tuple[Array, ...]) -> tuple[Array, ...]:
+        high, low, slopes = sums
+        axes = cut(x, i), cut(x, j), cut(own, i), cut(own, j)
+        weight = jnp.where(i == j, 1.0, 2.0) * cut(present, i)[:, None] * cut(present, j)[None, :]
+        value, _ = lax.scan(lambda product, axis: (product * factor(axis)[1], None), weight, axes)
+        few = value.reshape(_TOGETHER, -1, side).sum(axis=0)
+        more_high, more_low = rounded(few, 2.0 ** (dims + 2) * n * n)
+        if gradient:
+
+            def slope_sums(_: None, axis: tuple[Array, ...]) -> tuple[None, tuple[Array, Array]]:
+                delta, kernel_here = factor(axis)
+                others = value / kernel_here
+                moved = others * (kernel.distance * jnp.sign(delta) + 2 * kernel.square * delta)
+                both = jnp.concatenate([others, moved], axis=1)  # one matrix product each way
+                rows = jnp.matmul(both.reshape(-1, side), ones).reshape(side, 2).T
+                return None, (rows, jnp.matmul(ones, both).reshape(2, side))
+
+            _, (rows, columns) = lax.scan(slope_sums, None, axes)
+            # A tile on the diagonal holds each pair in both orders, and any other one has weight 2.
+            for tile, at, sums_at, sign in ((i, axes[0], rows, 1), (j, axes[1], columns, -1)):
+                more = (kernel.own_slope(at) * sums_at[:, 0] + sign * sums_at[:, 1]) / 2
+                slopes = lax.dynamic_update_slice_in_dim(slopes, cut(slopes, tile) + more, tile * side, 1)
+        return high + more_high, low + more_low, slopes
+
+    zeros = jnp.zeros((side // _TOGETHER, side))
+    start = zeros, zeros, jnp.zeros((dims, tiles * side if gradient else 0))
+    first, last = jnp.int32(0), jnp.int32(tiles)
+    high, low, slopes = lax.fori_loop(
+        first, last, lambda i, sums: lax.fori_loop(i, last, partial(step, i), sums), start
+    )
+    return two_sum(high.sum(), low.sum()), slopes[:, :n].T
 
 
 def _plus(sums: Sums, others: Sums) -> Sums:
@@ -108,19 +167,15 @@ def _near(
             between = distance * (kernel.distance + kernel.square * distance)
             parts.append((e + (kernel.constant + pick(e))) + between)
         weight = pick(present)
-        if strips > 1:
-            for cell in earlier:
-                weight = jnp.where(cell == pick(cell), 0.0, weight)
-        keep = lax.optimization_barrier if gradient and dims > _RECOMPUTED else lambda arrays: arrays
-        delta, parts = keep((delta, parts))
+        for cell in earlier:
+            weight = jnp.where(cell == pick(cell), 0.0, weight)
         *before, value = itertools.accumulate(parts, operator.mul, initial=weight)
-        before = keep(before)
         found, after = [value], 1.0
         for j in reversed(range(dims if gradient else 0)):
             slope = kernel.own_slope(x[j]) + kernel.distance * jnp.sign(delta[j])
             slope = slope + 2 * kernel.square * delta[j]
             found.insert(1, slope * (before[j] * after))
-            after = keep(parts[j] * after)
+            after = parts[j] * after
         return found
 
     def step(k: Array, sums: tuple[Array, ...]) -> tuple[Array, ...]:

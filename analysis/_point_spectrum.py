@@ -10,7 +10,7 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
-from analysis._fourier_sums import direct_sums, fast_sums
+from analysis._fourier_sums import direct_slopes, direct_sums, fast_sums
 from qmcjax import checks
 
 __all__ = ["point_spectrum"]
@@ -143,5 +143,8 @@ def _power(sums: Array, n: int, resolution: int) -> Array:
 @partial(jax.jit, static_argnums=(3, 4))
 def _pull_back(points: Array, sums: Array, cotangent: Array, resolution: int, fast: bool) -> Array:
     _, through_power = jax.vjp(lambda s: _power(s, len(points), resolution), sums)
+    (factors,) = through_power(cotangent)
+    if not fast:
+        return direct_slopes(points[:, ::-1], factors)[:, ::-1]
     _, through_sums = jax.vjp(lambda x: _sums(x, resolution, fast), points)
-    return through_sums(through_power(cotangent)[0])[0]
+    return through_sums(factors)[0]

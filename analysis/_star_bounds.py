@@ -25,7 +25,7 @@ def star_discrepancy_bounds(
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        At least one point in [0, 1]^d, as for `star_discrepancy`.
+        At least one point in [0, 1)^d, as for `star_discrepancy`.
     key : jax.random.key, or int in [0, 2**32)
         Seed of the search for the lower bound. The best of several is a lower bound, too.
     regions : int, optional
@@ -41,7 +41,7 @@ def star_discrepancy_bounds(
     Raises
     ------
     ValueError
-        If the points are none, not floats, or outside of [0, 1]^d, or another argument is out of range.
+        If the points are none, not floats, or outside of [0, 1)^d, or another argument is out of range.
 
     Notes
     -----

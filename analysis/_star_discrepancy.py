@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis._critical_grid import critical_grid
 from analysis._star_plane import plane_star_discrepancy
 from analysis._star_regions import refine
+from analysis._star_space import space_star_discrepancy
 
 __all__ = ["star_discrepancy"]
 
@@ -15,18 +16,20 @@ _REGIONS = 2**22
 _COMPARISONS = 2**35
 """The same limit for large sets: regions times points times dimensions."""
 
+_TILED = range(256, 2**16 + 1)
+"""Numbers of points in space for which tiles are the faster way, and fit into memory."""
+
 
 def star_discrepancy(points: ArrayLike) -> float:
     """Return the largest difference between a box's volume and its share of the points.
 
-    The supremum is over the boxes anchored at the origin, [0, q) and [0, q] for q in [0, 1]^d. For
-    points in [0, 1)^d this is the usual star discrepancy, over half-open boxes: a closed one is the
-    limit of open ones. A point at 1 is in no open box, but in closed ones.
+    The supremum is over the boxes anchored at the origin, [0, q) for q in [0, 1]^d. A closed box is the
+    limit of such boxes and counts as one.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        At least one point in [0, 1]^d; a vector is a set in one dimension. Computed in float64, in
+        At least one point in [0, 1)^d; a vector is a set in one dimension. Computed in float64, in
         which float32 points are exact.
 
     Returns
@@ -37,18 +40,21 @@ def star_discrepancy(points: ArrayLike) -> float:
     Raises
     ------
     ValueError
-        If the points are none, not floats, or outside of [0, 1]^d; or if n points in d dimensions
+        If the points are none, not floats, or outside of [0, 1)^d; or if n points in d dimensions
         proved infeasible: then `star_discrepancy_bounds` brackets it.
 
     Notes
     -----
     One dimension takes O(n log n) steps. Two take O(n) memory and O(n^1.5) steps, or up to O(n^2) if
-    many boxes come close to the largest difference. From three dimensions on, regions of boxes are
-    bounded and halved until the largest difference is certain; [1]_ surveys other algorithms. No useful
-    bound on the number of regions is known: it grows with the dimension, and the better the
-    points are distributed. A search of more than 2^22 regions, or 2^35 / (n d) if that is less,
-    gives up. Feasible are the first n Sobol' points for n = 16384 in 3 dimensions, 4096 in 4, 2048 in
-    5, 512 in 6, 128 in 8 and 64 in 12, and larger sets of points that are less well distributed.
+    many boxes come close to the largest difference. Three take O(n^1.5) memory and O(n^2.5) steps in
+    the same case, for up to 2^16 points.
+
+    From three dimensions on, regions of boxes are bounded and halved until the largest difference is
+    certain; [1]_ surveys other algorithms. No useful bound on the number of regions is known: it grows
+    with the dimension, and the better the points are distributed. A search of more than 2^22 regions, or
+    2^35 / (n d) if that is less, gives up. Feasible are the first n Sobol' points for n = 4096 in 4
+    dimensions, 2048 in 5, 512 in 6, 128 in 8 and 64 in 12, and larger sets of points that are less well
+    distributed.
 
     References
     ----------
@@ -66,8 +72,16 @@ def star_discrepancy(points: ArrayLike) -> float:
         return _line_star_discrepancy(array[:, 0])
     if dims == 2:
         return plane_star_discrepancy(array)
+    grid = critical_grid(array)
     regions = max(1, min(_REGIONS, _COMPARISONS // (n * dims)))
-    lower, upper = refine(critical_grid(array), 0.0, regions)
+    lower, upper = 0.0, 1.0
+    if dims == 3 and n in _TILED:
+        # Points that are badly distributed need no tiles.
+        lower, upper = refine(grid, lower, n // 16)
+        if lower < upper:
+            lower, upper = space_star_discrepancy(array, lower)
+    if lower < upper:
+        lower, upper = refine(grid, lower, regions)
     if lower < upper:
         raise ValueError(
             f"points: the star discrepancy of n={n} points in d={dims} dimensions is infeasible, it is only "
@@ -77,7 +91,7 @@ def star_discrepancy(points: ArrayLike) -> float:
 
 
 def checked_points(points: ArrayLike) -> NDArray[np.float64]:
-    """Return points in [0, 1]^d as float64, shape (n, d), or raise a ValueError."""
+    """Return points in [0, 1)^d as float64, shape (n, d), or raise a ValueError."""
     given = np.asarray(points)
     if given.ndim == 1:
         given = given[:, None]
@@ -85,9 +99,9 @@ def checked_points(points: ArrayLike) -> NDArray[np.float64]:
         raise ValueError(f"points must have shape (n, d) or (n,) with n, d >= 1, got {np.shape(points)}")
     if given.dtype not in (np.float16, np.float32, np.float64):
         raise ValueError(f"points must be float64 or narrower floats, got {given.dtype}")
-    outside = ~((given >= 0) & (given <= 1))
+    outside = ~((given >= 0) & (given < 1))
     if outside.any():
-        raise ValueError(f"points must be in [0, 1], got {given[outside][0]!r}")
+        raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")
     return given.astype(np.float64)
 
 

@@ -10,6 +10,9 @@ __all__ = ["plane_star_discrepancy"]
 _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""
 
+_BATCH = 32
+"""Tiles that are evaluated together, at most: the best one first, then two, four and so on."""
+
 Floats = NDArray[np.float64]
 
 
@@ -43,7 +46,6 @@ def plane_star_discrepancy(points: Floats) -> float:
     beyond = np.full(padding, tiles * side + 1)
     y_rank = np.append(np.argsort(by_y)[by_x], beyond).reshape(shape)
     x_rank = np.append(np.argsort(by_x)[by_y], beyond).reshape(shape)
-    columns = np.arange(tiles * side).reshape(shape)
     edges = side * np.arange(tiles + 1)
 
     best = 0.0
@@ -59,20 +61,25 @@ def plane_star_discrepancy(points: Floats) -> float:
             peaks[i, 2 + k] = (share - x_closed[i, row] * y_closed).max(axis=1)
         best = max(best, float(peaks[i, ::2].max()))
         entered = _below(y_rank[i, :, None], edges) / n
-        bounds[i] = _row_bounds(peaks[i], x_open[i], x_closed[i], entered).max(axis=0)
+        ends = x_open[i, :, None], x_closed[i, :, None]
+        bounds[i] = _row_bounds(peaks[i], *ends, entered[:, :-1], entered[:, 1:]).max(axis=0)
 
-    for tile in np.argsort(-bounds, axis=None):
-        i, j = divmod(int(tile), tiles)
-        if bounds[i, j] + _MARGIN <= best:
-            break
-        entered = _below(y_rank[i, :, None], edges[j : j + 2]) / n
-        row_bounds = _row_bounds(peaks[i, :, j : j + 1], x_open[i], x_closed[i], entered)[:, 0]
-        rows = np.flatnonzero(row_bounds + _MARGIN > best)
-        count = _below(y_rank[i, : rows[-1] + 1, None], columns[j])[rows]
-        share = (counts[i, j] + _below(x_rank[j], i * side) + count) / n
-        opened = x_open[i, rows, None] * y_open[j] - share
-        closed = share - x_closed[i, rows, None] * y_closed[j]
-        best = max(best, float(opened.max()), float(closed.max()))
+    order = np.flatnonzero(bounds + _MARGIN > best)
+    order = order[np.argsort(-bounds.ravel()[order])]
+    start, batch = 0, 1
+    while start < len(order) and bounds.ravel()[order[start]] + _MARGIN > best:
+        i, j = np.divmod(order[start : start + batch], tiles)
+        start, batch = start + batch, min(2 * batch, _BATCH)
+        before, after = (_below(y_rank[i].T, edge) for edge in (edges[j], edges[j + 1]))
+        row_bounds = _row_bounds(peaks[i, :, j].T, x_open[i].T, x_closed[i].T, before / n, after / n)
+        tile, row = np.nonzero(row_bounds.T + _MARGIN > best)
+        # Points below the tile's first row, those that entered before its first column, and those inside.
+        count = (counts[i, j] + _below(x_rank[j].T, side * i)).T[tile] + before[row, tile][:, None]
+        count += _inside(y_rank[i] - edges[j][:, None], side * tile + row)
+        share = count / n
+        opened = x_open[i[tile], row][:, None] * y_open[j[tile]] - share
+        closed = share - x_closed[i[tile], row][:, None] * y_closed[j[tile]]
+        best = max(best, float(opened.max(initial=0.0)), float(closed.max(initial=0.0)))
     return best
 
 
@@ -91,14 +98,40 @@ def _below(ranks: NDArray[np.integer], limit: int | NDArray[np.integer]) -> NDAr
     return count
 
 
-def _row_bounds(peaks: Floats, x_open: Floats, x_closed: Floats, entered: Floats) -> Floats:
-    """Bound the rows of tiles: chords between the peaks, less or plus the points that entered."""
+def _inside(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Count the points of tiles that are below certain rows and each column.
+
+    Parameters
+    ----------
+    columns : int array, shape (tiles, side)
+        Of the points in the order of x; below 0 or at least ``side`` if outside of the tile.
+    rows : int array, shape (m,), sorted
+        Numbered through all tiles.
+
+    Returns
+    -------
+    int array, shape (m, side)
+    """
+    side = columns.shape[1]
+    tile, row = np.nonzero((columns >= 0) & (columns < side))
+    column = columns[tile, row] + 1
+    change = np.zeros((len(rows) + 1, side + 1), np.int64)
+    np.add.at(change, (np.searchsorted(rows, side * tile + row, side="right"), column), 1)
+    np.add.at(change, (np.searchsorted(rows, side * (tile + 1)), column), -1)
+    return change.cumsum(axis=0).cumsum(axis=1)[:-1, :-1]
+
+
+def _row_bounds(peaks: Floats, x_open: Floats, x_closed: Floats, before: Floats, after: Floats) -> Floats:
+    """Bound the rows, along the first axis, of tiles: chords between the peaks, and the points that entered.
+
+    For open boxes these are the points before a tile's first column, for closed ones those up to its last.
+    """
     first_open, last_open, first_closed, last_closed = peaks
-    opened = first_open + _along(x_open) * (last_open - first_open) - entered[:, :-1]
-    closed = first_closed + _along(x_closed) * (last_closed - first_closed) + entered[:, 1:]
+    opened = first_open + _along(x_open) * (last_open - first_open) - before
+    closed = first_closed + _along(x_closed) * (last_closed - first_closed) + after
     return np.maximum(opened, closed)
 
 
 def _along(x: Floats) -> Floats:
-    """Return the positions of ascending numbers between the first, 0, and the last, 1, as a column."""
-    return ((x - x[0]) / max(x[-1] - x[0], np.finfo(np.float64).tiny))[:, None]
+    """Return the positions of ascending numbers between the first, 0, and the last, 1."""
+    return (x - x[0]) / np.maximum(x[-1] - x[0], np.finfo(np.float64).tiny)

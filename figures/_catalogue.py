@@ -36,6 +36,7 @@ CATALOGUE = {
     "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
     "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
     "measures": Entry("figures.measures", "All measures of all sequences"),
+    "measure-speed": Entry("figures.measure_speed", "Speed of the measures, beside peers and with gradients"),
     "measure-cost": Entry(
         "figures.measure_cost", "Time and memory of the measures over the number of points"
     ),

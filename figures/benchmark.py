@@ -1,15 +1,12 @@
 """Run time against error: samplers on scenes with exact answers, and frames by other programs."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from figures import _peers, _sweep
+from figures import _peers, _process, _sweep
 
 NOTE = (
     "Frames of {side} x {side} pixels, box filter, medians of calls after the first, each with a new key; "
@@ -25,9 +22,9 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in processes of their own, and draw error over time."""
-    sweep = _run(_sweep.__name__, quality)
+    sweep = _process.measured(_sweep, quality)
     progress(0.6)
-    peers = _run(_peers.__name__, quality)
+    peers = _process.measured(_peers, quality)
     names = list(dict.fromkeys(row["scene"] for row in sweep["rows"]))
     compared = list(dict.fromkeys(row["scene"] for row in peers["rows"]))
 
@@ -61,14 +58,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(side=sweep["side"], peer_side=peers["side"]),
     }
-
-
-def _run(module: str, quality: str) -> dict:
-    command = [sys.executable, "-m", module, quality]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
 
 
 def _lines(axes: Axes, rows: list[dict], by: str) -> None:

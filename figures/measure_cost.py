@@ -1,26 +1,19 @@
 """How time and memory of the measures grow with the number of points."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from figures import _measure_cost
+from figures import _measure_cost, _process
 
 MIB = 2**20
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in a process of its own, and draw time and memory over n, with their slopes."""
-    command = [sys.executable, "-m", _measure_cost.__name__, quality]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
-    measured = json.loads(done.stdout.splitlines()[-1])
+    measured = _process.measured(_measure_cost, quality)
     progress(0.9)
 
     figure = Figure(figsize=(13, 9), layout="constrained")

@@ -1,14 +1,11 @@
 """Coordinates a second that sequences make, against the programs that a user would take instead."""
 
-import json
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from figures import _point_speed
+from figures import _point_speed, _process
 
 SETTINGS = {"4 KiB pages": None, "large pages": "glibc.malloc.hugetlb=1"}
 """The memory that programs get from malloc: as it comes, and as GLIBC_TUNABLES asks for."""
@@ -56,11 +53,7 @@ def _measure(quality: str, tunables: str | None) -> dict:
     environment = {key: value for key, value in os.environ.items() if key != "GLIBC_TUNABLES"}
     if tunables is not None:
         environment["GLIBC_TUNABLES"] = tunables
-    command = [sys.executable, "-m", _point_speed.__name__, quality]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
+    return _process.measured(_point_speed, quality, environment)
 
 
 def _bars(axes, cases: list[dict]) -> None:

@@ -138,6 +138,19 @@ def test_gradient(method):
     np.testing.assert_allclose(narrow, gradient, rtol=0, atol=3e-7 * largest)
 
 
+def test_gradients_in_space():
+    """Both methods: one is written by hand, the other differentiated by JAX."""
+    weights = np.random.default_rng(3).normal(size=(6, 6, 6))
+
+    def weighted(points, method):
+        return jnp.sum(weights * point_spectrum(points, 6, method))
+
+    with jax.enable_x64(True):
+        points = jnp.asarray(random_points(37, 3))
+        direct, fast = (np.asarray(jax.grad(weighted)(points, method)) for method in METHODS)
+    np.testing.assert_allclose(direct, fast, rtol=0, atol=1e-8 * np.abs(fast).max())
+
+
 def test_transformations():
     """One program per shape; jit of vmap equals the loop, rounded to float32."""
     sets = jnp.asarray(np.stack([random_points(37, seed=s) for s in range(3)]), jnp.float32)

@@ -1,15 +1,19 @@
 """How an order of the pixels numbers those that share an edge."""
 
+from typing import Any
+
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis._curves import Order, positions
+from qmcjax import sequences
 
 __all__ = ["neighbour_differences"]
 
 
-def neighbour_differences(order: Order) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return by how much the positions of pixels that share an edge differ.
+def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return by how much the positions of pixels that share an edge differ, or their radical inverses.
 
     The differences are deterministic: where they come in regular patterns, a sequence enumerated along
     the curve is correlated between the pixels [1]_.
@@ -18,13 +22,20 @@ def neighbour_differences(order: Order) -> tuple[NDArray[np.int64], NDArray[np.i
     ----------
     order : Order
         Has ``width``, ``height`` and ``position``.
+    base : int, optional
+        In [2, 65536]: take the radical inverses of the positions in this base, in float64.
 
     Returns
     -------
-    across : int64 array, shape (height, width - 1)
+    across : int64 or float64 array, shape (height, width - 1)
         The absolute difference between pixels (x, y) and (x + 1, y) is element [y, x].
-    down : int64 array, shape (height - 1, width)
+    down : int64 or float64 array, shape (height - 1, width)
         The same between (x, y) and (x, y + 1).
+
+    Raises
+    ------
+    ValueError
+        If ``base`` is out of range.
 
     References
     ----------
@@ -37,6 +48,10 @@ def neighbour_differences(order: Order) -> tuple[NDArray[np.int64], NDArray[np.i
     [[1]
      [1]] [[2 2]]
     """
-    # Unsigned differences would wrap around.
-    wide = positions(order).astype(np.int64)
+    if base is None:
+        # Unsigned differences would wrap around.
+        wide = positions(order).astype(np.int64)
+    else:
+        inverse = sequences.van_der_corput(base)
+        wide = np.asarray(inverse(jnp.asarray(positions(order)), (0,), jnp.float64))[..., 0]
     return np.abs(np.diff(wide, axis=1)), np.abs(np.diff(wide, axis=0))

@@ -1,4 +1,6 @@
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -73,3 +75,32 @@ def test_hilbert_paper_section_3_1():
     others, counts = np.unique(index[index > 1], return_counts=True)
     assert others[counts.argmax()] == 3
     assert counts[others % 3 == 0].sum() > 0.4 * counts.sum()
+
+
+@pytest.mark.parametrize("base", [2, 3, 5])
+def test_radical_inverses_of_the_positions(base):
+    def inverse(index):
+        value, place = Fraction(0), Fraction(1)
+        while index:
+            index, digit = divmod(index, base)
+            place /= base
+            value += digit * place
+        return value
+
+    order = orders.hilbert(5, 6)
+    y, x = np.mgrid[:6, :5].astype(np.uint32)
+    exact = [[inverse(int(p)) for p in row] for row in np.asarray(order.position(x, y))]
+    across, down = neighbour_differences(order, base)
+    assert across.dtype == down.dtype == np.float64
+    expected = [[float(abs(a - b)) for a, b in pairwise(row)] for row in exact]
+    np.testing.assert_allclose(across, expected, rtol=0, atol=1e-15)
+    expected = [
+        [float(abs(a - b)) for a, b in zip(*rows, strict=True)]
+        for rows in zip(exact, exact[1:], strict=False)
+    ]
+    np.testing.assert_allclose(down, expected, rtol=0, atol=1e-15)
+
+
+def test_bad_base_is_named():
+    with pytest.raises(ValueError, match=r"base must be .* got 1"):
+        neighbour_differences(orders.raster(2, 2), 1)

@@ -94,10 +94,7 @@ def test_radical_inverses_of_the_positions(base):
     assert across.dtype == down.dtype == np.float64
     expected = [[float(abs(a - b)) for a, b in pairwise(row)] for row in exact]
     np.testing.assert_allclose(across, expected, rtol=0, atol=1e-15)
-    expected = [
-        [float(abs(a - b)) for a, b in zip(*rows, strict=True)]
-        for rows in zip(exact, exact[1:], strict=False)
-    ]
+    expected = [[float(abs(a - b)) for a, b in zip(*rows, strict=True)] for rows in pairwise(exact)]
     np.testing.assert_allclose(down, expected, rtol=0, atol=1e-15)
 
 

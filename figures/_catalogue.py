@@ -34,6 +34,8 @@ CATALOGUE = {
     "thesis-6.4": Entry("figures.thesis_6_4", "Convergence on the zone plate"),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
     "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
+    "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
+    "skipping": Entry("figures.skipping", "What is not computed: constant pixels, passes, all but the edges"),
     "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
     "measures": Entry("figures.measures", "All measures of all sequences"),
     "measure-speed": Entry("figures.measure_speed", "Speed of the measures, beside peers and with gradients"),

@@ -1,0 +1,131 @@
+"""Scenes with exact answers rendered with and without skipping: the same image from fewer samples."""
+
+import re
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import qmcjax as qj
+from qmcjax import _frame, orders, samplers, scenes, sequences
+from qmcjax.samplers import completed
+
+SPP = 10
+SCENES = {
+    "checkerboard": scenes.checkerboard(),
+    "flat_checkerboard": scenes.flat_checkerboard(),
+    "disc": scenes.disc(),
+    "step": scenes.step(),
+    "triangle": scenes.triangle(),
+    "line": scenes.line(),
+    "staircase": scenes.staircase(),
+    "moving_edge": scenes.moving_edge(),
+    "blinking_disc": scenes.blinking_disc(),
+    "ball": scenes.ball(),
+    "defocused_edge": scenes.defocused_edge(),
+    "soft_shadow": scenes.soft_shadow(),
+}
+QUICK = {("flat_checkerboard", 37), ("disc", 64), ("ball", 37), ("defocused_edge", 37)}
+"""Each scene compiles for a second or more: the others are slow tests."""
+
+
+def along(width, height, dims):
+    sequence = sequences.owen(sequences.sobol(dims), key=1)
+    return samplers.contiguous(orders.hilbert(width, height), sequence, SPP)
+
+
+def apart(width, height, dims):
+    return samplers.independent(sequences.sobol(dims), key=1)
+
+
+def certain(scene, image, bound):
+    """Return which pixels' exact means leave no doubt that they are constant or not: by 0, 1 or a stair."""
+    levels = len(scene.offsets) if isinstance(scene, scenes.Staircase) else 1
+    return abs(levels * image - np.rint(levels * image)) <= 2 * levels * bound
+
+
+def doubtful(scene, width, height):
+    """Return how many constant pixels may be sampled: their edges touch the scene's, all but exactly.
+
+    A corner here and there; on the checkerboard the last row, the rows at y = 1/2 and 1/4 and the columns at
+    x = 1/2, on both sides, where these are between pixels.
+    """
+    corners = (width + height) // 6
+    if not isinstance(scene, scenes.Checkerboard):
+        return corners
+    return (
+        corners + width * (1 + 2 * (height % 2 == 0) + 2 * (height % 4 == 0)) + 2 * height * (width % 2 == 0)
+    )
+
+
+def cases():
+    for width, height in ((37, 23), (64, 64)):
+        for name in SCENES:
+            marks = [] if (name, width) in QUICK else pytest.mark.slow
+            yield pytest.param(name, width, height, along, marks=marks)
+    for name in ("disc", "soft_shadow"):
+        yield pytest.param(name, 50, 31, apart, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("name", "width", "height", "make"), [*cases()])
+def test_the_image_is_the_same_from_fewer_samples(name, width, height, make):
+    """To 4 units of rounding; one sample where the exact mean tells of a constant, but for a few pixels."""
+    scene = SCENES[name]
+    sampler = make(width, height, len(scene.needs))
+    whole = np.asarray(qj.render(scene, sampler, width, height, SPP), np.float64)
+    result = qj.render(scene, sampler, width, height, SPP, adaptive=True)
+    image, eps = np.asarray(result.image, np.float64), float(np.finfo(np.float32).eps)
+    assert abs(image - whole).max() <= 4 * eps
+
+    exact, bound = scene.reference(width, height)
+    constant = certain(scene, exact, bound)
+    assert set(np.unique(result.counts)) == {1, SPP}
+    assert (result.counts[~constant] == SPP).all()
+    wasted = np.count_nonzero(result.counts[constant] == SPP)
+    assert wasted <= doubtful(scene, width, height) <= 0.7 * constant.sum()
+    # The wasted samples are all that is between the saving and what the exact means promise.
+    promised = (np.count_nonzero(constant) - wasted) * (SPP - 1) / (width * height * SPP)
+    assert result.saving == pytest.approx(promised, abs=1e-12)
+
+    assert abs(image - exact)[constant].max() <= bound + eps
+    with_, without = (np.sqrt(np.mean((made - exact) ** 2)) for made in (image, whole))
+    assert with_ <= without + 4 * eps
+
+
+def integer_operations(scene):
+    """Return the operations on integers of the program of an image, in order: those that make points.
+
+    Names of values are left out, and so is the order of arguments.
+    """
+    width, height, dims = 8, 8, tuple(range(len(scene.needs)))
+    sampler = completed(along(width, height, 4))
+    state = _frame.zeros(scene, (height, width), jnp.float32)
+    none = jnp.uint32(0)
+    lowered = _frame.accumulate.lower(
+        (scene, sampler), None, state, none, none, width, height, 2, dims, str(dims)
+    )
+    lines = [re.sub(r"[%@]\w+(#\d)?", "%", line).strip() for line in lowered.as_text().splitlines()]
+    return [line for line in lines if "ui32" in line and line.startswith("% =") and "while" not in line]
+
+
+@pytest.mark.parametrize(
+    ("still", "plain", "moving"),
+    [
+        (scenes.moving_edge(0.3, None), scenes.step(0.0, 0.3), scenes.moving_edge(0.3, 0.0)),
+        (scenes.blinking_disc(on=None), scenes.disc(), scenes.blinking_disc()),
+        (scenes.ball([[0.5, 0.5]], None, ()), scenes.disc(), scenes.ball([[0.5, 0.5]], [[0.5, 0.5]], ())),
+        (scenes.defocused_edge(0.0, 0.3, None), scenes.step(0.0, 0.3), scenes.defocused_edge(0.0, 0.3, 0.1)),
+        (scenes.soft_shadow(light=None), scenes.step(), scenes.soft_shadow()),
+    ],
+    ids=lambda scene: type(scene).__name__,
+)
+def test_what_stands_still_pays_nothing(still, plain, moving):
+    """No operation to generate time, lens or light, though the sampler has them; and there are some if not.
+
+    Coordinates are made of integers, values are not: what a stray coordinate adds is among the integers.
+    """
+    operations = integer_operations(plain)
+    assert len(operations) > 100
+    assert integer_operations(still) == operations
+    more = integer_operations(moving)
+    assert len(more) >= len(operations) + 20 * (len(moving.needs) - 2)

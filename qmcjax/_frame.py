@@ -50,9 +50,10 @@ def accumulate(
 
 
 @jax.jit
-def mean(state: State, count: Array) -> Array:
-    """Return the sum over the number of terms."""
-    return _summation.value(state) / count
+def mean(state: State, count: Array) -> tuple[Array, Array]:
+    """Return the sum over the number of terms, and whether all of it is finite."""
+    image = _summation.value(state) / count.astype(state[0].dtype)
+    return image, jnp.isfinite(image).all()
 
 
 def of_image(width: int, height: int) -> Pixels:
@@ -82,7 +83,9 @@ def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Arra
     return jnp.stack([*screen, *(point[..., j] for j in range(2, point.shape[-1]))], axis=-1)
 
 
-def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike) -> State:
+@partial(jax.jit, static_argnames=("shape", "dtype", "classes"))
+def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike, classes: str) -> State:
     """Return the empty sum of values of a scene at pixels of a shape."""
+    del classes
     point = jax.ShapeDtypeStruct((*shape, len(scene.needs)), dtype)
     return _summation.zeros(jax.eval_shape(scene, point))

@@ -145,12 +145,12 @@ def _means(
 ) -> Array:
     """Return the means over pixels by their numbers."""
     pixels = numbers % np.uint32(width), numbers // np.uint32(width)
-    state = _frame.zeros(pair[0], numbers.shape, dtype)
+    state = _frame.zeros(pair[0], numbers.shape, dtype, classes)
     batches = spp // np.uint32(batch)
     state = _frame.accumulate(
         pair, pixels, state, jnp.uint32(0), batches, width, height, batch, dims, classes
     )
-    return _frame.mean(state, spp.astype(dtype))
+    return _frame.mean(state, spp)[0]
 
 
 def _parts(pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.uint32]]]:

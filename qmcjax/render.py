@@ -137,8 +137,9 @@ def render(
     if not adaptive:
         if tolerance is not None or unbiased:
             raise ValueError(f"adaptive must be True for a tolerance or unbiased, got {adaptive}")
-        image = _everywhere(task, progress)
-        _check_finite(task, image)
+        image, finite = _everywhere(task, progress)
+        if not isinstance(finite, Tracer) and not finite:
+            _refuse(task, image)
         return image
     _check_adaptive(task, tolerance, unbiased)
     report = progress or (lambda part: None)
@@ -146,20 +147,21 @@ def render(
         result = skipping(task, report)
     else:
         result = until(task, tolerance, unbiased, report)
-    _check_finite(task, result.image)
+    if not np.isfinite(result.image).all():
+        _refuse(task, result.image)
     return result
 
 
-def _everywhere(task: Task, progress: Callable[[float], None] | None) -> Array:
-    """Take all samples of all pixels."""
+def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[Array, Array]:
+    """Take all samples of all pixels, and tell whether the means are finite."""
     scene, width, height, spp, dtype = task.scene, task.width, task.height, task.spp, task.dtype
     sampler, dims = completed(task.sampler), tuple(range(len(scene.needs)))
     with checks.precision(dtype):
-        state = _frame.zeros(scene, (height, width), dtype)
         # So many values are added pairwise before they go into the compensated sum: memory traffic is what
         # counts.
         batch = math.gcd(spp, sampler.unrolled(dims))
         classes = str(jax.tree.structure((scene, sampler)))
+        state = _frame.zeros(scene, (height, width), dtype, classes)
         per_call = max(1, _CALL // (width * height * batch)) * batch
         for first in range(0, spp, per_call):
             count = min(per_call, spp - first)
@@ -167,8 +169,8 @@ def _everywhere(task: Task, progress: Callable[[float], None] | None) -> Array:
                 (scene, sampler),
                 None,
                 state,
-                jnp.uint32(first // batch),
-                jnp.uint32(count // batch),
+                np.uint32(first // batch),
+                np.uint32(count // batch),
                 width,
                 height,
                 batch,
@@ -178,7 +180,7 @@ def _everywhere(task: Task, progress: Callable[[float], None] | None) -> Array:
             if progress is not None:
                 state[0].block_until_ready()
                 progress((first + count) / spp)
-        return _frame.mean(state, jnp.asarray(spp, dtype))
+        return _frame.mean(state, np.uint32(spp))
 
 
 def _check_adaptive(task: Task, tolerance: float | None, unbiased: bool) -> None:
@@ -208,13 +210,9 @@ def _check_adaptive(task: Task, tolerance: float | None, unbiased: bool) -> None
         )
 
 
-def _check_finite(task: Task, image: Array) -> None:
+def _refuse(task: Task, image: Array) -> None:
     """Raise a ValueError that names the first sample whose value is not finite."""
-    if isinstance(image, Tracer):
-        return
     with checks.precision(task.dtype):
-        if bool(_all_finite(image)):
-            return
         flat = np.asarray(image).reshape(task.width * task.height, -1)
         pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
         x, y, dims = pixel % task.width, pixel // task.width, tuple(range(len(task.scene.needs)))
@@ -233,6 +231,3 @@ def _check_finite(task: Task, image: Array) -> None:
         raise ValueError(
             f"scene must return finite values, got {flat[pixel]} as the mean of pixel ({x}, {y})"
         )
-
-
-_all_finite = jax.jit(lambda image: jnp.isfinite(image).all())

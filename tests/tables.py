@@ -92,9 +92,13 @@ def kind(thing):
 
 def each_kind(argument, table):
     """Run a test with one object of each kind of a table, and with the others on request."""
-    last = {kind(thing): name for name, thing in table.items()}.values()
+    return some(argument, table, *{kind(thing): name for name, thing in table.items()}.values())
+
+
+def some(argument, table, *names):
+    """Run a test with a few objects of a table, and with the others on request."""
     marked = [
-        pytest.param(thing, id=name, marks=() if name in last else pytest.mark.slow)
+        pytest.param(thing, id=name, marks=() if name in names else pytest.mark.slow)
         for name, thing in table.items()
     ]
     return pytest.mark.parametrize(argument, marked)

@@ -153,7 +153,9 @@ def test_values_are_distinct_and_below_one(permutation):
     assert np.asarray(jax.jit(lambda s, i: s(i))(seq, jnp.asarray(index))).max() < 1
 
 
-@pytest.mark.parametrize("permutation", [None, *KEYED])
+@pytest.mark.parametrize(
+    "permutation", [None, *(pytest.param(name, marks=pytest.mark.slow) for name in KEYED)]
+)
 def test_many_coordinates_together_equal_single_ones(permutation):
     """Large bases share a program, with quotients by another way."""
     seq = sequences.halton(200, permutation, key=KEYED.get(permutation))

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first
+from tables import first, some
 
 import qmcjax as qj
 from qmcjax import scenes, sequences
@@ -33,8 +33,10 @@ def product(points):
     return points[:, 0] * points[:, 1]
 
 
-@pytest.mark.parametrize("n, start", [(1, 7), (2 * TABULATED + 99, 3 * 4096)])
-@pytest.mark.parametrize("sequence", SEQUENCES.values(), ids=SEQUENCES.keys())
+@pytest.mark.parametrize(
+    "n, start", [pytest.param(1, 7, marks=pytest.mark.slow), (2 * TABULATED + 99, 3 * 4096)]
+)
+@some("sequence", SEQUENCES, "digital", "scrambled", "base b")
 def test_the_mean_is_that_of_the_points(sequence, n, start):
     points = np.asarray(sequence.points(n, start), np.float64)
     measured = qj.integrate(squares, sequence, n, start)

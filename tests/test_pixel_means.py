@@ -17,7 +17,16 @@ def zeros(side):
     return np.zeros((side, side))
 
 
-@pytest.mark.parametrize("name", ["z, hash", "randomized, contiguous, owen", "shifted, hilbert, lattice"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "z, hash",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("randomized, contiguous, owen", "shifted, hilbert, lattice")
+        ),
+    ],
+)
 def test_the_mean_is_that_of_the_samples(name):
     sampler = SAMPLERS[name]
     dims = (1, 2) if sampler.dims > 2 else (1, 0)

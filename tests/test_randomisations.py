@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import again, first, is_net
+from tables import again, first, is_net, some
 
 from analysis import squared_min_distance
 from qmcjax import sequences
@@ -232,8 +232,8 @@ WRAPPED = {
 }
 
 
-@pytest.mark.parametrize("wrap", WRAPPED.values(), ids=WRAPPED.keys())
-@pytest.mark.parametrize("dims", [3, 9])
+@some("wrap", WRAPPED, "xor", "matousek")
+@pytest.mark.parametrize("dims", [3, pytest.param(9, marks=pytest.mark.slow)])
 def test_all_ways_to_a_coordinate_agree(wrap, dims):
     """Words and mirrors, one coordinate at a time and all at once."""
 

@@ -314,7 +314,7 @@ def test_any_two_points_are_as_after_nested_uniform_scrambling(name):
 
 
 @each_scrambling
-@pytest.mark.parametrize("count", [21, 24])
+@pytest.mark.parametrize("count", [21, pytest.param(24, marks=pytest.mark.slow)])
 def test_zeros_behind_the_digits_are_scrambled(scramble, count):
     """What follows is uniform; for Owen's, another one for each point. Tables of the hash hold 24 digits."""
     tails = over_keys(scramble)[1] * 3.0**count % 1

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import SEQUENCES, each_kind, first, is_net
+from tables import SEQUENCES, each_kind, first, is_net, some
 
 from qmcjax import digits, sequences
 
@@ -28,7 +28,7 @@ N = 1200
 SHUFFLED = np.random.default_rng(1).permutation(first(N))
 
 
-@each_sequence
+@each_kind("seq", SEQUENCES)
 def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
     single, double = (np.asarray(seq.points(N, dtype=dtype)) for dtype in (jnp.float32, jnp.float64))
     for points, dtype in ((single, np.float32), (double, np.float64)):
@@ -95,7 +95,7 @@ def test_a_new_key_gives_new_points_without_a_new_trace(make):
     assert np.mean(a == b) < 0.1
 
 
-@each_keyed
+@some("make", KEYED, "uniform", "owen", "xor")
 def test_points_over_keys(make):
     """One seed for all coordinates, a biased digit, or neighbours that move together would show."""
     index = jnp.array([5, 10, 11], jnp.uint32)

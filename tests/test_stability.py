@@ -5,12 +5,12 @@ import pytest
 from figures import stability
 
 
-@pytest.mark.parametrize("top", [8, pytest.param(20, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("top", [6, pytest.param(20, marks=pytest.mark.slow)])
 def test_sums_are_as_good_as_their_terms(top):
     """At 2^20 samples the default path is within 2 units of the float64 mean, and a plain sum is far off."""
     measured = stability.sums(top)
     assert max(measured["render, float32"].values()) < 2
-    assert measured["naive"][2**top] > (1000 if top == 20 else 2)
+    assert measured["naive"][2**top] > (1000 if top == 20 else 1)
 
 
 def test_points_have_all_their_bits_up_to_the_last_index():

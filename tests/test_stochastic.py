@@ -15,7 +15,7 @@ from qmcjax.sequences import _lloyd
 from qmcjax.sequences._latin_hypercube import permuted
 
 
-@pytest.mark.parametrize("n", [1, 2, 5, 1000, 300_007])
+@pytest.mark.parametrize("n", [1, 5, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 1000, 300_007))])
 def test_latin_hypercubes_have_one_point_in_each_interval(n):
     """In integers: fraction f lies in interval f n >> 32. In float64 the points are these fractions."""
     seq = sequences.latin_hypercube(n, 2, key=2)

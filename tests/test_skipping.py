@@ -99,7 +99,7 @@ def integer_operations(scene):
     """
     width, height, dims = 8, 8, tuple(range(len(scene.needs)))
     sampler = completed(along(width, height, 4))
-    state = _frame.zeros(scene, (height, width), jnp.float32)
+    state = _frame.zeros(scene, (height, width), jnp.float32, "")
     none = jnp.uint32(0)
     lowered = _frame.accumulate.lower(
         (scene, sampler), None, state, none, none, width, height, 2, dims, str(dims)

@@ -1,6 +1,5 @@
 """Derivatives of pixel means with respect to what moves the edges of a scene."""
 
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -177,8 +176,13 @@ def _gradient(
 def _swept(scene: Any, u: Array) -> Array:
     """Return the determinants of the points' derivatives, shape (points, number of parameters)."""
     flat, restore = ravel_pytree(scene)
-    move: Callable[[Array], Array] = lambda flat: restore(flat).boundary(u)[0]  # noqa: E731
-    slide: Callable[[Array], Array] = lambda u: scene.boundary(u)[0]  # noqa: E731
+
+    def move(flat: Array) -> Array:
+        return restore(flat).boundary(u)[0]
+
+    def slide(u: Array) -> Array:
+        return scene.boundary(u)[0]
+
     moved = jax.vmap(lambda d: jax.jvp(move, (flat,), (d,))[1])(jnp.eye(flat.size, dtype=u.dtype))
     slid = [
         jax.jvp(slide, (u,), (jnp.broadcast_to(d, u.shape),))[1] for d in np.eye(u.shape[-1], dtype=u.dtype)

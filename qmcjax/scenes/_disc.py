@@ -14,6 +14,7 @@ from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
+from qmcjax.scenes._constancy import disc_sides
 from qmcjax.scenes._edges import spread
 from qmcjax.scenes._parameters import numbers
 from qmcjax.scenes._pixel_cuts import split
@@ -39,13 +40,8 @@ class Disc(ExactScene):
     def varies(self, low: Array, high: Array) -> Array:
         """Say which boxes the circle meets; see `Scene`."""
         scene = cast(self, low.dtype)
-        nearest = farthest = jnp.zeros(low.shape[:-1], low.dtype)
-        for axis in (0, 1):
-            before, behind = low[..., axis] - scene.centre[axis], high[..., axis] - scene.centre[axis]
-            nearest += jnp.maximum(jnp.maximum(before, -behind), 0) ** 2
-            farthest += jnp.maximum(-before, behind) ** 2
-        squared, slack = scene.radius * scene.radius, 8 * jnp.finfo(low.dtype).eps
-        met = (nearest <= squared * (1 + slack)) & (farthest >= squared * (1 - slack))
+        outside, inside = disc_sides(low, high, scene.centre, scene.radius)
+        met = ~outside & ~inside
         return jnp.stack([met, met], axis=-1)
 
     def boundary(self, u: Array) -> tuple[Array, Array]:

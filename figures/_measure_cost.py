@@ -3,6 +3,7 @@
 A process of its own, since the peak of its memory is read. Prints JSON.
 """
 
+import ctypes
 import json
 import sys
 import time
@@ -38,7 +39,7 @@ def gradient(measure: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
     def call(points: NDArray[np.float64]) -> Any:
         with jax.enable_x64(True):
-            return jax.block_until_ready(differentiated(jnp.asarray(points)))
+            return differentiated(jnp.asarray(points))
 
     return call
 
@@ -48,7 +49,7 @@ def in_float64(measure: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
     def call(points: NDArray[np.float64]) -> Any:
         with jax.enable_x64(True):
-            return jax.block_until_ready(measure(points))
+            return measure(points)
 
     return call
 
@@ -67,22 +68,26 @@ MEASURES = {
     "dispersion, 3-D": Measure(analysis.dispersion, 3, 7, 10, 14),
     "soft min distance, 2-D": Measure(in_float64(analysis.soft_min_distance), 2, 7, 11, 14),
     "spectrum 65 x 65, direct": Measure(
-        lambda p: jax.block_until_ready(analysis.point_spectrum(p, RESOLUTION, "direct")), 2, 8, 12, 16
+        lambda points: analysis.point_spectrum(points, RESOLUTION, "direct"), 2, 8, 12, 16
     ),
     "spectrum 65 x 65, FFT": Measure(
-        lambda p: jax.block_until_ready(analysis.point_spectrum(p, RESOLUTION, "fft")), 2, 8, 14, 20
+        lambda points: analysis.point_spectrum(points, RESOLUTION, "fft"), 2, 8, 14, 20
     ),
     "t, 2-D, by counting": Measure(analysis.t_value, 2, 8, 12, 18),
 }
 
 
-def peak_of(call: Callable[[], Any]) -> int | None:
+def peak_of(call: Callable[[Any], Any], points: NDArray[np.float64]) -> int | None:
     """Return by how many bytes a call raises the memory in use at most, where the system tells (Linux)."""
     if sys.platform != "linux":
         return None
-    Path("/proc/self/clear_refs").write_text("5")  # the peak so far is forgotten
+    # What earlier calls freed goes back to the system, and the peak so far is forgotten.
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc has it
+    if trim is not None:
+        trim(0)
+    Path("/proc/self/clear_refs").write_text("5")
     before = _status("VmRSS")
-    call()
+    jax.block_until_ready(call(points))
     return _status("VmHWM") - before
 
 
@@ -102,15 +107,15 @@ def main(quality: str) -> None:
                 np.asarray(sequences.uniform(measure.dims, key).points(2**m, dtype=jnp.float64))
                 for key in range(CALLS[quality] + 1)
             ]
-            measure.call(sets[0])  # compiles
+            jax.block_until_ready(measure.call(sets[0]))  # compiles
             times = []
             for points in sets[1:]:
                 start = time.perf_counter()
-                measure.call(points)
+                jax.block_until_ready(measure.call(points))
                 times.append(time.perf_counter() - start)
             rows["n"].append(2**m)
             rows["seconds"].append(float(np.median(times)))
-            rows["bytes"].append(peak_of(lambda call=measure.call, points=sets[1]: call(points)))
+            rows["bytes"].append(peak_of(measure.call, sets[1]))
         print(f"{name} done", file=sys.stderr)
     print(json.dumps(measured))
 

@@ -12,10 +12,10 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,37 +102,48 @@ def torch_frame(name: str, side: int, spp: int) -> Frame | None:
     return None
 
 
-def cpp(program: Path, name: str, side: int, spp: int, calls: int) -> dict:
-    """Measure the C++ reference."""
-    image = program.with_name("image.raw")
-    command = [str(program), name, str(side), str(spp), str(calls), str(image)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return {
-        "seconds": [float(line) for line in done.stdout.split()],
-        "first": None,
-        "error": error(name, np.fromfile(image, np.float32).reshape(side, side)),
-    }
+def cpp(program: Path, name: str, side: int, spp: int) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
+    """Return a frame of the C++ reference, which takes its own time, also after another frame."""
+    path = program.with_name("image.raw")
+
+    def timed(key: int) -> tuple[float, NDArray[np.float32]]:
+        command = [str(program), name, str(side), str(spp), str(key), str(path)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return float(done.stdout), np.fromfile(path, np.float32).reshape(side, side)
+
+    return timed
+
+
+def timed(frame: Frame) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
+    """Return a frame with the time it takes, after one that wakes its threads and fills the caches.
+
+    The first turn's only call compiles.
+    """
+
+    def run(key: int) -> tuple[float, NDArray[np.float32]]:
+        if key > 0:
+            frame(-key % 2**32)
+        start = time.perf_counter()
+        image = frame(key)
+        return time.perf_counter() - start, image
+
+    return run
+
+
+@cache
+def reference(name: str, height: int, width: int) -> tuple[NDArray[np.float64], float]:
+    """Return the exact image of a scene."""
+    return SCENES[name].reference(width, height)
 
 
 def error(name: str, image: NDArray[np.float32]) -> float:
     """Return the root mean square error of an image."""
-    exact = SCENES[name].reference(*image.shape)[0]
+    exact, _ = reference(name, *image.shape)
     return float(np.sqrt(np.mean((image - exact) ** 2)))
 
 
-def measured(name: str, frame: Frame, calls: int) -> dict:
-    """Measure a frame of several keys."""
-    times, errors = [], []
-    for key in range(calls + 1):
-        start = time.perf_counter()
-        image = frame(key)
-        times.append(time.perf_counter() - start)
-        errors.append(error(name, image))
-    return {"seconds": times[1:], "first": times[0], "error": float(np.sqrt(np.mean(np.square(errors))))}
-
-
 def main(quality: str) -> None:
-    """Measure, all programs for one scene and number of samples after another, and print."""
+    """Measure, the programs taking turns with a new key in each, and print."""
     warnings.simplefilter("ignore")
     side, counts, calls = SIZES[quality]
     rows = []
@@ -141,19 +152,25 @@ def main(quality: str) -> None:
         for name in SCENES:
             for spp in counts:
                 frames = {
-                    "qmcjax": ours(name, side, spp),
-                    "qmcjax, adaptive": adaptive(name, side, spp),
-                    "NumPy + scipy": numpy_and_scipy(name, side, spp),
-                    "torch": torch_frame(name, side, spp),
+                    "qmcjax": timed(ours(name, side, spp)),
+                    "qmcjax, adaptive": timed(adaptive(name, side, spp)),
+                    "NumPy + scipy": timed(numpy_and_scipy(name, side, spp)),
                 }
-                for who, frame in frames.items():
-                    if frame is not None:
-                        few = calls if spp * side * side <= 2**22 or "qmcjax" in who else min(calls, 3)
-                        rows.append({"scene": name, "spp": spp, "program": who} | measured(name, frame, few))
+                torch = torch_frame(name, side, spp)
+                if torch is not None:
+                    frames["torch"] = timed(torch)
                 if program is not None:
-                    row = cpp(program, name, side, spp, calls)
-                    rows.append({"scene": name, "spp": spp, "program": "C++, OpenMP"} | row)
-    print(json.dumps({"side": side, "rows": rows, "devices": len(jax.devices())}))
+                    frames["C++, OpenMP"] = cpp(program, name, side, spp)
+                turns = {who: [frame(0)] for who, frame in frames.items()}
+                for key in range(1, calls + 1):
+                    for who, frame in frames.items():
+                        turns[who].append(frame(key))
+                for who, results in turns.items():
+                    seconds = [result[0] for result in results]
+                    squares = [error(name, image) ** 2 for _, image in results]
+                    row = {"scene": name, "spp": spp, "program": who, "seconds": seconds[1:]}
+                    rows.append(row | {"first": seconds[0], "error": float(np.sqrt(np.mean(squares)))})
+    print(json.dumps({"side": side, "rows": rows}))
 
 
 if __name__ == "__main__":

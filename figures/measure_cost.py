@@ -27,7 +27,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         }
         if None not in rows["bytes"]:
             taken = [count / MIB for count in rows["bytes"]]
-            slopes[name]["bytes"] = _line(memory, name, number, rows["n"], taken, 1.0)
+            slopes[name]["bytes"] = _line(memory, name, number, rows["n"], taken, 0.5)
     times.set(title="median time, warm", xlabel="points", ylabel="seconds")
     memory.set(title="peak memory over that before the call", xlabel="points", ylabel="MiB")
     for axes in (times, memory):
@@ -35,8 +35,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         axes.grid(alpha=0.3)
     return figure, {
         "measured": {"slopes": slopes, **measured},
-        "note": "Exponents of least-squares fits to the larger half of the n. Memory below 1 MiB is not told "
-        "apart from noise and left out of the fits. Drafts are small and say little.",
+        "note": "Exponents of least-squares fits to the larger half of the n. Memory below half a MiB is not "
+        "told apart from noise, not drawn and not in the fits. Drafts are small and say little.",
     }
 
 
@@ -52,5 +52,5 @@ def _line(
         slope = float(np.polyfit(np.log(x[fitted]), np.log(y[fitted]), 1)[0])
     label = name if slope is None else f"{name} ({slope:.2f})"
     style = ("o-", "s--", "^:")[number // 10 % 3]
-    axes.loglog(x, np.maximum(y, 1e-2 if floor else 0), style, ms=3, color=f"C{number % 10}", label=label)
+    axes.loglog(x, np.where(y > floor, y, np.nan), style, ms=3, color=f"C{number % 10}", label=label)
     return slope

@@ -97,14 +97,21 @@ def optimize_points(
         with jax.enable_x64(True):
             value, gradient = differentiated(inside(flat))
         value, gradient = float(value), np.asarray(gradient, np.float64)
-        finite = np.isfinite(value) and np.isfinite(gradient).all()
-        return (value, gradient.ravel()) if finite else (np.inf, np.zeros(start.size))
+        if np.isfinite(value) and np.isfinite(gradient).all():
+            return value, gradient.ravel()
+        # A finite wall: the search along a line goes back from it, but would end at infinity.
+        return (values[-1] + max(1.0, abs(values[-1])) if values else np.inf), np.zeros(start.size)
 
     flat = start.astype(np.float64).ravel()
+    with jax.enable_x64(True):
+        like = jax.eval_shape(measure, jax.ShapeDtypeStruct(start.shape, np.float64))
+    if getattr(like, "shape", None) != () or not np.issubdtype(like.dtype, np.floating):
+        raise ValueError(f"measure must return a floating point scalar, got {like}")
+    values: list[float] = []
     first, _ = value_and_gradient(flat)
     if not np.isfinite(first):
         raise ValueError("measure must be finite at the start, and so must its gradient, got one that is not")
-    values = [first]
+    values.append(first)
     result = minimize(
         value_and_gradient,
         flat,

@@ -15,9 +15,9 @@ NOTE = (
     "Sobol' sequence in contiguous blocks, ours and the C++ reference's Owen-scrambled along the Hilbert "
     "curve, the others' linearly scrambled in raster order, each after a frame that is not counted. The "
     "programs take turns. The ratio at equal error is the time that the "
-    "peer's line over the number of samples needs for our error, over ours. Peers that are not installed are "
-    "left out (pip install -e '.[bench]' brings torch; the C++ reference needs a compiler with OpenMP). "
-    "Drafts are small and say little."
+    "peer's line over the number of samples, prolonged where it ends, needs for our error, over ours. Peers "
+    "that are not installed are left out (pip install -e '.[bench]' brings torch; the C++ reference needs a "
+    "compiler with OpenMP). Drafts are small and say little."
 )
 
 

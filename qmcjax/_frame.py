@@ -88,4 +88,10 @@ def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike, classes: str) ->
     """Return the empty sum of values of a scene at pixels of a shape."""
     del classes
     point = jax.ShapeDtypeStruct((*shape, len(scene.needs)), dtype)
-    return _summation.zeros(jax.eval_shape(scene, point))
+    values = jax.eval_shape(scene, point)
+    if values.dtype != dtype or values.shape[: len(shape)] != shape or len(values.shape) > len(shape) + 1:
+        raise ValueError(
+            f"scene must return values of shape (...) or (..., channels) and the points' dtype, {shape} and "
+            f"{dtype}, got {values.shape} and {values.dtype}"
+        )
+    return _summation.zeros(values)

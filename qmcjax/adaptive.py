@@ -17,6 +17,9 @@ from qmcjax.samplers import completed
 _SIZES = (16384, 4096, 1024, 256)
 """Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
 
+_SEARCHED = 2**16
+"""Samples of a pixel that are looked through at a time for the one that is not finite."""
+
 Group = tuple[tuple[int, ...], NDArray[np.intp]]
 """Coordinates that vary, and the pixels in which they and no others do."""
 
@@ -52,8 +55,10 @@ def skipping(task: Task, progress: Callable[[float], None]) -> AdaptiveImage:
         for part, values in means(task, dims, pixels):
             flat(image)[part] = values
             done += len(part)
-            progress(done / total)
+            if done < total:
+                progress(done / total)
         counts.ravel()[pixels] = task.spp
+    progress(1.0)
     return result(task, image, counts)
 
 
@@ -110,6 +115,10 @@ def _centres(
         jnp.stack([*low, *[rest[0]] * (count - 2)], axis=-1),
         jnp.stack([*high, *[rest[1]] * (count - 2)], axis=-1),
     )
+    if bits.shape != (*x.shape, count) or bits.dtype != bool:
+        raise ValueError(
+            f"scene.varies must return bool of shape {(*x.shape, count)}, got {bits.dtype} of {bits.shape}"
+        )
     codes = jnp.zeros(x.shape, jnp.uint32)
     for j in range(count):
         codes |= bits[..., j].astype(jnp.uint32) << np.uint32(_bit(j))
@@ -173,3 +182,26 @@ def result(task: Task, image: NDArray, counts: NDArray[np.uint32]) -> AdaptiveIm
     every = task.width * task.height * task.spp
     with checks.precision(task.dtype):
         return AdaptiveImage(jnp.asarray(image), counts, 1 - int(counts.sum(dtype=np.uint64)) / every)
+
+
+def refuse(task: Task, image: Array | NDArray) -> None:
+    """Raise a ValueError that names the first sample whose value is not finite."""
+    with checks.precision(task.dtype):
+        flat = np.asarray(image).reshape(task.width * task.height, -1)
+        pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
+        x, y, dims = pixel % task.width, pixel // task.width, tuple(range(len(task.scene.needs)))
+        for first in range(0, task.spp, _SEARCHED):
+            samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
+            points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
+            where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
+            points = _frame.on_screen(points, *where, task.width, task.height)
+            values = np.asarray(task.scene(points)).reshape(len(samples), -1)
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+            if len(bad):
+                raise ValueError(
+                    f"scene must return finite values, got {values[bad[0]].squeeze()} in pixel ({x}, {y}), "
+                    f"sample {first + bad[0]}, point {np.asarray(points[bad[0]]).tolist()}"
+                )
+        raise ValueError(
+            f"scene must return finite values, got {flat[pixel]} as the mean of pixel ({x}, {y})"
+        )

@@ -111,7 +111,9 @@ def boundary_gradient(
     if width * height >= 2**31:
         raise ValueError(f"width times height must be below 2**31, got {width} * {height}")
     least, largest = _BLOCK
-    rows = min(max(width * height, least), largest)
+    # Each point has a matrix for each parameter.
+    numbers = (free + 1) ** 2 * sum(np.size(leaf) for leaf in jax.tree.leaves(scene))
+    rows = min(max(width * height, least), max(largest * 16 // max(numbers, 16), least))
     with checks.precision(dtype):
         scene = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
         # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.pytrees.
@@ -142,7 +144,7 @@ def _gradient(
         scene, sequence, n = parameters
         index = k * np.uint32(rows) + jax.lax.iota(jnp.uint32, rows)
         dims = tuple(range(len(scene.needs) - 1))
-        u = sequence._values(jnp.minimum(index, n - 1), dims, dtype)
+        u = sequence(jnp.minimum(index, n - 1), dims, dtype)
         point, jump = scene.boundary(u)
         if point.shape != (rows, len(scene.needs)) or jump.shape != (rows,):
             raise ValueError(

@@ -30,7 +30,11 @@ def positive(name: str, value: Any) -> None:
     """Raise a ValueError if ``value`` is known and is not a positive finite number."""
     if isinstance(value, Tracer):
         return
-    if not np.all(np.isfinite(np.asarray(value))) or not np.all(np.asarray(value) > 0):
+    try:
+        known = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        known = np.array(np.nan)
+    if not np.all(np.isfinite(known)) or not np.all(known > 0):
         raise ValueError(f"{name} must be positive and finite, got {value!r}")
 
 

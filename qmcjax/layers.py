@@ -37,7 +37,7 @@ def render_layers(
     moving : Scene
         How much the object covers, in [0, 1], with ``varies``; for example :func:`qmcjax.scenes.ball`.
     still : Scene
-        What is behind it, of numbers rather than colours.
+        What is behind it, numbers or colours.
     sampler : Sampler
         Its coordinates are those of ``moving`` or those of ``still``; it has at least ``max(spp, still_spp)``
         samples a pixel.
@@ -80,7 +80,7 @@ def render_layers(
     >>> print(result.image.shape, int(result.counts.min()), int(result.counts.max()))
     (32, 32) 2 68
     """
-    if not np.isfinite(shade):
+    if isinstance(shade, bool) or not isinstance(shade, int | float | np.floating) or not np.isfinite(shade):
         raise ValueError(f"shade must be finite, got {shade!r}")
     options: dict[str, Any] = {"dtype": dtype, "adaptive": True}
     cover = render(moving, sampler, width, height, spp, **options)
@@ -88,5 +88,6 @@ def render_layers(
     counts = cover.counts + behind.counts
     every = width * height * (spp + still_spp)
     with checks.precision(checks.floating(dtype)):
-        image = shade * cover.image + (1 - cover.image) * behind.image
+        share = cover.image if behind.image.ndim == 2 else cover.image[..., None]
+        image = shade * share + (1 - share) * behind.image
     return AdaptiveImage(image, counts, 1 - int(counts.sum(dtype=np.uint64)) / every)

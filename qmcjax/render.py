@@ -12,7 +12,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax import _frame, checks
-from qmcjax.adaptive import AdaptiveImage, Task, skipping
+from qmcjax.adaptive import AdaptiveImage, Task, refuse, skipping
 from qmcjax.samplers import Randomized, completed
 from qmcjax.stopping import PILOT, until
 
@@ -22,9 +22,6 @@ _MAX_SIDE = 2**16
 
 _CALL = 2**26
 """Samples of the whole image in one call of the compiled program: progress is reported between calls."""
-
-_SEARCHED = 2**16
-"""Samples of a pixel that are looked through at a time for the one that is not finite."""
 
 
 @overload
@@ -97,7 +94,8 @@ def render(
     unbiased : bool
         With ``tolerance``: decide the number of passes of each pixel from four passes that are not part of
         the image. Otherwise a pixel whose first passes happen to agree stops early, and rare bright values
-        are underestimated. ``counts`` has the samples of both.
+        are underestimated. ``counts`` has the samples of both. The error is then a prediction from four
+        passes: a few pixels stay above the tolerance.
 
     Returns
     -------
@@ -139,7 +137,7 @@ def render(
             raise ValueError(f"adaptive must be True for a tolerance or unbiased, got {adaptive}")
         image, finite = _everywhere(task, progress)
         if not isinstance(finite, Tracer) and not finite:
-            _refuse(task, image)
+            refuse(task, image)
         return image
     _check_adaptive(task, tolerance, unbiased)
     report = progress or (lambda part: None)
@@ -148,7 +146,7 @@ def render(
     else:
         result = until(task, tolerance, unbiased, report)
     if not np.isfinite(result.image).all():
-        _refuse(task, result.image)
+        refuse(task, result.image)
     return result
 
 
@@ -196,6 +194,8 @@ def _check_adaptive(task: Task, tolerance: float | None, unbiased: bool) -> None
             )
         return
     checks.positive("tolerance", tolerance)
+    if np.ndim(tolerance):
+        raise ValueError(f"tolerance must be one number for all pixels, got {tolerance!r}")
     if not isinstance(task.sampler, Randomized):
         raise ValueError(
             "sampler must be made by samplers.randomized for a tolerance, since errors are estimated from "
@@ -207,27 +207,4 @@ def _check_adaptive(task: Task, tolerance: float | None, unbiased: bool) -> None
         raise ValueError(
             f"spp must be a multiple of the {of_pass} samples of a pass and at least {least} for a "
             f"tolerance, got {task.spp}"
-        )
-
-
-def _refuse(task: Task, image: Array) -> None:
-    """Raise a ValueError that names the first sample whose value is not finite."""
-    with checks.precision(task.dtype):
-        flat = np.asarray(image).reshape(task.width * task.height, -1)
-        pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
-        x, y, dims = pixel % task.width, pixel // task.width, tuple(range(len(task.scene.needs)))
-        for first in range(0, task.spp, _SEARCHED):
-            samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
-            points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
-            where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
-            points = _frame.on_screen(points, *where, task.width, task.height)
-            values = np.asarray(task.scene(points)).reshape(len(samples), -1)
-            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-            if len(bad):
-                raise ValueError(
-                    f"scene must return finite values, got {values[bad[0]].squeeze()} in pixel ({x}, {y}), "
-                    f"sample {first + bad[0]}, point {np.asarray(points[bad[0]]).tolist()}"
-                )
-        raise ValueError(
-            f"scene must return finite values, got {flat[pixel]} as the mean of pixel ({x}, {y})"
         )

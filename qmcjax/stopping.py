@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.adaptive import AdaptiveImage, Group, Task, flat, means, plan, result
+from qmcjax.adaptive import AdaptiveImage, Group, Task, flat, means, plan, refuse, result
 
 PILOT = 4
 """Passes before the first decision."""
@@ -32,8 +32,10 @@ def until(task: Task, tolerance: float, unbiased: bool, progress: Callable[[floa
     for number in range(PILOT):
         moments.add(task, pilot.of_pass(number), groups, vary)
         progress((number + 1) / limit)
+    if not np.isfinite(moments.mean).all():
+        refuse(task._replace(sampler=pilot, spp=PILOT * pilot.spp), moments.mean.reshape(centre.shape))
     if unbiased:
-        wanted = np.ceil(moments.variance() / tolerance**2)
+        wanted = np.ceil(moments.variance() / tolerance / tolerance)
         passes = np.clip(wanted, 1, limit - PILOT).astype(np.int64) * vary
         moments = _Moments(centre.shape)
         for number in range(int(passes.max(initial=0))):

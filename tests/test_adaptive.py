@@ -214,6 +214,8 @@ def test_values_that_are_not_finite_are_found_and_named(adaptive):
     [
         (along(4, 4), 4, {"tolerance": 0.1}, "adaptive must be True for a tolerance"),
         (along(4, 4), 4, {"adaptive": True, "tolerance": 0.1}, "samplers.randomized .* got Contiguous"),
+        (passes(), 16, {"adaptive": True, "tolerance": "a"}, "tolerance must be positive .* 'a'"),
+        (passes(), 16, {"adaptive": True, "tolerance": np.ones(2)}, "tolerance must be one number"),
         (passes(), 16, {"adaptive": True, "tolerance": 0.0}, "tolerance must be positive .* 0.0"),
         (passes(), 18, {"adaptive": True, "tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
         (passes(), 12, {"adaptive": True, "tolerance": 0.1}, "at least 16 .* got 12"),
@@ -232,3 +234,42 @@ def test_not_for_transformations():
 
     with pytest.raises(ValueError, match=r"adaptive=True .* got a tracer"):
         jax.grad(total)(10.0)
+
+
+@pytest.mark.parametrize("unbiased", [True, False])
+def test_passes_that_are_not_finite_are_named(unbiased):
+    """The pilot is not part of the image, and its values count, too."""
+    with pytest.raises(ValueError, match=r"scene must return finite values, got nan in pixel \(3, "):
+        qj.render(NotANumber(0.75), passes(), 4, 4, 64, adaptive=True, tolerance=0.01, unbiased=unbiased)
+
+
+@pytest.mark.parametrize(
+    ("bits", "message"),
+    [
+        (
+            lambda low: jnp.ones((*low.shape[:-1], 3), bool),
+            r"bool of shape \(4, 4, 2\), got bool of \(4, 4, 3\)",
+        ),
+        (lambda low: jnp.ones(low.shape, jnp.int32), r"bool of shape \(4, 4, 2\), got int32"),
+    ],
+)
+def test_what_varies_must_be_told_for_each_coordinate(bits, message):
+    @pytree
+    @dataclass(frozen=True)
+    class Wrong:
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            return point[..., 0]
+
+        def varies(self, low, high):
+            return bits(low)
+
+    with pytest.raises(ValueError, match=message):
+        qj.render(Wrong(), along(4, 4), 4, 4, 4, adaptive=True)
+
+
+def test_progress_of_a_constant_image():
+    seen = []
+    qj.render(scenes.disc((5.0, 5.0), 0.1), along(4, 4), 4, 4, 4, adaptive=True, progress=seen.append)
+    assert seen == [1.0]

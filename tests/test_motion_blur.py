@@ -1,5 +1,6 @@
 """Ways to sample the time of an image, and layers of even noise."""
 
+from dataclasses import dataclass
 from functools import partial
 
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import pytest
 import analysis
 import qmcjax as qj
 from qmcjax import samplers, scenes, sequences
+from qmcjax.pytrees import pytree
 
 SIDE, SPP = 16, 8
 Y, X, SAMPLE = np.meshgrid(*[np.arange(n, dtype=np.uint32) for n in (SIDE, SIDE, SPP)], indexing="ij")
@@ -118,6 +120,22 @@ def test_layers_count_both():
     assert (result.counts[(cover > 0) & (cover < 1)] == SPP_MOVING + SPP_STILL).all()
     assert result.counts[0, 0] == 1 + SPP_STILL
     assert result.saving == pytest.approx(1 - result.counts.mean() / (SPP_MOVING + SPP_STILL))
+
+
+def test_colours_behind():
+    @pytree
+    @dataclass(frozen=True)
+    class Red:
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            return jnp.stack([point[..., 0], jnp.zeros_like(point[..., 0])], axis=-1)
+
+    sampler = samplers.independent(sequences.sobol(3), key=1)
+    image = qj.render_layers(LAYERS["moving"], Red(), sampler, 3, 2, 64, 4, shade=0.0).image
+    cover = qj.render(LAYERS["moving"], sampler, 3, 2, 64)
+    red = qj.render(Red(), sampler, 3, 2, 4)
+    np.testing.assert_allclose(image, (1 - np.asarray(cover))[..., None] * red, atol=1e-6)
 
 
 def test_shade_of_the_object():

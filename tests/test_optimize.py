@@ -66,6 +66,18 @@ def test_on_the_torus_points_leave_on_one_side_and_come_back_on_the_other():
     assert stopped.points[0, 0] == 0
 
 
+def test_a_wall_of_infinity_is_not_the_end():
+    """From below 0.5 towards 0.9, where nothing may exceed 0.8."""
+
+    def walled(points):
+        return jnp.where(points.max() > 0.8, jnp.inf, jnp.sum(jnp.square(points - 0.9)))
+
+    result = analysis.optimize_points(0.5 * POINTS, walled, 50, torus=False)
+    assert result.values[-1] < 0.3 * result.values[0]
+    assert result.points.max() <= 0.8
+    assert np.isfinite(result.values).all()
+
+
 def test_float32_points_of_a_sequence_are_taken():
     start = sequences.sobol(2).points(8)
     result = analysis.optimize_points(start, analysis.l2_star_discrepancy, 3, torus=False)
@@ -81,6 +93,8 @@ def test_float32_points_of_a_sequence_are_taken():
         (np.array([[0.5, 1.0]]), spread, 1, "points must be in .* got 1.0"),
         (np.array([[0.5, np.nan]]), spread, 1, "points must be in .* got nan"),
         (POINTS, spread, 0, "steps must be .* got 0"),
+        (POINTS, lambda p: p[0], 1, "measure must return a floating point scalar"),
+        (POINTS, lambda p: 1, 1, "measure must return a floating point scalar"),
         (POINTS, lambda p: jnp.log(p[0, 0] - p[0, 0]), 1, "measure must be finite at the start"),
     ],
 )

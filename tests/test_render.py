@@ -202,6 +202,28 @@ def test_gradient_through_scene_parameters(spp):
         assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(4, 4\) and float32"),
+        (lambda p: p[..., 0] < 0.5, r"float64, got \(4, 4\) and bool"),
+        (lambda p: p[0, 0, 0], r"got \(\) and float64"),
+    ],
+)
+def test_values_have_the_dtype_and_shape_of_the_points(values, message):
+    @jax.tree_util.register_dataclass
+    @dataclass(frozen=True)
+    class Wrong:
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            return values(point)
+
+    sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)
+    with pytest.raises(ValueError, match=message):
+        qj.render(Wrong(), sampler, 4, 4, 4, dtype=jnp.float64)
+
+
 def test_only_derivatives_that_are_wanted_are_taken():
     """An edge refuses its own derivative, and nothing else's."""
     sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)

@@ -39,6 +39,18 @@ def exact_value(scene, x, y):
     return (1 + np.sin(scene.frequency * (x**2 + y**2))) / 2
 
 
+def test_scenes_keep_numbers_of_their_own():
+    centre = np.array([0.5, 0.5])
+    scene = scenes.disc(centre, 0.2)
+    centre[:] = np.nan
+    np.testing.assert_array_equal(scene.centre, 0.5)
+    for factory in (scenes.checkerboard, scenes.zone_plate):
+        with pytest.raises(ValueError, match=r"must have shape \(\), got \(2,\)"):
+            factory([1.0, 20.0])
+        with pytest.raises(ValueError, match="must be positive and finite, got 'a'"):
+            factory("a")
+
+
 @pytest.mark.parametrize("scene", SCENES, ids=name)
 def test_values_follow_the_definition(scene):
     """In float64 the values are the formula's, but where a rounding falls across the border of a square."""

@@ -12,6 +12,7 @@ from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes import _checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
+from qmcjax.scenes._parameters import numbers
 
 
 @pytree
@@ -103,4 +104,5 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
     Array([1., 0.], dtype=float32)
     """
     checks.positive("squares", squares)
+    squares = numbers("squares", squares)
     return Checkerboard(squares)

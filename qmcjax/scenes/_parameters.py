@@ -42,6 +42,8 @@ def named(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
 
 def _float64(name: str, value: Any) -> NDArray[np.float64]:
     try:
-        return np.asarray(value, dtype=np.float64)
+        array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be made of real numbers, got {value!r}") from None
+    array.setflags(write=False)  # a copy: what the caller does to its own array leaves the scene alone
+    return array

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes._base import ExactScene, coordinates
+from qmcjax.scenes._parameters import numbers
 
 
 @pytree
@@ -113,4 +114,5 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
     Array([0.5, 1. ], dtype=float32)
     """
     checks.positive("frequency", frequency)
+    frequency = numbers("frequency", frequency)
     return ZonePlate(frequency)

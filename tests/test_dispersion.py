@@ -70,7 +70,7 @@ def test_equals_brute_force(drawn):
     assert dispersion(points, torus) == pytest.approx(brute_force(points, torus), rel=1e-9)
 
 
-@pytest.mark.parametrize("dims", [1, 2, 3])
+@pytest.mark.parametrize("dims", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("torus", [True, False])
 @pytest.mark.parametrize("kind", ["random", "cluster", "halves"])
 def test_between_bounds_of_a_mesh(dims, torus, kind):

@@ -175,7 +175,7 @@ class Outside:
         return jnp.any((point < 0) | (point >= 1), axis=-1).astype(point.dtype)
 
 
-@pytest.mark.parametrize("width", [1, 3, 512, 65536])
+@pytest.mark.parametrize("width", [*(pytest.param(w, marks=pytest.mark.slow) for w in (1, 512)), 3, 65536])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_points_stay_in_the_half_open_square(width, dtype):
     """The last pixel plus its largest offset rounds up to the width, which would be 1."""

@@ -1,5 +1,6 @@
 """Half planes at any angle: a step, a staircase of steps, a thin line."""
 
+import abc
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from qmcjax import checks
 from qmcjax.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._constancy import sign_varies
 from qmcjax.scenes._edges import along
 from qmcjax.scenes._parameters import numbers
 from qmcjax.scenes._pixel_cuts import split_segments
@@ -29,9 +31,9 @@ class HalfPlanes(ExactScene):
 
     angle: Any
 
+    @abc.abstractmethod
     def _steps(self) -> list[tuple[Any, int]]:
         """Return offset and sign of each step."""
-        raise NotImplementedError
 
     @property
     def _share(self) -> float:
@@ -47,14 +49,10 @@ class HalfPlanes(ExactScene):
     def varies(self, low: Array, high: Array) -> Array:
         """Say which boxes an edge meets; see `Scene`."""
         scene = cast(self, low.dtype)
-        nearest = farthest = jnp.zeros(low.shape[:-1], low.dtype)
-        for axis, slope in enumerate((jnp.cos(scene.angle), jnp.sin(scene.angle))):
-            ends = slope * low[..., axis], slope * high[..., axis]
-            nearest, farthest = nearest + jnp.minimum(*ends), farthest + jnp.maximum(*ends)
-        met = jnp.zeros(nearest.shape, bool)
+        slopes = jnp.cos(scene.angle), jnp.sin(scene.angle)
+        met = jnp.zeros(low.shape[:-1], bool)
         for offset, _ in scene._steps():
-            slack = 8 * jnp.finfo(low.dtype).eps * (1 + abs(offset))
-            met |= (nearest < offset + slack) & (farthest >= offset - slack)
+            met |= sign_varies(low, high, -offset, slopes)
         return jnp.stack([met, met], axis=-1)
 
     def boundary(self, u: Array) -> tuple[Array, Array]:

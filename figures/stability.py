@@ -52,15 +52,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "dimensions": (lambda: dimensions(count), "dimensions", "relative error / 2^-24"),
     }
     figure = Figure(figsize=(15, 8), layout="constrained")
-    figure.suptitle("Errors of single precision (exact results are drawn at 1e-9)")
+    figure.suptitle("Errors of single precision (exact results are drawn a decade below the least error)")
     panels = figure.subplots(2, 3).ravel()
     measured = {}
     for done, (axes, (name, (measure, x, y))) in enumerate(
         zip(panels, measures.items(), strict=False), start=1
     ):
         curves = measured[name] = measure()
+        exact = 0.1 * min(error for curve in curves.values() for error in curve.values() if error > 0)
         for label, curve in curves.items():
-            axes.loglog(list(curve), np.maximum(list(curve.values()), 1e-9), "o-", ms=3, label=label)
+            axes.loglog(list(curve), np.maximum(list(curve.values()), exact), "o-", ms=3, label=label)
         axes.set(title=name, xlabel=x, ylabel=y)
         axes.grid(alpha=0.3)
         axes.legend(fontsize=8)

@@ -11,8 +11,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.render import render
+from qmcjax.core import checks
+from qmcjax.rendering._render import render
 
 __all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
 

@@ -5,7 +5,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["curve_length", "segment_counts"]
 

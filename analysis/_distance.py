@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
 from analysis._closest_pair import squared_closest_pair
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["checked_tiling", "min_distance", "packing_distance", "squared_min_distance", "tree", "unfold"]
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from qmcjax import checks, fields
+from qmcjax.core import checks, finite_field
 
 __all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
 
@@ -145,7 +145,7 @@ def cells(points: NDArray, count: int) -> NDArray[np.int64]:
 
 def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
     """Return into how many intervals each axis is divided."""
-    base = checks.integer("base", base, 2, fields.FIELD_LIMIT - 1)
+    base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
     if np.ndim(digits) != 1 or len(digits) != dims:
         raise ValueError(f"digits must be {dims} integers, one a coordinate, got {digits!r}")
     numbers = [checks.integer(f"digits[{j}]", d, 0, _LOG_COUNTS) for j, d in enumerate(digits)]

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from analysis._l2_double_double import Wide, add, constant, multiply, two_product
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 
 __all__ = ["CENTERED", "MIXTURE", "PERIODIC", "STAR", "SYMMETRIC", "WRAPAROUND", "Kernel"]
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._distance import squared_min_distance
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["MatrixSearch", "search_matrices"]
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax import checks, fields
+from qmcjax.core import checks, finite_field
 
 __all__ = ["MatrixNet", "matrix_net"]
 
@@ -71,7 +71,7 @@ class _PrimeNet(MatrixNet):
 
 def matrix_net(matrices: NDArray, base: int, m: int | None) -> MatrixNet:
     """Return the net of the first ``base**m`` points of generator matrices, packed in words or not."""
-    q = fields.prime("base", base)
+    q = finite_field.prime("base", base)
     if matrices.dtype.kind not in "iu":
         raise ValueError(
             f"points_or_matrices must be integers where m is given or there are three axes, "

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis._intervals import cells, fractions
 from analysis._net_matrices import matrix_net
-from qmcjax import checks, fields
+from qmcjax.core import checks, finite_field
 
 __all__ = ["projection_t_values", "t_value"]
 
@@ -131,7 +131,7 @@ def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
     given = np.asarray(points_or_matrices)
     if m is not None or given.ndim == 3:
         return matrix_net(given, base, m)
-    return _PointNet(fractions(given), checks.integer("base", base, 2, fields.FIELD_LIMIT - 1))
+    return _PointNet(fractions(given), checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1))
 
 
 def _strength(net: _Net, axes: Sequence[int]) -> int:

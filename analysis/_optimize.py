@@ -9,7 +9,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["OptimizedPoints", "optimize_points"]
 

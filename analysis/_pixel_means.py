@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import _summation, checks
+from qmcjax.core import checks, summation
 from qmcjax.orders import MAX_SIDE
 from qmcjax.samplers import completed
 
@@ -76,7 +76,7 @@ def pixel_means(
     sampler.check(width, height, spp)
     sampler = completed(sampler)
     with checks.precision(dtype):
-        # Samplers of two classes may look alike to JAX: see qmcjax.pytrees.
+        # Samplers of two classes may look alike to JAX: see qmcjax.core.pytrees.
         classes = str(jax.tree.structure(sampler))
         return _means(function, sampler, (height, width), spp, wanted, dtype, classes)
 
@@ -99,6 +99,6 @@ def _means(
     def values(sampler: Any, sample: Array) -> Array:
         return function(sampler(x, y, jnp.full(shape, sample, jnp.uint32), dims, dtype)).astype(dtype)
 
-    state = _summation.zeros(jax.eval_shape(values, sampler, jnp.uint32(0)))
-    state = _summation.add_terms(values, False, sampler, state, jnp.uint32(0), jnp.uint32(spp))
-    return _summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]
+    state = summation.zeros(jax.eval_shape(values, sampler, jnp.uint32(0)))
+    state = summation.add_terms(values, False, sampler, state, jnp.uint32(0), jnp.uint32(spp))
+    return summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]

@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
 from analysis._fourier_sums import direct_slopes, direct_sums, fast_sums
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["point_spectrum"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from qmcjax import checks
+from qmcjax.core import checks
 from qmcjax.sequences import Sequence
 
 __all__ = ["SequenceEngine", "read_points"]

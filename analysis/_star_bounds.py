@@ -9,7 +9,7 @@ from analysis._critical_grid import critical_grid, rounding
 from analysis._star_discrepancy import checked_points, star_discrepancy
 from analysis._star_regions import refine
 from analysis._threshold_accepting import threshold_accepting
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["star_discrepancy_bounds"]
 

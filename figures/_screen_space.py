@@ -60,10 +60,10 @@ def methods() -> dict[str, Method]:
         "(0,2), Owen per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY)),
         "lattice, rotated": Method(lambda side, spp: samplers.independent(dithered, KEY, "shift")),
         "global Sobol'": Method(
-            lambda side, spp: samplers.screen(sequences.sobol(4), side, side), dims=(2, 3)
+            lambda side, spp: samplers.full_screen(sequences.sobol(4), side, side), dims=(2, 3)
         ),
         "global Halton": Method(
-            lambda side, spp: samplers.screen(sequences.halton(4), side, side), dims=(2, 3)
+            lambda side, spp: samplers.full_screen(sequences.halton(4), side, side), dims=(2, 3)
         ),
         "dither, vectors": Method(lambda side, spp: samplers.dither(samplers.blue_noise_mask(2), dithered)),
         "ranked (Heitz)": Method(lambda side, spp: samplers.ranked(2, KEY)),

@@ -21,11 +21,11 @@ DPI = 150
 
 def _net(make: Callable[[int], Any], side: int) -> Callable[[int], samplers.Sampler]:
     """Return spp -> the sampler of one net over a square screen."""
-    return lambda spp: samplers.screen(make(2 * log_side(side, side) + spp.bit_length() - 1), side, side)
+    return lambda spp: samplers.full_screen(make(2 * log_side(side, side) + spp.bit_length() - 1), side, side)
 
 
 def _jittered(side: int, key: int) -> Callable[[int], samplers.Sampler]:
-    return lambda spp: samplers.screen(sequences.jittered(side * round(spp**0.5), 2, key), side, side)
+    return lambda spp: samplers.full_screen(sequences.jittered(side * round(spp**0.5), 2, key), side, side)
 
 
 def nets(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:

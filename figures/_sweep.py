@@ -43,8 +43,8 @@ def _owen(dims: int, key: int) -> sequences.Sequence:
 SAMPLERS: dict[str, Make] = {
     "random": _along(orders.raster, sequences.uniform),
     "Owen, each pixel": lambda side, spp, dims, key: samplers.independent(sequences.sobol(dims), key),
-    "global Sobol', xor": lambda side, spp, dims, key: samplers.screen(
-        sequences.xor(sequences.sobol(dims), key), side, side
+    "global Sobol', xor": lambda side, spp, dims, key: samplers.full_screen(
+        sequences.digital_shift(sequences.sobol(dims), key), side, side
     ),
     "raster, Owen": _along(orders.raster, _owen),
     "Hilbert, Owen": _along(orders.hilbert, _owen),

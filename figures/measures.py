@@ -21,7 +21,7 @@ POINT_SETS = {
     "Halton, Owen": lambda m: sequences.owen(sequences.halton(2), KEY),
     "Sobol'": lambda m: sequences.sobol(2),
     "Sobol', Owen": lambda m: sequences.owen(sequences.sobol(2), KEY),
-    "Sobol', xor": lambda m: sequences.xor(sequences.sobol(2), KEY),
+    "Sobol', xor": lambda m: sequences.digital_shift(sequences.sobol(2), KEY),
     "Larcher-Pillichshammer": lambda m: sequences.larcher_pillichshammer(),
     "Faure, base 3": lambda m: sequences.faure(2, 3),
     "optimized sequence": lambda m: sequences.optimized_sequence(),

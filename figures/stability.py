@@ -131,7 +131,7 @@ def offsets(count: int) -> Curves:
     for k in range(4, 17, 2):
         side = 2**k
         x, y = (jnp.asarray(rng.integers(0, side, count, dtype=np.uint32)) for _ in range(2))
-        sampler = samplers.screen(net, side, side)
+        sampler = samplers.full_screen(net, side, side)
         zero = jnp.zeros(count, jnp.uint32)
         index = net.index_in_cell(x, y, k, zero)
         words = np.asarray(net.bits(index))[:, 0].astype(np.uint64)

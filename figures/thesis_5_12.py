@@ -15,7 +15,7 @@ SIDE, FRAMES = 8, 4
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw four frames of 8 x 8 pixels, and all of them together."""
     del quality, progress
-    sampler = samplers.screen(sequences.sobol(2), SIDE, SIDE)
+    sampler = samplers.full_screen(sequences.sobol(2), SIDE, SIDE)
     y, x = (jnp.asarray(a.ravel()) for a in np.mgrid[0:SIDE, 0:SIDE].astype(np.uint32))
     pixels = np.stack([x, y], axis=1)
     frames = [

@@ -13,7 +13,7 @@ import analysis
 import qmcjax as qj
 from figures._curves import EXPLAINED, image_sheet, structure
 from qmcjax import orders, samplers, sequences
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 
 SIDE, KEY = 256, 1
 REFERENCE_SPP = {"draft": 256, "paper": 4096}

@@ -28,7 +28,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Show the first sample of each pixel, the second, and the average of both."""
     del progress
-    sampler = samplers.screen(sequences.sobol(max(COMPARED) + 1), SIDE, SIDE)
+    sampler = samplers.full_screen(sequences.sobol(max(COMPARED) + 1), SIDE, SIDE)
     first, second = (_values(sampler, sample) for sample in range(2))
     shown = {
         "(a) first sample": first[..., DIM - 2],

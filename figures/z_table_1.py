@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import qmcjax as qj
 from figures.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 
 SIZE = {"draft": (480, 270), "paper": (1920, 1080)}
 COUNTS = {"draft": (1, 4, 16), "paper": (1, 4, 16, 64, 256)}
@@ -55,7 +55,7 @@ def shadow_samplers(width: int, height: int, spp: int, key: int) -> dict[str, An
     """Return the samplers of the table, in four dimensions."""
     return {
         "(0,2)": samplers.independent(sequences.sobol(4), key, "xor"),
-        "Sobol'": samplers.screen(sequences.xor(sequences.sobol(4), key), width, height),
+        "Sobol'": samplers.full_screen(sequences.digital_shift(sequences.sobol(4), key), width, height),
         "Heitz": samplers.ranked(4, key),
         "Z": samplers.z(width, height, spp, key, dims=4),
     }
@@ -76,7 +76,7 @@ def rate_samplers(width: int, height: int, spp: int, key: int) -> dict[str, Any]
         "Z, multiplicative": samplers.z(width, height, spp, key, "multiplicative"),
         "Z, tree": samplers.z(width, height, spp, key, "tree"),
         "Z, ART": samplers.z(width, height, spp, key, "art"),
-        "global Sobol'": samplers.screen(sobol, width, height),
+        "global Sobol'": samplers.full_screen(sobol, width, height),
         "ranked (Heitz)": samplers.ranked(2, key),
     }
 

@@ -14,11 +14,12 @@ from qmcjax import orders as orders
 from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
 from qmcjax import sequences as sequences
-from qmcjax.boundary import boundary_gradient as boundary_gradient
+from qmcjax.core.pytrees import pytree as pytree
 from qmcjax.integrate import integrate as integrate
-from qmcjax.layers import render_layers as render_layers
-from qmcjax.passes import render_passes as render_passes
-from qmcjax.render import AdaptiveImage as AdaptiveImage
-from qmcjax.render import render as render
+from qmcjax.rendering import AdaptiveImage as AdaptiveImage
+from qmcjax.rendering import boundary_gradient as boundary_gradient
+from qmcjax.rendering import render as render
+from qmcjax.rendering import render_layers as render_layers
+from qmcjax.rendering import render_passes as render_passes
 
 __version__ = "0.1.0"

@@ -11,8 +11,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import _summation, checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks, summation
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences import BinarySequence, Sequence
 from qmcjax.sequences._blocks import tabulated
 
@@ -92,7 +92,7 @@ def integrate(
                 f"function must return values of shape ({_ROWS}, ...) for points of shape "
                 f"({_ROWS}, {sequence.dims}), got {made}"
             )
-        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.pytrees.
+        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.core.pytrees.
         classes = str(jax.tree.structure((function, sequence)))
         return _mean(function, sequence, jnp.uint32(start), n, dtype, start % _ROWS == 0, classes)
 
@@ -122,12 +122,12 @@ def _mean(
 
     def batch(parameters: Any, k: Array) -> Array:
         first = k * np.uint32(size)
-        return _summation.pairwise([block(parameters, first + np.uint32(i)) for i in range(size)])
+        return summation.pairwise([block(parameters, first + np.uint32(i)) for i in range(size)])
 
     parameters = (function, sequence, tables, start)
-    state = _summation.zeros(jax.eval_shape(batch, parameters, start))
-    state = _summation.add_terms(batch, False, parameters, state, jnp.uint32(0), jnp.uint32(batches))
-    total = _tree_sum(_summation.value(state))  # pyright: ignore[reportArgumentType]
+    state = summation.zeros(jax.eval_shape(batch, parameters, start))
+    state = summation.add_terms(batch, False, parameters, state, jnp.uint32(0), jnp.uint32(batches))
+    total = _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
         total = total + _tree_sum(values(function, sequence._values(index, dims, dtype)))

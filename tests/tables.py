@@ -42,13 +42,15 @@ SEQUENCES = {
     "sobol_net_3d(12)": sequences.sobol_net_3d(12),
     "larcher_pillichshammer_net_3d(12)": sequences.larcher_pillichshammer_net_3d(12),
     "permutation_net_3d(11)": sequences.permutation_net_3d(11),
-    "xor(sobol(2))": sequences.xor(sequences.sobol(2), key=7),
-    "matousek(sobol(9))": sequences.matousek(sequences.sobol(9), key=7),
-    "matousek(permutation_net(12))": sequences.matousek(sequences.permutation_net(12), key=7),
+    "digital_shift(sobol(2))": sequences.digital_shift(sequences.sobol(2), key=7),
+    "linear_matrix_scramble(sobol(9))": sequences.linear_matrix_scramble(sequences.sobol(9), key=7),
+    "linear_matrix_scramble(permutation_net(12))": sequences.linear_matrix_scramble(
+        sequences.permutation_net(12), key=7
+    ),
     "owen_exact(sobol(2))": sequences.owen_exact(sequences.sobol(2), key=7),
     "owen_exact(sobol(9))": sequences.owen_exact(sequences.sobol(9), key=7),
-    "shift(sobol(9))": sequences.shift(sequences.sobol(9), np.linspace(0.05, 0.95, 9)),
-    "shift(halton(12))": sequences.shift(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
+    "rotate(sobol(9))": sequences.rotate(sequences.sobol(9), np.linspace(0.05, 0.95, 9)),
+    "rotate(halton(12))": sequences.rotate(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
     "lattice(3)": sequences.lattice(3),
     "lattice(20)": sequences.lattice(20),
     "korobov(2000)": sequences.korobov(2000, 3, 747),
@@ -115,16 +117,18 @@ SAMPLERS = {
     "independent, xor": samplers.independent(sequences.sobol(2), key=3, randomize="xor"),
     "independent, shift": samplers.independent(sequences.halton(2), key=3, randomize="shift"),
     "independent, uniform": samplers.independent(sequences.uniform(2, key=1), key=3),
-    "screen, hammersley": samplers.screen(sequences.hammersley_net(12), SIDE, SIDE),
-    "screen, larcher_pillichshammer": samplers.screen(sequences.larcher_pillichshammer_net(12), SIDE, SIDE),
-    "screen, permutation": samplers.screen(sequences.permutation_net(12), SIDE, SIDE),
-    "screen, xor": samplers.screen(
-        sequences.xor(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
+    "full_screen, hammersley": samplers.full_screen(sequences.hammersley_net(12), SIDE, SIDE),
+    "full_screen, larcher_pillichshammer": samplers.full_screen(
+        sequences.larcher_pillichshammer_net(12), SIDE, SIDE
     ),
-    "screen, halton": samplers.screen(sequences.halton(3), SIDE, SIDE),
-    "screen, halton, random": samplers.screen(sequences.halton(2, "random", key=3), SIDE, SIDE),
+    "full_screen, permutation": samplers.full_screen(sequences.permutation_net(12), SIDE, SIDE),
+    "full_screen, xor": samplers.full_screen(
+        sequences.digital_shift(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
+    ),
+    "full_screen, halton": samplers.full_screen(sequences.halton(3), SIDE, SIDE),
+    "full_screen, halton, random": samplers.full_screen(sequences.halton(2, "random", key=3), SIDE, SIDE),
     "padded_replications": samplers.padded_replications(sequences.hammersley_net(10), SIDE, SIDE, offsets=3),
-    "screen, jittered": samplers.screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
+    "full_screen, jittered": samplers.full_screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
     "contiguous, hilbert, sobol": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.sobol(2), SPP),
     "contiguous, morton, owen": samplers.contiguous(
         orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(3), key=3), SPP

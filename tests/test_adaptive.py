@@ -10,7 +10,7 @@ import pytest
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 
 SIDE, SPP = 20, 16
 

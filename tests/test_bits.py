@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from qmcjax import bits
+from qmcjax.core import bits
 
 WORDS = np.random.default_rng(0).integers(0, 2**32, 500, dtype=np.uint32)
 CORNERS = np.array([0, 1, 2, 255, 256, 0x7FFFFFFF, 0x80000000, 0xFFFFFF00, 0xFFFFFF80, 0xFFFFFFFF], np.uint32)

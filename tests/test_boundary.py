@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from qmcjax import scenes, sequences
-from qmcjax.boundary import boundary_gradient
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
+from qmcjax.rendering._boundary import boundary_gradient
 from qmcjax.scenes._edges import spread
 
 WIDTH, HEIGHT = 16, 12
@@ -218,7 +218,7 @@ def test_any_n_counts_each_point_once():
 
 
 def test_a_new_parameter_does_not_compile():
-    from qmcjax.boundary import _gradient
+    from qmcjax.rendering._boundary import _gradient
 
     made = [
         boundary_gradient(scenes.disc(radius=r), sequences.van_der_corput(), 8, 8, n)

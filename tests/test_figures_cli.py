@@ -423,7 +423,7 @@ def test_fingerprint_sees_quality_and_versions(package, monkeypatch):
 def test_the_command_line_is_no_source_of_a_figure():
     """What every figure imports, its package, brings in nothing of the machinery."""
     assert set(sources("figures")) == {"figures"}
-    assert {"qmcjax", "qmcjax.checks"} <= set(sources("qmcjax.checks"))
+    assert {"qmcjax", "qmcjax.core.checks"} <= set(sources("qmcjax.core.checks"))
 
 
 def test_tables_are_written_beside_the_pictures(tmp_path):

@@ -1,6 +1,6 @@
 """Bits that must not change: a change of the code that is none of the numbers leaves all of these alone.
 
-``python -m tests.test_fingerprints`` writes the table anew: only after a change that is meant, and told in the changelog.
+``python tests/test_fingerprints.py`` writes the table anew: only after a change that is meant.
 """
 
 import hashlib

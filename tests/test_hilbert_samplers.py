@@ -54,7 +54,7 @@ def test_components_are_columns(seq):
     if seq is not HALTON:
         bits = jax.jit(lambda seq, dims: seq.bits(index, dims), static_argnums=1)
         assert np.array_equal(bits(chosen, (1, 2)), bits(seq, (0, 2)))
-        flips = np.asarray(bits(sequences.xor(chosen, 1), None)) ^ np.asarray(bits(chosen, None))
+        flips = np.asarray(bits(sequences.digital_shift(chosen, 1), None)) ^ np.asarray(bits(chosen, None))
         assert np.all(flips == flips[0])
 
 

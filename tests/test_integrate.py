@@ -15,7 +15,7 @@ TABULATED = 8 * 4096
 SEQUENCES = {
     "digital": sequences.sobol(3),
     "many coordinates": sequences.sobol(9),
-    "scrambled": sequences.owen(sequences.xor(sequences.sobol(3), key=1), key=2),
+    "scrambled": sequences.owen(sequences.digital_shift(sequences.sobol(3), key=1), key=2),
     "base b": sequences.halton(3),
     "lattice": sequences.lattice(3),
 }

@@ -16,7 +16,9 @@ SEQUENCES = {
     "gray": sequences.gray(SOBOL),
     "gray of owen": sequences.gray(sequences.owen(SOBOL, key=1)),
     "owen of gray": sequences.owen(sequences.gray(SOBOL), key=1),
-    "matousek of xor": sequences.matousek(sequences.xor(sequences.sobol(2), key=1), key=2),
+    "matousek of xor": sequences.linear_matrix_scramble(
+        sequences.digital_shift(sequences.sobol(2), key=1), key=2
+    ),
     "owen_exact": sequences.owen_exact(sequences.sobol(2), key=1),
 }
 

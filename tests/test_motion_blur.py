@@ -10,7 +10,7 @@ import pytest
 import analysis
 import qmcjax as qj
 from qmcjax import samplers, scenes, sequences
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 
 SIDE, SPP = 16, 8
 Y, X, SAMPLE = np.meshgrid(*[np.arange(n, dtype=np.uint32) for n in (SIDE, SIDE, SPP)], indexing="ij")

@@ -294,9 +294,9 @@ def test_faure_nets(base, dims, m, dtype):
 
 
 SCRAMBLINGS = [
-    sequences.xor,
+    sequences.digital_shift,
     sequences.owen,
-    pytest.param(sequences.matousek, marks=pytest.mark.slow),
+    pytest.param(sequences.linear_matrix_scramble, marks=pytest.mark.slow),
     pytest.param(sequences.owen_exact, marks=pytest.mark.slow),
 ]
 

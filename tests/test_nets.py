@@ -127,7 +127,7 @@ def test_each_frame_of_a_02_sequence_has_one_point_in_every_cell(seq, log_side):
     """For any resolution, not only powers of four: the printed program needs tables for the others."""
     side = np.arange(2**log_side, dtype=np.uint32)
     x, y, frame = (again(a, 5 * 4**5) for a in np.meshgrid(side, side, first(5)))
-    index = sequences.framed(seq, log_side).index_in_cell(x, y, log_side, frame)
+    index = sequences.net_by_frames(seq, log_side).index_in_cell(x, y, log_side, frame)
     assert np.array_equal(index >> (2 * log_side), frame)
     cells = np.asarray(seq.bits(index, (0, 1))).astype(np.uint64) >> np.uint64(32 - log_side)
     assert np.array_equal(cells, np.stack([x, y], axis=1))
@@ -136,7 +136,7 @@ def test_each_frame_of_a_02_sequence_has_one_point_in_every_cell(seq, log_side):
 @pytest.mark.parametrize("log_side", [12, 16])
 def test_the_last_frame_uses_all_index_bits(log_side):
     seq = sequences.sobol(2)
-    frames = sequences.framed(seq, log_side)
+    frames = sequences.net_by_frames(seq, log_side)
     last = frames.points_per_cell(log_side) - 1
     rng = np.random.default_rng(6)
     x, y = (jnp.asarray(rng.integers(0, 2**log_side, 500, dtype=np.uint32)) for _ in range(2))
@@ -148,10 +148,10 @@ def test_the_last_frame_uses_all_index_bits(log_side):
 def test_frames_of_what_is_no_02_sequence_are_refused():
     twice = sequences.digital(sequences.sobol(2).matrices[jnp.array([1, 1])])
     with pytest.raises(ValueError, match=r"sequence must put one of each 64 points .* not independent"):
-        sequences.framed(twice, 3)
+        sequences.net_by_frames(twice, 3)
     with pytest.raises(ValueError, match="sequence must have at least 2 dimensions to fill a raster, got 1"):
-        sequences.framed(sequences.van_der_corput(), 3)
+        sequences.net_by_frames(sequences.van_der_corput(), 3)
     with pytest.raises(ValueError, match="log_side must be 3, which the frames are made for, got 4"):
-        sequences.framed(sequences.sobol(2), 3).points_per_cell(4)
+        sequences.net_by_frames(sequences.sobol(2), 3).points_per_cell(4)
     with pytest.raises(ValueError, match=r"log_side must be an integer in \[0, 16\], got 17"):
-        sequences.framed(sequences.sobol(2), 17)
+        sequences.net_by_frames(sequences.sobol(2), 17)

@@ -10,7 +10,7 @@ from tables import again, first, is_net
 
 from analysis import squared_min_distance
 from qmcjax import samplers, sequences
-from qmcjax.bits import reverse
+from qmcjax.core.bits import reverse
 
 NETS_3D = {
     "sobol": sequences.sobol_net_3d,
@@ -19,9 +19,9 @@ NETS_3D = {
 }
 DIGITAL = {name: NETS_3D[name] for name in ("sobol", "larcher_pillichshammer")}
 KEEP_NETS = {
-    "xor": sequences.xor,
+    "xor": sequences.digital_shift,
     "digit_scramble": sequences.digit_scramble,
-    "matousek": sequences.matousek,
+    "matousek": sequences.linear_matrix_scramble,
     "owen": sequences.owen,
     "owen_exact": sequences.owen_exact,
 }
@@ -93,7 +93,7 @@ def test_randomisations_keep_t(randomise, net, m):
 
 def test_a_shift_on_the_torus_loses_the_elementary_intervals():
     """The limit of the theorem: the count would notice."""
-    net = sequences.shift(sequences.sobol_net_3d(6), [0.2, 0.3, 0.4])
+    net = sequences.rotate(sequences.sobol_net_3d(6), [0.2, 0.3, 0.4])
     assert t_value(words(net), 6) > 0
 
 
@@ -201,7 +201,7 @@ def test_index_in_cell_inverts_the_net(net, log_side, extra):
 
 @each_digital
 def test_a_screen_sampler_takes_its_third_dimension_from_the_net(net):
-    sampler = samplers.screen(net(8), 8, 8)
+    sampler = samplers.full_screen(net(8), 8, 8)
     pixel = jnp.asarray(first(8))
     x, y, sample = pixel[:, None, None], pixel[None, :, None], jnp.asarray(first(4))[None, None, :]
     third = np.asarray(sampler(x, y, sample, dims=(2,)), np.float64)
@@ -212,7 +212,7 @@ def test_a_screen_sampler_takes_its_third_dimension_from_the_net(net):
 def test_mirrors_are_words_reversed(net):
     index = jnp.asarray(first(64))
     for dim in range(3):
-        assert np.array_equal(reverse(net(6).mirror(index, dim)), net(6).word(index, dim))
+        assert np.array_equal(reverse(net(6).bit_reversed(index, dim)), net(6).word(index, dim))
 
 
 @each_net

@@ -13,7 +13,7 @@ from tables import first
 import analysis
 import qmcjax as qj
 from qmcjax import samplers, sequences
-from qmcjax.samplers._halton_screen import HaltonScreen
+from qmcjax.samplers._halton_full_screen import HaltonFullScreen
 
 SIDE = 8
 
@@ -33,7 +33,7 @@ def drawn(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
 @jax.jit
 def inverted(sampler, x, y, sample):
     """Return the indices of samples and their points, by one program."""
-    if isinstance(sampler, HaltonScreen):
+    if isinstance(sampler, HaltonFullScreen):
         index = sampler.index(x, y, sample)
     else:
         index = sampler.net.index_in_cell(x, y, sampler.log_side, sample)
@@ -84,8 +84,8 @@ def reflected(index, base, count):
 @pytest.mark.parametrize(("width", "height", "a", "b"), [(8, 9, 3, 2), (5, 10, 3, 3)])
 def test_halton_over_the_raster_and_back(seq, width, height, a, b):
     """All points of three blocks sorted into pixels: each pixel's have its indices, pixels and offsets."""
-    sampler = samplers.screen(seq, width, height)
-    assert isinstance(sampler, HaltonScreen)
+    sampler = samplers.full_screen(seq, width, height)
+    assert isinstance(sampler, HaltonFullScreen)
     assert sampler.raster == (2**a, 3**b)
     x, y, sample = pixels(2**a, 3**b, 3)
     index, points, _ = map(np.asarray, inverted(sampler, x, y, sample))
@@ -103,7 +103,7 @@ def test_halton_over_the_raster_and_back(seq, width, height, a, b):
 )
 def test_halton_over_large_rasters_against_python_integers(width, height, spp):
     """Indices up to the last below 2**32; offsets have full precision, also in float32."""
-    sampler = samplers.screen(sequences.halton(2), width, height)
+    sampler = samplers.full_screen(sequences.halton(2), width, height)
     assert sampler.spp == spp
     a, b = (width - 1).bit_length(), next(b for b in range(12) if 3**b >= height)
     rng = np.random.default_rng(3)
@@ -129,7 +129,7 @@ def test_permuted_halton_at_8192():
     seq = HALTON["random"]
     rng = np.random.default_rng(7)
     x, y, sample = (jnp.asarray(rng.integers(0, n, 648, dtype=np.uint32)) for n in (8192, 8192, 26))
-    index, points, _ = map(np.asarray, inverted(samplers.screen(seq, 8192, 8192), x, y, sample))
+    index, points, _ = map(np.asarray, inverted(samplers.full_screen(seq, 8192, 8192), x, y, sample))
     exact, units = numerators(seq, index), np.array([2**19, 3**12])
     assert np.array_equal(index // (2**13 * 3**9), sample)
     assert np.array_equal(exact // units, np.stack([x, y], axis=1))
@@ -138,7 +138,7 @@ def test_permuted_halton_at_8192():
 
 def test_halton_of_more_dimensions_is_the_sequence():
     seq = HALTON["plain"]
-    sampler = samplers.screen(seq, 5, 10)
+    sampler = samplers.full_screen(seq, 5, 10)
     x, y, sample = pixels(8, 27, 3)
     index, points, _ = map(np.asarray, inverted(sampler, x, y, sample))
     both = np.asarray(drawn(sampler, x, y, sample, (2, 0)))
@@ -149,16 +149,18 @@ def test_halton_of_more_dimensions_is_the_sequence():
 # Digital shifts.
 
 SCRAMBLED = {
-    "hammersley": lambda m: sequences.xor(sequences.hammersley_net(m), key=1),
+    "hammersley": lambda m: sequences.digital_shift(sequences.hammersley_net(m), key=1),
     "larcher_pillichshammer": lambda m: sequences.digit_scramble(
         sequences.larcher_pillichshammer_net(m), key=2
     ),
-    "permutation": lambda m: sequences.xor(sequences.permutation_net(m), key=3),
-    "optimized": lambda m: sequences.xor(sequences.optimized_net(m), key=4),
-    "3d, twice": lambda m: sequences.xor(sequences.xor(sequences.sobol_net_3d(m), key=5), key=6),
-    "jittered": lambda m: sequences.xor(sequences.jittered(2 ** (m // 2), 2, key=7), key=8),
-    "sobol": lambda m: sequences.xor(sequences.sobol(2), key=9),
-    "matousek": lambda m: sequences.matousek(sequences.larcher_pillichshammer(), key=10),
+    "permutation": lambda m: sequences.digital_shift(sequences.permutation_net(m), key=3),
+    "optimized": lambda m: sequences.digital_shift(sequences.optimized_net(m), key=4),
+    "3d, twice": lambda m: sequences.digital_shift(
+        sequences.digital_shift(sequences.sobol_net_3d(m), key=5), key=6
+    ),
+    "jittered": lambda m: sequences.digital_shift(sequences.jittered(2 ** (m // 2), 2, key=7), key=8),
+    "sobol": lambda m: sequences.digital_shift(sequences.sobol(2), key=9),
+    "matousek": lambda m: sequences.linear_matrix_scramble(sequences.larcher_pillichshammer(), key=10),
 }
 each_scrambled = pytest.mark.parametrize("make", SCRAMBLED.values(), ids=SCRAMBLED.keys())
 
@@ -167,7 +169,7 @@ each_scrambled = pytest.mark.parametrize("make", SCRAMBLED.values(), ids=SCRAMBL
 def test_screen_of_a_scrambled_net_hands_out_its_points(make):
     """All points once, four in each pixel; of a sequence, block s is sample s."""
     net = make(8)
-    sampler = samplers.screen(net, SIDE, SIDE)
+    sampler = samplers.full_screen(net, SIDE, SIDE)
     x, y, sample = pixels(SIDE, SIDE, 4)
     index, inside, _ = map(np.asarray, inverted(sampler, x, y, sample))
     assert np.array_equal(np.sort(index), first(256))
@@ -182,7 +184,7 @@ def test_screen_of_a_scrambled_net_hands_out_its_points(make):
 def test_screen_of_a_scrambled_net_at_any_resolution(name, side):
     """On exact 32-bit coordinates: the leading bits are the pixel, the others the offset."""
     net = SCRAMBLED[name](32)
-    sampler = samplers.screen(net, side, side)
+    sampler = samplers.full_screen(net, side, side)
     rng = np.random.default_rng(4)
     x, y = (jnp.asarray(rng.integers(0, side, 200, dtype=np.uint32)) for _ in range(2))
     sample = jnp.asarray(rng.integers(0, min(sampler.spp, 2**32 - 1), 200, dtype=np.uint32))
@@ -272,14 +274,16 @@ def test_replications_shift_further_coordinates_by_any_fraction():
     assert np.array_equal(jitter, np.tile(np.floor(vectors[:, 3:] * 2**29) / 2**29, (64, 1, 1)))
 
 
-@pytest.mark.parametrize("net", [sequences.sobol(2), sequences.xor(sequences.hammersley_net(6), key=3)])
+@pytest.mark.parametrize(
+    "net", [sequences.sobol(2), sequences.digital_shift(sequences.hammersley_net(6), key=3)]
+)
 def test_replications_of_sequences_and_scrambled_nets(net):
     """Of a sequence the first frame in each instance; jitter stays inside the pixel, whatever the points."""
     offsets = OFFSETS["uniform"]
     x, y, sample = pixels(SIDE, SIDE, 5)
     words = np.asarray(offsets.bits(jnp.asarray(first(5))))[np.asarray(sample)]
     moved = (jnp.asarray((np.asarray(p) + (words[:, j] >> 29)) % SIDE) for j, p in enumerate((x, y)))
-    inside = np.asarray(drawn(samplers.screen(net, SIDE, SIDE), *moved, jnp.zeros_like(sample)))
+    inside = np.asarray(drawn(samplers.full_screen(net, SIDE, SIDE), *moved, jnp.zeros_like(sample)))
     sampler = samplers.padded_replications(net, SIDE, SIDE, offsets)
     jitter = (words[:, 2:] >> 3) / 2.0**32
     assert np.array_equal(drawn(sampler, x, y, sample), (inside + jitter) % 1)
@@ -319,18 +323,18 @@ class Wave:
 
 NET = sequences.larcher_pillichshammer_net(8)
 CASES = {
-    "halton": (lambda: samplers.screen(sequences.halton(2), 12, 9), 16, 9, sequences.halton(2)),
+    "halton": (lambda: samplers.full_screen(sequences.halton(2), 12, 9), 16, 9, sequences.halton(2)),
     "halton, random": (
-        lambda: samplers.screen(sequences.halton(2, "random", key=5), 12, 9),
+        lambda: samplers.full_screen(sequences.halton(2, "random", key=5), 12, 9),
         16,
         9,
         sequences.halton(2, "random", key=5),
     ),
     "xor": (
-        lambda: samplers.screen(sequences.xor(sequences.sobol(2), 3), 12, 9),
+        lambda: samplers.full_screen(sequences.digital_shift(sequences.sobol(2), 3), 12, 9),
         16,
         16,
-        sequences.xor(sequences.sobol(2), 3),
+        sequences.digital_shift(sequences.sobol(2), 3),
     ),
     "padded": (lambda: samplers.padded_replications(NET, 12, 9, 4, jitter=False), 16, 16, None),
 }
@@ -361,11 +365,13 @@ def test_render_equals_sorting_all_points_into_pixels(case):
 
 
 KEYED = {
-    "screen, xor": lambda key: samplers.screen(sequences.xor(sequences.sobol(2), key), SIDE, SIDE),
-    "screen, xor of a net": lambda key: samplers.screen(
-        sequences.xor(sequences.permutation_net(8), key), SIDE, SIDE
+    "full_screen, xor": lambda key: samplers.full_screen(
+        sequences.digital_shift(sequences.sobol(2), key), SIDE, SIDE
     ),
-    "screen, halton": lambda key: samplers.screen(sequences.halton(2, "random", key), SIDE, SIDE),
+    "full_screen, xor of a net": lambda key: samplers.full_screen(
+        sequences.digital_shift(sequences.permutation_net(8), key), SIDE, SIDE
+    ),
+    "full_screen, halton": lambda key: samplers.full_screen(sequences.halton(2, "random", key), SIDE, SIDE),
     "padded": lambda key: samplers.padded_replications(sequences.hammersley_net(6), SIDE, SIDE, key),
 }
 
@@ -419,25 +425,25 @@ def padded(net, offsets, side=SIDE, jitter=True):
     ("call", "message"),
     [
         (
-            lambda: samplers.screen(sequences.van_der_corput(3), 8, 8),
+            lambda: samplers.full_screen(sequences.van_der_corput(3), 8, 8),
             r"net must have the bases 2 and 3 first .* got bases=\(3,\)",
         ),
-        (lambda: samplers.screen(sequences.halton(1), 8, 8), r"net must .* got bases=\(2,\)"),
+        (lambda: samplers.full_screen(sequences.halton(1), 8, 8), r"net must .* got bases=\(2,\)"),
         (
-            lambda: samplers.screen(sequences.halton(2), 65536, 65536),
+            lambda: samplers.full_screen(sequences.halton(2), 65536, 65536),
             r"width, height must .* got 65536 x 65536, which takes 2\*\*16 x 3\*\*11",
         ),
-        (lambda: samplers.screen(sequences.halton(2), 0, 8), "width must .* got 0"),
+        (lambda: samplers.full_screen(sequences.halton(2), 0, 8), "width must .* got 0"),
         (
-            lambda: samplers.screen(sequences.owen(sequences.sobol(2), 1), 8, 8),
+            lambda: samplers.full_screen(sequences.owen(sequences.sobol(2), 1), 8, 8),
             "net must be invertible .* got Owen",
         ),
         (
-            lambda: samplers.screen(sequences.xor(sequences.uniform(2, 1), 1), 8, 8),
+            lambda: samplers.full_screen(sequences.digital_shift(sequences.uniform(2, 1), 1), 8, 8),
             "net must be invertible .* got Uniform",
         ),
         (
-            lambda: samplers.screen(sequences.xor(sequences.hammersley_net(5), 1), 8, 8),
+            lambda: samplers.full_screen(sequences.digital_shift(sequences.hammersley_net(5), 1), 8, 8),
             "m must be at least 6 .* got m=5",
         ),
         (lambda: padded(sequences.hammersley_net(8), 1), "net must have one point in each of 8 x 8 .* got 4"),

@@ -14,14 +14,14 @@ from tables import again, first, is_net, some
 
 from analysis import squared_min_distance
 from qmcjax import sequences
-from qmcjax.bits import reverse
-from qmcjax.sequences._matousek import _triangular
-from qmcjax.sequences._shift import wrapped
+from qmcjax.core.bits import reverse
+from qmcjax.sequences._linear_matrix_scramble import _triangular
+from qmcjax.sequences._rotation import wrapped
 from qmcjax.sequences._sobol_matrix import _is_primitive
 
 SCRAMBLINGS = {
-    "xor": sequences.xor,
-    "matousek": sequences.matousek,
+    "xor": sequences.digital_shift,
+    "matousek": sequences.linear_matrix_scramble,
     "owen": sequences.owen,
     "owen_exact": sequences.owen_exact,
 }
@@ -32,11 +32,11 @@ KEYS = jax.random.split(jax.random.key(5), 4000)
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Identity(sequences.BinarySequence):
-    """The van der Corput sequence in every coordinate: the mirror of a point is its index."""
+    """The van der Corput sequence in every coordinate: the reversed_bits of a point is its index."""
 
     dims = 3
 
-    def mirror(self, index, dim):
+    def bit_reversed(self, index, dim):
         return index
 
 
@@ -46,8 +46,8 @@ def bits(seq, index):
 
 
 @partial(jax.jit, static_argnames="dim")
-def mirror(seq, index, dim):
-    return seq.mirror(index, dim)
+def bit_reversed(seq, index, dim):
+    return seq.bit_reversed(index, dim)
 
 
 @cache
@@ -57,13 +57,13 @@ def drawn(scramble):
 
 
 @partial(jax.jit, static_argnames="dim")
-def mirrors(seqs, index, dim):
-    return jax.vmap(lambda seq: seq.mirror(index, dim))(seqs)
+def all_reversed(seqs, index, dim):
+    return jax.vmap(lambda seq: seq.bit_reversed(index, dim))(seqs)
 
 
 def over_keys(scramble, index, dim) -> np.ndarray:
     """Return one coordinate of some points for all keys, its first digit in bit 0."""
-    return np.asarray(mirrors(drawn(scramble), index, dim))
+    return np.asarray(all_reversed(drawn(scramble), index, dim))
 
 
 def coins(mirrored, prefix, depth) -> np.ndarray:
@@ -89,7 +89,7 @@ def test_digits_are_flipped_by_the_digits_before_them_only(scramble):
     before = ((np.uint64(1) << np.arange(32, dtype=np.uint64)) - np.uint64(1)).astype(np.uint32)[:, None]
     others = (words & before) | (others & ~before)
     seq = scramble(Identity(), 1)
-    flips, other_flips = (np.asarray(mirror(seq, w, 0)) ^ w for w in (words, others))
+    flips, other_flips = (np.asarray(bit_reversed(seq, w, 0)) ^ w for w in (words, others))
     assert np.all((flips ^ other_flips) & (before << np.uint32(1) | np.uint32(1)) == 0)
 
 
@@ -160,7 +160,7 @@ def worst_correlation(scramble) -> float:
 def test_coins_of_any_two_nodes_are_independent_over_keys():
     """Between depths, prefixes and dimensions; those of a digital shift agree along a level."""
     assert worst_correlation(sequences.owen_exact) < 5
-    assert worst_correlation(sequences.xor) == pytest.approx(np.sqrt(len(KEYS)))
+    assert worst_correlation(sequences.digital_shift) == pytest.approx(np.sqrt(len(KEYS)))
 
 
 def parity_bias(scramble) -> float:
@@ -173,7 +173,7 @@ def parity_bias(scramble) -> float:
 def test_coins_of_four_nodes_are_independent_but_for_linear_scrambling():
     """A linear function of two digits is determined by three of its values."""
     assert parity_bias(sequences.owen_exact) < 5
-    assert parity_bias(sequences.matousek) == pytest.approx(np.sqrt(len(KEYS)))
+    assert parity_bias(sequences.linear_matrix_scramble) == pytest.approx(np.sqrt(len(KEYS)))
 
 
 @pytest.mark.parametrize("depth", [8, 14, 16])
@@ -181,8 +181,8 @@ def test_coins_of_one_key_look_independent_across_the_tree(depth):
     """No correlation with the parent, with the nodes of other prefix digits, and across dimensions."""
     seq = sequences.owen_exact(Identity(), 3)
     prefix = np.arange(2**depth, dtype=np.uint32)
-    coin, other_dim = (coins(mirror(seq, prefix, dim), prefix, depth) for dim in (0, 1))
-    parent = coins(mirror(seq, prefix, 0), prefix, depth - 1)
+    coin, other_dim = (coins(bit_reversed(seq, prefix, dim), prefix, depth) for dim in (0, 1))
+    parent = coins(bit_reversed(seq, prefix, 0), prefix, depth - 1)
     bound = 5 * 2 ** (-depth / 2)
     assert abs(coin.mean()) < bound
     assert abs(np.mean(coin * other_dim)) < bound
@@ -227,7 +227,7 @@ def test_a_new_key_gives_new_points_without_a_new_trace(scramble, dims):
 OFFSETS = {2: [0.1, 1 - 2.0**-40], 9: np.linspace(0, 0.99, 9).tolist(), 3: [0.0, 0.5, 1 / 3]}
 WRAPPED = {
     **{name: lambda seq, scramble=scramble: scramble(seq, 3) for name, scramble in SCRAMBLINGS.items()},
-    "shift": lambda seq: sequences.shift(seq, OFFSETS[seq.dims]),
+    "shift": lambda seq: sequences.rotate(seq, OFFSETS[seq.dims]),
     "gray": sequences.gray,
 }
 
@@ -235,15 +235,15 @@ WRAPPED = {
 @some("wrap", WRAPPED, "xor", "matousek")
 @pytest.mark.parametrize("dims", [3, pytest.param(9, marks=pytest.mark.slow)])
 def test_all_ways_to_a_coordinate_agree(wrap, dims):
-    """Words and mirrors, one coordinate at a time and all at once."""
+    """Words and bit_reversed, one coordinate at a time and all at once."""
 
     @jax.jit
     def ways(seq, index):
-        one_by_one = {j: (seq.word(index, j), reverse(seq.mirror(index, j))) for j in (0, 1, dims - 1)}
-        return one_by_one, seq.bits(index), reverse(seq._mirrors(index, tuple(range(dims))))
+        one_by_one = {j: (seq.word(index, j), reverse(seq.bit_reversed(index, j))) for j in (0, 1, dims - 1)}
+        return one_by_one, seq.bits(index), reverse(seq._bit_reversed(index, tuple(range(dims))))
 
-    one_by_one, words, mirrors = ways(wrap(sequences.sobol(dims)), first(40))
-    assert np.array_equal(words, mirrors)
+    one_by_one, words, bit_reversed = ways(wrap(sequences.sobol(dims)), first(40))
+    assert np.array_equal(words, bit_reversed)
     for j, (word, mirrored) in one_by_one.items():
         assert np.array_equal(word, words[:, j])
         assert np.array_equal(mirrored, words[:, j])
@@ -252,14 +252,14 @@ def test_all_ways_to_a_coordinate_agree(wrap, dims):
 @each_scrambling
 def test_vmap_over_keys_equals_a_loop(scramble):
     together = over_keys(scramble, first(64), 1)
-    looped = [mirror(scramble(Identity(), key), first(64), 1) for key in KEYS[:3]]
+    looped = [bit_reversed(scramble(Identity(), key), first(64), 1) for key in KEYS[:3]]
     assert np.array_equal(together[:3], looped)
 
 
 @pytest.mark.parametrize("seq", [sequences.sobol(3), sequences.sobol(9), sequences.permutation_net(12)])
 def test_xor_flips_the_same_digits_of_all_points(seq):
     index = jnp.asarray(first(1000))
-    shifted = sequences.xor(seq, 4)
+    shifted = sequences.digital_shift(seq, 4)
     flips = np.asarray(bits(shifted, index)) ^ np.asarray(bits(seq, index))
     assert np.all(flips == np.asarray(shifted.shifts))
     assert len(set(flips[0].tolist())) == seq.dims
@@ -267,19 +267,22 @@ def test_xor_flips_the_same_digits_of_all_points(seq):
 
 def test_digit_scrambling_in_base_2_is_the_digital_shift():
     index = jnp.asarray(first(16))
-    a, b = (wrap(sequences.sobol(2), 3).bits(index) for wrap in (sequences.digit_scramble, sequences.xor))
+    a, b = (
+        wrap(sequences.sobol(2), 3).bits(index)
+        for wrap in (sequences.digit_scramble, sequences.digital_shift)
+    )
     assert np.array_equal(a, b)
 
 
 def test_matousek_multiplies_by_lower_unit_triangular_matrices():
     """The images of the unit vectors, then of sums of them; below the diagonal, coins."""
-    seq = sequences.matousek(Identity(), 2)
+    seq = sequences.linear_matrix_scramble(Identity(), 2)
     unit = np.uint32(1) << np.arange(32, dtype=np.uint32)
-    zero = int(mirror(seq, np.uint32(0), 1))
-    columns = (np.asarray(mirror(seq, unit, 1)) ^ np.uint32(zero)).tolist()
+    zero = int(bit_reversed(seq, np.uint32(0), 1))
+    columns = (np.asarray(bit_reversed(seq, unit, 1)) ^ np.uint32(zero)).tolist()
     assert all(column & (2 << k) - 1 == 1 << k for k, column in enumerate(columns))
     words = np.random.default_rng(1).integers(0, 2**32, 32, dtype=np.uint32)
-    for word, product in zip(words.tolist(), np.asarray(mirror(seq, words, 1)).tolist(), strict=True):
+    for word, product in zip(words.tolist(), np.asarray(bit_reversed(seq, words, 1)).tolist(), strict=True):
         expected = zero
         for k in range(32):
             expected ^= columns[k] * (word >> k & 1)
@@ -300,9 +303,10 @@ def test_matousek_draws_fair_entries():
 def test_matousek_of_generator_matrices_equals_matousek_of_points(dims):
     index = jnp.asarray(np.random.default_rng(2).integers(0, 2**32, 500, dtype=np.uint32))
     plain = sequences.sobol(dims)
-    other = sequences.shift(plain, np.zeros(dims))
+    other = sequences.rotate(plain, np.zeros(dims))
     assert np.array_equal(
-        bits(sequences.matousek(plain, 6), index), bits(sequences.matousek(other, 6), index)
+        bits(sequences.linear_matrix_scramble(plain, 6), index),
+        bits(sequences.linear_matrix_scramble(other, 6), index),
     )
 
 
@@ -310,11 +314,11 @@ def test_matousek_of_generator_matrices_equals_matousek_of_points(dims):
 def test_shift_adds_integers_modulo_1(seq):
     offset = OFFSETS[seq.dims]
     index = jnp.asarray(first(4096))
-    shifted = sequences.shift(seq, offset)
+    shifted = sequences.rotate(seq, offset)
     fractions = np.array([int(Fraction(o) * 2**32) for o in offset])
     expected = (np.asarray(bits(seq, index)).astype(np.int64) + fractions) % 2**32
     assert np.array_equal(bits(shifted, index), expected)
-    assert np.array_equal(bits(sequences.shift(seq, fractions.astype(np.uint32)), index), expected)
+    assert np.array_equal(bits(sequences.rotate(seq, fractions.astype(np.uint32)), index), expected)
     assert np.asarray(shifted.points(4096)).max() < 1
 
 
@@ -322,9 +326,9 @@ def test_shift_keeps_toroidal_distances_and_does_not_drift():
     net = sequences.permutation_net_3d(8)
     index = jnp.asarray(first(256))
     offset = np.array([1234567891, 4294967295, 3141592653], np.uint32)
-    there = sequences.shift(net, offset)
+    there = sequences.rotate(net, offset)
     assert squared_min_distance(bits(there, index), 2**32) == squared_min_distance(bits(net, index), 2**32)
-    back = sequences.shift(there, np.uint32(0) - offset)
+    back = sequences.rotate(there, np.uint32(0) - offset)
     assert np.array_equal(bits(back, index), bits(net, index))
 
 
@@ -334,7 +338,7 @@ def test_shift_of_other_bases_rounds_once(dtype, dims):
     """Against exact fractions of the float64 coordinates, half a unit in the last place below 1 or better."""
     seq = sequences.halton(dims)
     offset = OFFSETS[dims]
-    points = np.asarray(sequences.shift(seq, offset).points(500, dtype=dtype))
+    points = np.asarray(sequences.rotate(seq, offset).points(500, dtype=dtype))
     assert points.dtype == dtype
     plain = np.asarray(seq.points(500, dtype=jnp.float64))
     bound = Fraction(1, 2**24 if dtype == jnp.float32 else 2**53)
@@ -367,13 +371,13 @@ def test_shift_by_traced_offsets(seq):
     @jax.jit
     def points(offset):
         traces.append(1)
-        return sequences.shift(seq, offset)(jnp.arange(20, dtype=jnp.uint32))
+        return sequences.rotate(seq, offset)(jnp.arange(20, dtype=jnp.uint32))
 
     offsets = jax.random.uniform(jax.random.key(0), (3, 2))
     looped = np.stack([points(offset) for offset in offsets])
     assert len(traces) == 1
     assert np.array_equal(jax.vmap(points)(offsets), looped)
-    assert np.array_equal(sequences.shift(seq, np.asarray(offsets)[2]).points(20), looped[2])
+    assert np.array_equal(sequences.rotate(seq, np.asarray(offsets)[2]).points(20), looped[2])
 
 
 @pytest.mark.parametrize("dims", [1, 2, 9, 300])
@@ -398,8 +402,8 @@ def test_gray_order_keeps_blocks_as_sets(seq, k):
 
 
 def test_gray_order_changes_one_digit_of_the_index_a_step():
-    mirror = np.asarray(sequences.gray(Identity()).mirror(jnp.asarray(first(5000)), 2))
-    steps = mirror[1:] ^ mirror[:-1]
+    reversed_bits = np.asarray(sequences.gray(Identity()).bit_reversed(jnp.asarray(first(5000)), 2))
+    steps = reversed_bits[1:] ^ reversed_bits[:-1]
     assert np.all(steps & (steps - np.uint32(1)) == 0)
 
 
@@ -437,23 +441,31 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
     [
         *[
             (lambda wrap=wrap: wrap(HALTON, 0), "sequence must be a sequence in base 2 .* got Radical")
-            for wrap in (sequences.xor, sequences.matousek)
+            for wrap in (sequences.digital_shift, sequences.linear_matrix_scramble)
         ],
-        (lambda: sequences.owen_exact(sequences.shift(HALTON, [0.5, 0.5]), 0), "with digits, .* got Rotated"),
+        (
+            lambda: sequences.owen_exact(sequences.rotate(HALTON, [0.5, 0.5]), 0),
+            "with digits, .* got Rotated",
+        ),
         *[
             (lambda wrap=wrap: wrap(SOBOL, -1), "key must be an integer .* got -1")
-            for wrap in (sequences.xor, sequences.digit_scramble, sequences.matousek, sequences.owen_exact)
+            for wrap in (
+                sequences.digital_shift,
+                sequences.digit_scramble,
+                sequences.linear_matrix_scramble,
+                sequences.owen_exact,
+            )
         ],
         (lambda: sequences.owen_exact(SOBOL, "seed"), "key must be one jax.random.key.* got 'seed'"),
         (lambda: sequences.gray(HALTON), "sequence must be a sequence in base 2 .* got Radical"),
         (lambda: sequences.gray(sequences.jittered(3, 2, 0)), r"sequence must have 2\*\*m points.* size=9"),
-        (lambda: sequences.shift(np.zeros(3), [0.5]), "sequence must be a Sequence, got array"),
-        (lambda: sequences.shift(SOBOL, [0.5]), r"offset must be .* of shape \(2,\), got float64 \(1,\)"),
-        (lambda: sequences.shift(HALTON, 0.5), r"offset must be .* of shape \(2,\), got float64 \(\)"),
-        (lambda: sequences.shift(SOBOL, [0, 1]), r"offset must be .* got int64 \(2,\)"),
-        (lambda: sequences.shift(SOBOL, [0.5, 1.0]), r"offset must be in \[0, 1\), got 1.0 in \[0.5, 1.0\]"),
-        (lambda: sequences.shift(HALTON, [-0.25, 0.0]), r"offset must be in \[0, 1\), got -0.25"),
-        (lambda: sequences.shift(SOBOL, [np.nan, 0.0]), r"offset must be in \[0, 1\), got nan"),
+        (lambda: sequences.rotate(np.zeros(3), [0.5]), "sequence must be a Sequence, got array"),
+        (lambda: sequences.rotate(SOBOL, [0.5]), r"offset must be .* of shape \(2,\), got float64 \(1,\)"),
+        (lambda: sequences.rotate(HALTON, 0.5), r"offset must be .* of shape \(2,\), got float64 \(\)"),
+        (lambda: sequences.rotate(SOBOL, [0, 1]), r"offset must be .* got int64 \(2,\)"),
+        (lambda: sequences.rotate(SOBOL, [0.5, 1.0]), r"offset must be in \[0, 1\), got 1.0 in \[0.5, 1.0\]"),
+        (lambda: sequences.rotate(HALTON, [-0.25, 0.0]), r"offset must be in \[0, 1\), got -0.25"),
+        (lambda: sequences.rotate(SOBOL, [np.nan, 0.0]), r"offset must be in \[0, 1\), got nan"),
         (lambda: sequences.sobol_matrix(0b101, [1, 1]), "polynomial must be primitive over F2, got 0b101"),
         (lambda: sequences.sobol_matrix(0b10, [1]), "polynomial must be primitive over F2, got 0b10"),
         (

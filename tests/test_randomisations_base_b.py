@@ -11,7 +11,8 @@ import pytest
 from scipy.stats import chi2, norm
 from tables import first
 
-from qmcjax import digits, sequences
+from qmcjax import sequences
+from qmcjax.core import digits
 from qmcjax.sequences._halton import RadicalInverses
 
 SCRAMBLINGS = {
@@ -428,7 +429,7 @@ HALTON = sequences.halton(2)
                 "sequence must be a sequence with digits.* got",
             )
             for scramble in SCRAMBLINGS.values()
-            for seq in (sequences.shift(HALTON, np.zeros(2)), np.zeros(3), None)
+            for seq in (sequences.rotate(HALTON, np.zeros(2)), np.zeros(3), None)
         ],
         (
             lambda: sequences.owen(sequences.owen_exact(HALTON, 1), 1),

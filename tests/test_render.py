@@ -57,7 +57,7 @@ def brute_force(scene, sampler, width, height, spp):
     "sampler",
     SAMPLERS,
     "independent, owen",
-    "screen, permutation",
+    "full_screen, permutation",
     "contiguous, morton, owen",
     "shifted, hilbert, lattice",
     "randomized, contiguous, owen",
@@ -120,7 +120,7 @@ def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
 
     scene, sampler, parts = qj.scenes.zone_plate(), samplers.independent(sequences.sobol(2), key=0), []
     whole = qj.render(scene, sampler, 16, 16, 48)
-    monkeypatch.setattr(import_module("qmcjax.render"), "_CALL", 16 * 16 * 16)
+    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 16)
     split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
     assert parts == [16 / 48, 32 / 48, 1.0]
     assert np.array_equal(whole, split)
@@ -244,7 +244,7 @@ def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
     sampler = samplers.independent(sequences.sobol(2), key=0)
     slope = jax.grad(lambda f: (qj.render(qj.scenes.zone_plate(f), sampler, 16, 16, 48) ** 2).sum())
     whole = slope(jnp.float32(20))
-    monkeypatch.setattr(import_module("qmcjax.render"), "_CALL", 16 * 16 * 16)
+    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 16)
     assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
 
 
@@ -281,9 +281,9 @@ SCENE = qj.scenes.zone_plate()
         (lambda: qj.render(SCENE, SAMPLER, 32, 32, 2.5), "spp must be an integer .* got 2.5"),
         (lambda: qj.render(SCENE, SAMPLER, 32, 32, 5), "spp must be at most 4 .* got 5"),
         (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the order's 32 x 32, got 16 x 16"),
-        (lambda: qj.render(SCENE, SAMPLERS["screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
+        (lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
         (
-            lambda: qj.render(SCENE, SAMPLERS["screen, hammersley"], 32, 16, 4),
+            lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 16, 4),
             "must be the net's 32 x 32, got 32 x 16",
         ),
         (

@@ -70,7 +70,7 @@ def in_pairs(sampler, x, y):
     "sampler",
     SAMPLERS,
     "independent, owen",
-    "screen, permutation",
+    "full_screen, permutation",
     "contiguous, morton, owen",
     "segments, hilbert, sobol, doubling",
     "partitioned, hilbert, halton",
@@ -107,7 +107,7 @@ def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
     """All points of the net, spp in each pixel, with pixel and offset put together again on integers."""
     log_side = 4
     points = net(2 * log_side + spp.bit_length() - 1)
-    sampler = samplers.screen(points, 16, 16)
+    sampler = samplers.full_screen(points, 16, 16)
     assert sampler.spp == spp
     x, y, sample = all_samples(16, spp)
     inside = np.asarray(draw(sampler, x, y, sample, dtype=jnp.float64))
@@ -120,7 +120,7 @@ def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
 @each_net
 def test_screen_keeps_full_precision_at_4096(net):
     """32-bit coordinates: 20 bits inside the pixel. In float32 the sum would keep 12 (thesis 5.2.4)."""
-    sampler = samplers.screen(net(32), 4096, 4096)
+    sampler = samplers.full_screen(net(32), 4096, 4096)
     rng = np.random.default_rng(5)
     x, y = (jnp.asarray(rng.integers(0, 4096, 2000, dtype=np.uint32)) for _ in range(2))
     sample = jnp.asarray(rng.integers(0, 256, 2000, dtype=np.uint32))
@@ -132,9 +132,9 @@ def test_screen_keeps_full_precision_at_4096(net):
 
 
 def test_screen_covers_an_image_of_any_size_by_the_next_square():
-    sampler = samplers.screen(sequences.hammersley_net(12), 20, 9)
+    sampler = samplers.full_screen(sequences.hammersley_net(12), 20, 9)
     assert sampler.spp == 4
-    whole = samplers.screen(sequences.hammersley_net(12), 32, 32)
+    whole = samplers.full_screen(sequences.hammersley_net(12), 32, 32)
     assert np.array_equal(sampler(19, 8, 3), whole(19, 8, 3))
 
 
@@ -142,7 +142,7 @@ def test_screen_covers_an_image_of_any_size_by_the_next_square():
 def test_screen_of_a_sequence_takes_one_frame_after_the_other(make):
     """The samples s of all pixels are the block s of the sequence, for any number of samples."""
     seq = make()
-    sampler = samplers.screen(seq, 16, 16)
+    sampler = samplers.full_screen(seq, 16, 16)
     x, y, sample = all_samples(16, 3)
     whole = (np.stack([x, y], axis=1) + np.asarray(sampler(x, y, sample, dtype=jnp.float64))) / 16
     for s in range(3):
@@ -158,7 +158,7 @@ def test_screen_of_a_sequence_takes_one_frame_after_the_other(make):
 
 
 def test_screen_of_a_jittered_grid_jitters_every_pixel():
-    sampler = SAMPLERS["screen, jittered"]
+    sampler = SAMPLERS["full_screen, jittered"]
     points = np.asarray(sampler(*all_samples())).reshape(-1, SPP, 2)
     cells = (points * 2).astype(int)
     assert np.array_equal(
@@ -238,12 +238,21 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
             lambda: samplers.contiguous(orders.raster(4, 4), sequences.hammersley_net(6), 5),
             "spp must be at most 4: the curve has 16 positions and the sequence 64 indices, got 5",
         ),
-        (lambda: samplers.screen(sequences.hammersley_net(7), 16, 16), "m must be at least 8 .* got m=7"),
-        (lambda: samplers.screen(sequences.hammersley_net(8), 17, 2), "m must be at least 10 .* got m=8"),
-        (lambda: samplers.screen(sequences.hammersley_net(8), 0, 2), "width .* got 0"),
-        (lambda: samplers.screen(sequences.uniform(2, 0), 2, 2), "net must be invertible .* got Uniform"),
         (
-            lambda: samplers.screen(sequences.jittered(40, 2, 0), 16, 16),
+            lambda: samplers.full_screen(sequences.hammersley_net(7), 16, 16),
+            "m must be at least 8 .* got m=7",
+        ),
+        (
+            lambda: samplers.full_screen(sequences.hammersley_net(8), 17, 2),
+            "m must be at least 10 .* got m=8",
+        ),
+        (lambda: samplers.full_screen(sequences.hammersley_net(8), 0, 2), "width .* got 0"),
+        (
+            lambda: samplers.full_screen(sequences.uniform(2, 0), 2, 2),
+            "net must be invertible .* got Uniform",
+        ),
+        (
+            lambda: samplers.full_screen(sequences.jittered(40, 2, 0), 16, 16),
             "side must be a multiple of 16 and dims 2 .* got side=40, dims=2",
         ),
         (lambda: samplers.independent(sequences.halton(2), 0), "sequence must be .* base 2 .* got Radical"),

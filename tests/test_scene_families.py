@@ -306,7 +306,7 @@ def test_vmap_over_parameters_is_a_loop(make):
 
 def test_ramp_shows_a_dimension():
     """With one sample a pixel the image is a coordinate of the sampler, as in Fig. 8 of the Z paper."""
-    sampler = samplers.screen(sequences.sobol(6), 16, 16)
+    sampler = samplers.full_screen(sequences.sobol(6), 16, 16)
     y, x = np.indices((16, 16), dtype=np.uint32)
     shown = sampler(jnp.asarray(x), jnp.asarray(y), jnp.zeros((16, 16), jnp.uint32), dims=(5,))[..., 0]
     scene = scenes.ramp(5)

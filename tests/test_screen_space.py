@@ -99,7 +99,7 @@ def halton_point(index, dim):
     return reflected(index if dim else index % 2**32, (2, 3, 5)[dim])
 
 
-XOR = sequences.xor(SOBOL, 3)
+XOR = sequences.digital_shift(SOBOL, 3)
 
 # Sequences, their points in Python, and how far they may be off in float64.
 WIDE = {
@@ -122,12 +122,12 @@ WIDE = {
         0,
     ),
     "shift": (
-        lambda: sequences.shift(sequences.sobol(2), np.array([5, 2**31], np.uint32)),
+        lambda: sequences.rotate(sequences.sobol(2), np.array([5, 2**31], np.uint32)),
         lambda i, d: (digital(JOE_KUO, i, d) + Fraction((5, 2**31)[d], 2**32)) % 1,
         0,
     ),
     "rotated": (
-        lambda: sequences.shift(sequences.components(sequences.halton(3), (2, 1)), np.array([0.25, 0.5])),
+        lambda: sequences.rotate(sequences.components(sequences.halton(3), (2, 1)), np.array([0.25, 0.5])),
         lambda i, d: (reflected(i, (5, 3)[d]) + Fraction(1, 4 - 2 * d)) % 1,
         2.0**-51,
     ),
@@ -143,7 +143,7 @@ WIDE = {
 def beyond(sequence, high, low):
     """Return the points of indices of two words, in both precisions."""
     dims = tuple(range(sequence.dims))
-    part = sequence.beyond(high)
+    part = sequence.with_high_word(high)
     return part(low, dims, jnp.float64), part(low, dims)
 
 
@@ -152,7 +152,7 @@ def test_points_of_two_words_are_those_of_python_integers(name):
     make, exact, bound = WIDE[name]
     sequence = make()
     rng = np.random.default_rng(1)
-    limit = sequence.wide_limit
+    limit = sequence.limit_64
     assert limit >= 2**48
     index = [0, 1, 2**32 - 1, 2**32, 2**33 + 1, limit - 1, limit // 2 + 1]
     index += [int(rng.integers(0, limit >> int(s), dtype=np.uint64)) for s in rng.integers(0, 28, 93)]
@@ -276,7 +276,7 @@ def test_one_word_and_two_give_the_same_points(name):
 HUGE = orders.hilbert(8192, 8192)
 NARROW = {
     "digital": lambda: sequences.digital(SOBOL.matrices),
-    "matousek": lambda: sequences.matousek(SOBOL, 1),
+    "matousek": lambda: sequences.linear_matrix_scramble(SOBOL, 1),
     "gray": lambda: sequences.gray(SOBOL),
     "faure": lambda: sequences.faure(3),
     "permuted": lambda: sequences.halton(3, "faure"),
@@ -305,8 +305,8 @@ AT_8192 = {
     "dither": lambda: (samplers.dither(np.zeros((2, 2)), SOBOL), 2**32),
     "ranked": lambda: (samplers.ranked(2, 1), 2**32),
     "padded_replications": lambda: (samplers.padded_replications(sequences.sobol(2), 8192, 8192, 1), 2**32),
-    "screen": lambda: (samplers.screen(sequences.sobol(2), 8192, 8192), 64),
-    "screen, halton": lambda: (samplers.screen(sequences.halton(2), 8192, 8192), 26),
+    "screen": lambda: (samplers.full_screen(sequences.sobol(2), 8192, 8192), 64),
+    "full_screen, halton": lambda: (samplers.full_screen(sequences.halton(2), 8192, 8192), 26),
     "segments": lambda: (samplers.segments(HUGE, sequences.components(SOBOL, (1, 2)), 1), 64),
     "partitioned": lambda: (samplers.partitioned(HUGE, SOBOL), 64),
     "z": lambda: (samplers.z(8192, 8192, 1024, 1), 1024),
@@ -314,7 +314,7 @@ AT_8192 = {
 }
 
 
-@some(AT_8192, ("screen, halton", "segments"))
+@some(AT_8192, ("full_screen, halton", "segments"))
 def test_what_is_out_of_reach_is_refused(name):
     """Those of which the number of a pixel and of a sample make no common index have all samples."""
     sampler, limit = AT_8192[name]()
@@ -356,9 +356,9 @@ OF_DIMS = {
     "independent, components": lambda d: samplers.independent(
         sequences.components(sequences.halton(d), tuple(range(d))), 1, "shift"
     ),
-    "screen": lambda d: samplers.screen(sequences.sobol(d), 8, 8),
-    "screen, xor": lambda d: samplers.screen(sequences.xor(sequences.sobol(d), 1), 8, 8),
-    "screen, halton": lambda d: samplers.screen(sequences.halton(d), 8, 8),
+    "screen": lambda d: samplers.full_screen(sequences.sobol(d), 8, 8),
+    "full_screen, xor": lambda d: samplers.full_screen(sequences.digital_shift(sequences.sobol(d), 1), 8, 8),
+    "full_screen, halton": lambda d: samplers.full_screen(sequences.halton(d), 8, 8),
     "padded_replications": lambda d: samplers.padded_replications(sequences.sobol(d), 8, 8, 1),
     "contiguous, owen": lambda d: samplers.contiguous(SMALL, sequences.owen(sequences.sobol(d), 1), 4),
     "contiguous, halton": lambda d: samplers.contiguous(SMALL, sequences.halton(d), 4),
@@ -437,7 +437,7 @@ STRATIFIED = {
         False,
     ),
     "segments": lambda: (
-        samplers.segments(orders.moore(SIDE, SIDE), sequences.xor(SOBOL, 1), 8, doubling=True),
+        samplers.segments(orders.moore(SIDE, SIDE), sequences.digital_shift(SOBOL, 1), 8, doubling=True),
         (0, 1),
         True,
     ),
@@ -448,8 +448,8 @@ STRATIFIED = {
     "z, joint": lambda: (samplers.z(SIDE, SIDE, 8, 1, sequence=SOBOL), (0, 1), True),
     "independent, owen": lambda: (samplers.independent(LARCHER, 1), (0, 1), False),
     "independent, xor": lambda: (samplers.independent(SOBOL, 1, "xor"), (0, 1), False),
-    "screen": lambda: (samplers.screen(sequences.permutation_net(11), SIDE, SIDE), (0, 1), False),
-    "screen, sobol": lambda: (samplers.screen(sequences.sobol(2), SIDE, SIDE), (0, 1), False),
+    "screen": lambda: (samplers.full_screen(sequences.permutation_net(11), SIDE, SIDE), (0, 1), False),
+    "full_screen, sobol": lambda: (samplers.full_screen(sequences.sobol(2), SIDE, SIDE), (0, 1), False),
     "ranked": lambda: (samplers.ranked(2, 1), (0, 1), False),
 }
 
@@ -529,8 +529,8 @@ CONSISTENT = {
     "independent, owen": lambda _: samplers.independent(sequences.sobol(2), 1),
     "independent, xor": lambda _: samplers.independent(sequences.sobol(2), 1, "xor"),
     "independent, shift": lambda _: samplers.independent(sequences.lattice(2), 1, "shift"),
-    "screen, sobol": lambda _: samplers.screen(sequences.sobol(2), 8, 8),
-    "screen, halton": lambda _: samplers.screen(sequences.halton(2), 8, 8),
+    "full_screen, sobol": lambda _: samplers.full_screen(sequences.sobol(2), 8, 8),
+    "full_screen, halton": lambda _: samplers.full_screen(sequences.halton(2), 8, 8),
     "padded_replications": lambda _: samplers.padded_replications(
         sequences.hammersley_net(6), 8, 8, sequences.halton(4)
     ),
@@ -594,8 +594,8 @@ MAKERS = {
     "raster": orders.raster,
     "accordion": orders.accordion,
     "peano": orders.peano,
-    "screen": partial(samplers.screen, sequences.sobol(2)),
-    "screen, halton": partial(samplers.screen, sequences.halton(2)),
+    "screen": partial(samplers.full_screen, sequences.sobol(2)),
+    "full_screen, halton": partial(samplers.full_screen, sequences.halton(2)),
     "padded_replications": lambda w, h: samplers.padded_replications(sequences.sobol(2), w, h, 1),
     "z": lambda w, h: samplers.z(w, h, 1, 1),
     "render": lambda w, h: qj.render(scenes.checkerboard(), samplers.independent(SOBOL, 1), w, h, 1),

@@ -9,7 +9,8 @@ import pytest
 from scipy.stats import qmc
 from tables import SEQUENCES, each_kind, first, is_net, some
 
-from qmcjax import digits, sequences
+from qmcjax import sequences
+from qmcjax.core import digits
 
 each_sequence = pytest.mark.parametrize("seq", SEQUENCES.values(), ids=SEQUENCES.keys())
 BINARY = {name: seq for name, seq in SEQUENCES.items() if isinstance(seq, sequences.BinarySequence)}
@@ -18,8 +19,8 @@ KEYED = {
     "jittered": lambda key: sequences.jittered(64, 2, key),
     "owen": lambda key: sequences.owen(sequences.sobol(2), key),
     "owen_exact": lambda key: sequences.owen_exact(sequences.sobol(2), key),
-    "xor": lambda key: sequences.xor(sequences.sobol(2), key),
-    "matousek": lambda key: sequences.matousek(sequences.sobol(2), key),
+    "xor": lambda key: sequences.digital_shift(sequences.sobol(2), key),
+    "matousek": lambda key: sequences.linear_matrix_scramble(sequences.sobol(2), key),
     "owen, 9": lambda key: sequences.owen(sequences.sobol(9), key),
 }
 each_keyed = pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
@@ -77,8 +78,8 @@ def test_bits_are_the_points(seq):
     index = jnp.asarray(first(N))
     words = np.asarray(seq.bits(index))
     assert np.array_equal(words / 2.0**32, seq.points(N, dtype=jnp.float64))
-    mirror = np.asarray(seq.mirror(index, 0))
-    assert [int(f"{w:032b}"[::-1], 2) for w in mirror] == words[:, 0].tolist()
+    reversed_bits = np.asarray(seq.bit_reversed(index, 0))
+    assert [int(f"{w:032b}"[::-1], 2) for w in reversed_bits] == words[:, 0].tolist()
 
 
 @each_keyed
@@ -255,7 +256,7 @@ SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
         (lambda: sequences.uniform(2, "seed"), "key must be one jax.random.key.* got 'seed'"),
         (lambda: sequences.owen(SOBOL, jax.random.split(jax.random.key(0))), "key must be one"),
         (
-            lambda: sequences.owen(sequences.shift(sequences.halton(2), [0.5, 0.5]), 0),
+            lambda: sequences.owen(sequences.rotate(sequences.halton(2), [0.5, 0.5]), 0),
             "sequence must be a sequence with digits, .* got Rotated",
         ),
         (lambda: sequences.jittered(0, 2, 0), "side .* got 0"),

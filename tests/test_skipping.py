@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from qmcjax import _frame, orders, samplers, scenes, sequences
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.rendering import _accumulation
 from qmcjax.samplers import completed
 
 SPP = 10
@@ -99,9 +100,9 @@ def integer_operations(scene):
     """
     width, height, dims = 8, 8, tuple(range(len(scene.needs)))
     sampler = completed(along(width, height, 4))
-    state = _frame.zeros(scene, (height, width), jnp.float32, "")
+    state = _accumulation.zeros(scene, (height, width), jnp.float32, "")
     none = jnp.uint32(0)
-    lowered = _frame.accumulate.lower(
+    lowered = _accumulation.accumulate.lower(
         (scene, sampler), None, state, none, none, width, height, 2, dims, str(dims)
     )
     lines = [re.sub(r"[%@]\w+(#\d)?", "%", line).strip() for line in lowered.as_text().splitlines()]

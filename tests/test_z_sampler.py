@@ -134,7 +134,7 @@ def test_indices_equal_their_recursion(variant, spp):
 
 
 def test_a_joint_sequence_has_one_order_for_all_dimensions():
-    sequence = sequences.xor(sequences.sobol(5), 4)
+    sequence = sequences.digital_shift(sequences.sobol(5), 4)
     sampler = samplers.z(5, 8, 4, 2, sequence=sequence)
     where = everywhere(sampler)
     index = recursive_indices(sampler.orders[0], where, 3, 4)

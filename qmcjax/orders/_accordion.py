@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jax import Array
 
-from qmcjax.bits import gray_decode, gray_encode
+from qmcjax.core.bits import gray_decode, gray_encode
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import SquareOrder, size
 from qmcjax.orders._morton import gather, spread
-from qmcjax.pytrees import pytree
 
 
 @pytree

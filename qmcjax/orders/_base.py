@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax import checks
+from qmcjax.core import checks
 
 MAX_SIDE = 2**16
 """Resolution up to which positions fit a uint32."""

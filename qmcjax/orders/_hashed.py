@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.bits import hash_word
+from qmcjax.core.bits import hash_word
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._hierarchy import ScrambledMorton, permutation_number
-from qmcjax.pytrees import pytree
 
 GOLDEN = np.uint32(0x9E3779B9)
 """The fractional part of the golden ratio, as a 32-bit fraction rounded down."""

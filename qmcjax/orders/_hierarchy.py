@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from qmcjax import checks
+from qmcjax.core import checks
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 

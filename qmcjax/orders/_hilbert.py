@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import SquareOrder, size
-from qmcjax.pytrees import pytree
 
 
 @pytree

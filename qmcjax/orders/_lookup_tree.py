@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
-from qmcjax.pytrees import pytree
 
 ART_CONTEXT = 20
 """Letters of the Thue-Morse word before its own that a symbol of a row or column remembers."""

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import SquareOrder, size
 from qmcjax.orders._hilbert import Hilbert
-from qmcjax.pytrees import pytree
 
 
 @pytree

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jax import Array
 
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import SquareOrder, size
-from qmcjax.pytrees import pytree
 
 _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
 _GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))

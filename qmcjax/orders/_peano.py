@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import Order
-from qmcjax.pytrees import pytree
 
 PEANO_SIDE = 3**10
 """The longest side whose positions, below 9**10, fit a uint32: the next would be 3**11."""

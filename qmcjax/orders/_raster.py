@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jax import Array
 
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import Order, size
-from qmcjax.pytrees import pytree
 
 
 @pytree

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax import checks
+from qmcjax.core import checks
 from qmcjax.orders._base import size
 from qmcjax.orders._hashed import Hashed, Multiplicative
 from qmcjax.orders._hierarchy import ScrambledMorton

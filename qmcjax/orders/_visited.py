@@ -5,7 +5,7 @@ from typing import Any
 
 from jax import Array
 
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 
 
 @pytree

@@ -9,6 +9,7 @@ from qmcjax.samplers._base import completed as completed
 from qmcjax.samplers._contiguous import contiguous as contiguous
 from qmcjax.samplers._dither import blue_noise_mask as blue_noise_mask
 from qmcjax.samplers._dither import dither as dither
+from qmcjax.samplers._full_screen import full_screen as full_screen
 from qmcjax.samplers._independent import independent as independent
 from qmcjax.samplers._interleaved import interleaved as interleaved
 from qmcjax.samplers._padded_replications import padded_replications as padded_replications
@@ -16,7 +17,6 @@ from qmcjax.samplers._partitioned import partitioned as partitioned
 from qmcjax.samplers._randomized import Randomized as Randomized
 from qmcjax.samplers._randomized import randomized as randomized
 from qmcjax.samplers._ranked import ranked as ranked
-from qmcjax.samplers._screen import screen as screen
 from qmcjax.samplers._segments import segments as segments
 from qmcjax.samplers._shifted import shifted as shifted
 from qmcjax.samplers._z import z as z

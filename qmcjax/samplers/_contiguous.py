@@ -7,13 +7,13 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.orders._visited import Visited, visited
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._index_64 import plus, times
 from qmcjax.samplers._linear_blocks import linear_blocks
-from qmcjax.samplers._two_words import plus, times
 from qmcjax.sequences import Sequence
 
 
@@ -28,14 +28,14 @@ class Contiguous(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         position = self.order.position(x, y)
         if self.order.length * self.spp > checks.INDEX_LIMIT:
             high, low = plus(times(position, self.spp), sample)
-            return self.sequence.beyond(high)(low, dims, dtype)
+            return self.sequence.with_high_word(high)(low, dims, dtype)
         return self.sequence(position * np.uint32(self.spp) + sample, dims, dtype)
 
     def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -79,7 +79,8 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     -----
     More than 2**32 points take indices of two words. These sequences have them: :func:`sequences.sobol`,
     ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``; what
-    ``components`` and ``shift`` make of these; and in base 2 what ``xor``, ``owen`` and ``owen_exact`` do.
+    ``components`` and ``rotate`` make of these; and in base 2 what ``digital_shift``, ``owen`` and
+    ``owen_exact`` do.
 
     References
     ----------
@@ -93,7 +94,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     [0.1875 0.3125]
     """
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
-    limit = sequence.wide_limit
+    limit = sequence.limit_64
     if order.length * spp > limit:
         raise ValueError(
             f"spp must be at most {limit // order.length}: the curve has {order.length} positions "

@@ -10,8 +10,8 @@ from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.samplers._rotation import rotated
 from qmcjax.sequences import Sequence
@@ -32,7 +32,7 @@ class Dithered(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

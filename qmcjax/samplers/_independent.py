@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import hash_word, owen_hash, reverse, to_unit
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
+from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.samplers._rotation import rotated
 from qmcjax.sequences import BinarySequence, Sequence
@@ -19,11 +19,11 @@ Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
 
 
 def _owen(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
-    return to_unit(reverse(owen_hash(sequence.mirror(sample, dim), seed)), dtype)
+    return to_unit(reverse(owen_hash(sequence.bit_reversed(sample, dim), seed)), dtype)
 
 
 def _xor(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
-    return to_unit(reverse(sequence.mirror(sample, dim) ^ seed), dtype)
+    return to_unit(reverse(sequence.bit_reversed(sample, dim) ^ seed), dtype)
 
 
 _RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": rotated, "xor": _xor}
@@ -42,7 +42,7 @@ class Independent(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -71,7 +71,7 @@ class IndependentPixels(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -5,29 +5,29 @@ from dataclasses import dataclass, field
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import BinarySequence, Sequence
 
 
 @pytree
 @dataclass(frozen=True)
-class Shifted(BinarySequence):
+class FromBlock(BinarySequence):
     """A linear sequence after the first points of some pixels' blocks, for indices below the blocks' size."""
 
     sequence: BinarySequence
-    mirrors: dict[int, Array]
+    first_reversed: dict[int, Array]
     words: dict[int, Array]
     """uint32, of the pixels' shape: coordinates of the first points, by dimension, in both forms."""
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return self.sequence.mirror(index, dim) ^ self.mirrors[dim]
+        return self.sequence.bit_reversed(index, dim) ^ self.first_reversed[dim]
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 31."""
@@ -37,14 +37,14 @@ class Shifted(BinarySequence):
 @pytree
 @dataclass(frozen=True)
 class LinearBlocks(Sampler):
-    """Sample s of some pixels is point s of a sequence over :class:`Shifted`."""
+    """Sample s of some pixels is point s of a sequence over :class:`FromBlock`."""
 
     sequence: Sequence
     spp: int = field(metadata={"static": True})
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -65,5 +65,5 @@ def linear_blocks(sequence: Sequence, first: Array, spp: int, dims: tuple[int, .
     linear = sequence._linear
     if linear is None:
         return None
-    mirrors, words = ({j: form(first, j) for j in dims} for form in (linear.mirror, linear.word))
-    return LinearBlocks(sequence._over(Shifted(linear, mirrors, words)), spp)
+    first_reversed, words = ({j: form(first, j) for j in dims} for form in (linear.bit_reversed, linear.word))
+    return LinearBlocks(sequence._over(FromBlock(linear, first_reversed, words)), spp)

@@ -8,10 +8,10 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import to_unit
+from qmcjax.core import checks
+from qmcjax.core.bits import to_unit
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import MAX_SIDE, log_side
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import BinarySequence, Sequence, uniform
 from qmcjax.sequences._cells import Invertible, inverted
@@ -30,7 +30,7 @@ class PaddedReplications(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.net.dims
 
     @property
@@ -95,8 +95,8 @@ def padded_replications(
     Parameters
     ----------
     net : sequence in base 2
-        What :func:`screen` takes, but the Halton sequence: a net of ``4**k`` points, whose instances they
-        all are, or a digital sequence, of which these are the first.
+        What :func:`full_screen` takes, but the Halton sequence: a net of ``4**k`` points, whose instances
+        they all are, or a digital sequence, of which these are the first.
     width, height : int
         In [1, 65536].
     offsets : Sequence, or jax.random.key, or int in [0, 2**32)
@@ -139,7 +139,7 @@ def padded_replications(
     >>> from qmcjax import samplers, sequences
     >>> net = sequences.larcher_pillichshammer_net(6)
     >>> sampler = padded_replications(net, 8, 8, sequences.halton(2), jitter=False)
-    >>> print(sampler(0, 0, 1), samplers.screen(net, 8, 8)(4, 2, 0))  # shifted by 8 / 2 and 8 / 3 pixels
+    >>> print(sampler(0, 0, 1), samplers.full_screen(net, 8, 8)(4, 2, 0))  # shifted by 8 / 2 and 8 / 3 pixels
     [0.875 0.875] [0.875 0.875]
     """
     width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)

@@ -8,15 +8,15 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import reverse
-from qmcjax.digits import word
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.core.digits import word
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.orders._visited import Visited, visited
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._index_64 import plus, require, times
 from qmcjax.samplers._radical_base import inverse_permutations, is_identity, radical_bases
-from qmcjax.samplers._two_words import plus, require, times
 from qmcjax.sequences import Digital, Sequence
 from qmcjax.sequences._components import BinaryComponents, Components
 from qmcjax.sequences._halton import RadicalInverses
@@ -50,7 +50,7 @@ class Partitioned(Sampler):
         """Number of indices; sample numbers are one word in any case."""
         if not self.wide:
             return self.sequence.limit
-        return min(self.sequence.wide_limit, self.order.length * checks.INDEX_LIMIT)
+        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
 
     def _first(self, position: Array) -> Array:
         """Return the index of a pixel's first point, below N."""
@@ -61,7 +61,7 @@ class Partitioned(Sampler):
         if self.wide:
             first = self._first(self.order.position(x, y))
             high, low = plus(times(sample, self.order.length), first)
-            return self.sequence.beyond(high)(low, left, dtype)
+            return self.sequence.with_high_word(high)(low, left, dtype)
         index = sample * word(self.order.length) + self._first(self.order.position(x, y))
         return self.sequence(index, left, dtype)
 

@@ -8,15 +8,15 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from qmcjax.digits import digit_count, digit_spans
+from qmcjax.core.digits import digit_count, digit_spans
 from qmcjax.sequences import Digital, Sequence
 from qmcjax.sequences._components import BinaryComponents, Components
 from qmcjax.sequences._gray import Gray
 from qmcjax.sequences._halton import RadicalInverses
 from qmcjax.sequences._prime_digital import PrimeDigital
+from qmcjax.sequences._rotation import Rotated
 from qmcjax.sequences._scrambled import Scrambled
 from qmcjax.sequences._scrambled_digits import ScrambledDigits
-from qmcjax.sequences._shift import Rotated
 
 
 def radical_bases(sequence: Sequence) -> tuple[int | None, ...]:

@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler
 
 
@@ -28,7 +28,7 @@ class Randomized(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.coordinates
 
     def of_pass(self, number: Array | int) -> Any:

@@ -9,9 +9,9 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import to_unit
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import to_unit
+from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import BinarySequence, sobol
 from qmcjax.sequences._owen import Owen
@@ -35,7 +35,7 @@ class Ranked(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

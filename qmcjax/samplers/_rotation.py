@@ -5,9 +5,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.bits import to_unit
+from qmcjax.core.bits import to_unit
 from qmcjax.sequences import BinarySequence, Sequence
-from qmcjax.sequences._shift import wrapped
+from qmcjax.sequences._rotation import wrapped
 
 
 def rotated(sequence: Sequence, sample: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:

@@ -11,14 +11,14 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.digits import word
+from qmcjax.core import checks
+from qmcjax.core.digits import word
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.orders._visited import Visited, visited
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._index_64 import plus, require, times
 from qmcjax.samplers._radical_base import radical_bases
-from qmcjax.samplers._two_words import plus, require, times
 from qmcjax.sequences import Sequence
 
 
@@ -38,7 +38,7 @@ class Segments(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -52,14 +52,14 @@ class Segments(Sampler):
         """Number of indices; sample numbers are one word in any case."""
         if not self.wide:
             return self.sequence.limit
-        return min(self.sequence.wide_limit, self.order.length * checks.INDEX_LIMIT)
+        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         before, count = self._iteration(sample)
         if self.wide:
             block = plus(times(self.order.position(x, y), count), sample - before)
             high, low = plus(times(before, self.order.length), block)
-            return self.sequence.beyond(high)(low, dims, dtype)
+            return self.sequence.with_high_word(high)(low, dims, dtype)
         index = before * word(self.order.length) + self.order.position(x, y) * count + (sample - before)
         return self.sequence(index, dims, dtype)
 

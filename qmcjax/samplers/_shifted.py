@@ -8,12 +8,12 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.bits import to_unit
+from qmcjax.core.bits import to_unit
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import BinarySequence, Sequence
-from qmcjax.sequences._shift import wrapped
+from qmcjax.sequences._rotation import wrapped
 
 
 @pytree
@@ -27,7 +27,7 @@ class ShiftedAlong(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -61,7 +61,7 @@ class ShiftedPixels(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax
 from jax import Array
 
-from qmcjax import checks
+from qmcjax.core import checks
 from qmcjax.orders import log_side
 from qmcjax.orders._base import size
 from qmcjax.orders._hierarchy import ScrambledMorton
@@ -115,10 +115,10 @@ def z(
     else:
         sizes = (binary("sequence", sequence).dims,)
         pixels = 4 ** log_side(width, height)
-        if pixels * spp > sequence.wide_limit:
+        if pixels * spp > sequence.limit_64:
             raise ValueError(
-                f"spp must be at most {sequence.wide_limit // pixels}: the padded raster has {pixels} pixels "
-                f"and the sequence {sequence.wide_limit} indices, got {spp}"
+                f"spp must be at most {sequence.limit_64 // pixels}: the padded raster has {pixels} pixels "
+                f"and the sequence {sequence.limit_64} indices, got {spp}"
             )
     orders = _orders(width, height, key, variant, alphabet, len(sizes))
     return Z(orders, sequence, width, height, spp, sizes)

@@ -9,14 +9,14 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
-from qmcjax import checks
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._morton import Morton
 from qmcjax.orders._visited import VisitedNodes, visited_nodes
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._two_words import Index
+from qmcjax.samplers._index_64 import Index
 from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
 
@@ -40,7 +40,7 @@ class Z(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return sum(self.constituents)
 
     @property
@@ -204,7 +204,7 @@ class Z(Sampler):
 
     def _coordinate(self, index: Index, dim: int, dtype: DTypeLike) -> Array:
         high, low = index
-        sequence = self.sequence.beyond(high) if self._wide else self.sequence
+        sequence = self.sequence.with_high_word(high) if self._wide else self.sequence
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
@@ -224,7 +224,7 @@ class AdaptiveZ(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sampler.dims
 
     def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "AdaptiveZ":

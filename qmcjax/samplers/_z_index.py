@@ -8,7 +8,7 @@ from jax import Array
 
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._visited import VisitedNodes
-from qmcjax.samplers._two_words import Index
+from qmcjax.samplers._index_64 import Index
 
 _Order = ScrambledMorton | VisitedNodes
 

@@ -12,7 +12,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax import checks
+from qmcjax.core import checks
 
 EPS = float(np.finfo(float).eps)
 

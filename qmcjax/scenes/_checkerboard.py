@@ -8,8 +8,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes import _checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
 from qmcjax.scenes._parameters import numbers

@@ -9,8 +9,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes import _flat_checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast, cast_edges
 from qmcjax.scenes._edges import visible

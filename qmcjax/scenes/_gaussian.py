@@ -9,8 +9,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import bell_means, separable
 from qmcjax.scenes._parameters import numbers

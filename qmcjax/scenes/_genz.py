@@ -11,8 +11,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes import _genz_reference
 from qmcjax.scenes._base import ExactScene, cast, in_float64, moves_an_edge
 from qmcjax.scenes._parameters import named, numbers

@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import sign_varies
 from qmcjax.scenes._edges import along

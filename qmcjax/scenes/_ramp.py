@@ -7,8 +7,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene
 from qmcjax.scenes._parameters import named
 

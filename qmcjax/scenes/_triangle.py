@@ -9,8 +9,8 @@ from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._edges import along
 from qmcjax.scenes._parameters import numbers

@@ -12,8 +12,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import reverse, to_unit
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse, to_unit
 from qmcjax.sequences._kept import ROWS, kept
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Sequence(abc.ABC):
     @property
     @abc.abstractmethod
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
 
     @property
     def size(self) -> int | None:
@@ -52,18 +52,18 @@ class Sequence(abc.ABC):
         return checks.INDEX_LIMIT if self.size is None else self.size
 
     @property
-    def wide_limit(self) -> int:
-        """The same for indices of two words: ``limit``, where there is no :meth:`beyond`."""
+    def limit_64(self) -> int:
+        """The same for indices of two words: ``limit``, where there is no :meth:`with_high_word`."""
         return self.limit
 
-    def beyond(self, high: Array) -> "Sequence":
+    def with_high_word(self, high: Array) -> "Sequence":
         """Return the sequence of the points ``high * 2**32 + index``, for indices of two words.
 
         Parameters
         ----------
         high : uint32 Array
             In the shape of the indices that the sequence is called with. Indices of two words are below
-            ``wide_limit``.
+            ``limit_64``.
 
         Returns
         -------
@@ -72,7 +72,7 @@ class Sequence(abc.ABC):
         Raises
         ------
         ValueError
-            If the sequence has none: samplers see that from ``wide_limit``, before anything is computed.
+            If the sequence has none: samplers see that from ``limit_64``, before anything is computed.
         """
         raise ValueError(f"sequence must have indices of two words, got {self!r}")
 
@@ -153,13 +153,13 @@ class PointByPoint(Sequence):
         return self.sequence.size
 
     @property
-    def wide_limit(self) -> int:
+    def limit_64(self) -> int:
         """First index that is out of reach for two words."""
-        return self.sequence.wide_limit
+        return self.sequence.limit_64
 
-    def beyond(self, high: Array) -> Any:
+    def with_high_word(self, high: Array) -> Any:
         """Return the sequence of the points ``high * 2**32 + index``."""
-        beyond = self.sequence.beyond(high)
+        beyond = self.sequence.with_high_word(high)
         return dataclasses.replace(self, sequence=beyond)  # pyright: ignore[reportArgumentType]
 
 
@@ -173,12 +173,12 @@ class BinarySequence(Sequence):
     """A sequence in base 2: coordinates are 32-bit fractions, exact until the last step."""
 
     @abc.abstractmethod
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate of valid indices with its first digit in bit 0, as scramblers want it."""
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate of valid indices as a 32-bit fraction, its first digit in bit 31."""
-        return reverse(self.mirror(index, dim))
+        return reverse(self.bit_reversed(index, dim))
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape: for samplers, without checks."""
@@ -189,11 +189,11 @@ class BinarySequence(Sequence):
             return super()._values(index, dims, dtype)
         return to_unit(self._words(index, dims), dtype)
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return jnp.stack([self.mirror(index, j) for j in dims], axis=-1)
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return jnp.stack([self.bit_reversed(index, j) for j in dims], axis=-1)
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return reverse(self._mirrors(index, dims))
+        return reverse(self._bit_reversed(index, dims))
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
         linear = self._linear

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 from qmcjax.sequences._kept import ROWS
 
@@ -23,21 +23,21 @@ class Blocks(BinarySequence):
     """
 
     low: tuple[Array, Array]
-    """uint32 (rows, dims) mirrors and words of the low digits."""
+    """uint32 (rows, dims) bit_reversed and words of the low digits."""
 
     high: tuple[Array, Array]
-    """uint32 (blocks, dims) mirrors and words of the blocks' first indices."""
+    """uint32 (blocks, dims) bit_reversed and words of the blocks' first indices."""
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.low[0].shape[1]
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate of all points, shape (blocks, rows)."""
-        return self._mirrors(index, tuple(range(self.dims)))[..., dim]
+        return self._bit_reversed(index, tuple(range(self.dims)))[..., dim]
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
         return self._points(0, len(dims))
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
@@ -49,8 +49,8 @@ class Blocks(BinarySequence):
 
     def part(self, first: Array, count: int) -> "Blocks":
         """Return ``count`` of the blocks."""
-        mirrors, words = (jax.lax.dynamic_slice_in_dim(high, first, count) for high in self.high)
-        return Blocks(self.low, (mirrors, words))
+        bit_reversed, words = (jax.lax.dynamic_slice_in_dim(high, first, count) for high in self.high)
+        return Blocks(self.low, (bit_reversed, words))
 
 
 # The tables have a program of their own: together with their use they would be fused into it, and recomputed
@@ -62,6 +62,6 @@ def tabulated(sequence: BinarySequence, start: Array, blocks: int, rows: int = R
     low = jax.lax.iota(jnp.uint32, rows)
     high = start + jax.lax.iota(jnp.uint32, blocks) * np.uint32(rows)
     return Blocks(
-        (sequence._mirrors(low, dims), sequence._words(low, dims)),
-        (sequence._mirrors(high, dims), sequence._words(high, dims)),
+        (sequence._bit_reversed(low, dims), sequence._words(low, dims)),
+        (sequence._bit_reversed(high, dims), sequence._words(high, dims)),
     )

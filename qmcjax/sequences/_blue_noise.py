@@ -5,7 +5,7 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from qmcjax import checks
+from qmcjax.core import checks
 from qmcjax.sequences._lloyd import relaxed
 from qmcjax.sequences._tabulated import Tabulated, tabulated_words
 

@@ -15,12 +15,12 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from qmcjax import checks
-from qmcjax.bits import reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._digital import Digital, selected
-from qmcjax.sequences._xor import Xor
+from qmcjax.sequences._digital_shift import DigitalShift
 
 
 @runtime_checkable
@@ -29,7 +29,7 @@ class Invertible(Protocol):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         ...
 
     @property
@@ -52,7 +52,7 @@ class Invertible(Protocol):
 
 @pytree
 @dataclass(frozen=True)
-class Framed:
+class NetByFrames:
     """A (0,2)-sequence cut into frames of one point in each cell of a raster."""
 
     sequence: Digital
@@ -63,7 +63,7 @@ class Framed:
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -104,8 +104,8 @@ class Framed:
         # With 2**16 cells a side there is one frame; a shift by 32 is not defined.
         start = sample << (2 * log_side) if log_side < 16 else jnp.zeros_like(sample)
         ones = np.uint32(2**log_side - 1)
-        wrong_x = reverse(x << (32 - log_side)) ^ self.sequence.mirror(start, 0)
-        wrong_y = reverse(y << (32 - log_side)) ^ self.sequence.mirror(start, 1)
+        wrong_x = reverse(x << (32 - log_side)) ^ self.sequence.bit_reversed(start, 0)
+        wrong_y = reverse(y << (32 - log_side)) ^ self.sequence.bit_reversed(start, 1)
         wrong = (wrong_x & ones) | ((wrong_y & ones) << log_side)
         return start | selected(self.inverse, wrong)
 
@@ -121,7 +121,7 @@ class Flipped:
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.net.dims
 
     @property
@@ -170,22 +170,22 @@ def inverted(net: Invertible | Sequence, log_side: int) -> Invertible:
     Examples
     --------
     >>> from qmcjax import sequences
-    >>> net = sequences.xor(sequences.hammersley_net(6), key=1)
+    >>> net = sequences.digital_shift(sequences.hammersley_net(6), key=1)
     >>> index = inverted(net, 3).index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
     >>> print((net(index) * 8).astype(int))
     [5 2]
     """
-    if isinstance(net, Xor):
+    if isinstance(net, DigitalShift):
         return Flipped(inverted(net.sequence, log_side), net.shifts)
     if isinstance(net, Digital):
-        return framed(net, log_side)
+        return net_by_frames(net, log_side)
     if not isinstance(net, Invertible):
         raise ValueError(f"net must be invertible (have index_in_cell), got {net!r}")
     net.points_per_cell(log_side)
     return net
 
 
-def framed(sequence: Digital, log_side: int) -> Framed:
+def net_by_frames(sequence: Digital, log_side: int) -> NetByFrames:
     """Invert a digital (0,2)-sequence, so that its points can be found from the cell they lie in.
 
     Parameters
@@ -198,7 +198,7 @@ def framed(sequence: Digital, log_side: int) -> Framed:
 
     Returns
     -------
-    Framed
+    NetByFrames
 
     Raises
     ------
@@ -212,7 +212,7 @@ def framed(sequence: Digital, log_side: int) -> Framed:
     Examples
     --------
     >>> from qmcjax import sequences
-    >>> frames = framed(sequences.sobol(2), 3)
+    >>> frames = net_by_frames(sequences.sobol(2), 3)
     >>> index = frames.index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
     >>> print(sequences.sobol(2)(index) * 8)
     [5.75 2.75]
@@ -221,24 +221,26 @@ def framed(sequence: Digital, log_side: int) -> Framed:
     if sequence.dims < 2:
         raise ValueError(f"sequence must have at least 2 dimensions to fill a raster, got {sequence.dims}")
     if log_side == 0:
-        return Framed(sequence, jnp.zeros(0, jnp.uint32), 0)
+        return NetByFrames(sequence, jnp.zeros(0, jnp.uint32), 0)
     columns, regular = _inverse(sequence.matrices[:2], log_side)
     if not isinstance(regular, Tracer) and not regular:
         raise ValueError(
             f"sequence must put one of each {4**log_side} points into every cell of a raster of "
             f"{2**log_side} x {2**log_side}: its first two matrices are not independent there"
         )
-    return Framed(sequence, columns, log_side)
+    return NetByFrames(sequence, columns, log_side)
 
 
 @partial(jax.jit, static_argnames="log_side")
 def _inverse(columns: Array, log_side: int) -> tuple[Array, Array]:
     """Invert the leading rows of two matrices, stacked, and tell whether that is possible."""
     count = 2 * log_side
-    mirrors = reverse(columns[:, :count])
+    bit_reversed = reverse(columns[:, :count])
     bit = jax.lax.iota(jnp.uint32, count)
     # Row i of the system is digit i of the cell, as a word with one bit for each of the lower index bits.
-    digits = jnp.concatenate([(mirrors[j][None, :] >> bit[:log_side, None]) & np.uint32(1) for j in range(2)])
+    digits = jnp.concatenate(
+        [(bit_reversed[j][None, :] >> bit[:log_side, None]) & np.uint32(1) for j in range(2)]
+    )
     unit = jnp.uint32(1) << bit
     rows = jnp.sum(digits * unit[None, :], axis=1, dtype=jnp.uint32)
 

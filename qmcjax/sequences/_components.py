@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, PointByPoint, Sequence
 
 
@@ -20,7 +20,7 @@ class Components(PointByPoint):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return len(self.selected)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
@@ -44,19 +44,19 @@ class BinaryComponents(PointByPoint, BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return len(self.selected)
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return self.sequence.mirror(index, self.selected[dim])
+        return self.sequence.bit_reversed(index, self.selected[dim])
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(index, self.selected[dim])
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._mirrors(index, self._of(dims))
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return self.sequence._bit_reversed(index, self._of(dims))
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
         return self.sequence._words(index, self._of(dims))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.digits import digit_count, digit_spans, reflection_tables
+from qmcjax.core.digits import digit_count, digit_spans, reflection_tables
 
 FAURE_LEMIEUX_DIMS = 360
 """Number of factors in the table."""

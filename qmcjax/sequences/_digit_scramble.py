@@ -8,13 +8,13 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.digits import base_of, cell_fraction, digit_spans, joined, permuted_spans, table_starts, word
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, joined, permuted_spans, table_starts, word
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, DigitSequence
 from qmcjax.sequences._digit_permutations import random_tables
+from qmcjax.sequences._digital_shift import DigitalShift, digital_shift
 from qmcjax.sequences._scrambled_digits import ScrambledDigits, digital
-from qmcjax.sequences._xor import Xor, xor
 
 
 @pytree
@@ -36,7 +36,9 @@ class PermutedDigits(ScrambledDigits):
         return cell_fraction(leading, last, self.tails[dims], base, dtype, digit_spans(base)[-1])
 
 
-def digit_scramble(sequence: BinarySequence | DigitSequence, key: Array | int) -> Xor | PermutedDigits:
+def digit_scramble(
+    sequence: BinarySequence | DigitSequence, key: Array | int
+) -> DigitalShift | PermutedDigits:
     """Permute the digits of a sequence, by one uniform random permutation a digit and coordinate.
 
     Elementary intervals are permuted: every (t,m,s)-net stays one, and so does the Halton sequence's
@@ -48,13 +50,13 @@ def digit_scramble(sequence: BinarySequence | DigitSequence, key: Array | int) -
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         Of the two permutations of {0, 1} one is the identity and one the flip: in base 2 this is the
-        digital shift, the very object that :func:`xor` makes from the same key.
+        digital shift, the very object that :func:`digital_shift` makes from the same key.
     key : jax.random.key, or int in [0, 2**32)
         A new key gives a new scrambling and compiles nothing anew.
 
     Returns
     -------
-    Xor or PermutedDigits
+    DigitalShift or PermutedDigits
         The first in base 2, with exact ``bits``. In other bases all K = ``digit_count(b)`` digits of
         an index are permuted, and the infinitely many zeros behind become one random number a coordinate.
         Values are rounded as by :func:`owen`.
@@ -75,11 +77,12 @@ def digit_scramble(sequence: BinarySequence | DigitSequence, key: Array | int) -
     >>> points = digit_scramble(sequences.halton(2), key=1).points(3)
     >>> print(sorted((points[:, 1] * 3).astype(int).tolist()))
     [0, 1, 2]
-    >>> print(digit_scramble(sequences.sobol(2), key=1).shifts == xor(sequences.sobol(2), key=1).shifts)
+    >>> sobol = sequences.sobol(2)
+    >>> print(digit_scramble(sobol, key=1).shifts == sequences.digital_shift(sobol, key=1).shifts)
     [ True  True]
     """
     if isinstance(sequence, BinarySequence):
-        return xor(sequence, key)
+        return digital_shift(sequence, key)
     bases = digital("sequence", sequence).bases
     tables_key, tails_key = jax.random.split(checks.prng_key("key", key))
     tails = jax.random.bits(tails_key, (len(bases),), jnp.uint32)

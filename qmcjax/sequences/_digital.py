@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import gray_decode, pascal, reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import gray_decode, pascal, reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import FEW, BinarySequence, Sequence
 from qmcjax.sequences._joe_kuo import columns_beyond, matrices_of
 
@@ -22,12 +22,12 @@ _TABLE_FROM = 4096
 """Number of indices from which it pays to tabulate the matrix products of all bytes."""
 
 
-def _identity(mirror: Array) -> Array:
-    return mirror
+def _identity(reversed_bits: Array) -> Array:
+    return reversed_bits
 
 
-def _larcher_sobol(mirror: Array) -> Array:
-    return pascal(gray_decode(mirror))
+def _larcher_sobol(reversed_bits: Array) -> Array:
+    return pascal(gray_decode(reversed_bits))
 
 
 def _sobol_beyond(dim: int, high: Array) -> Array:
@@ -54,26 +54,26 @@ class Digital(BinarySequence):
     """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
 
     steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
-    """Products with the first matrices in a few steps, on mirrors."""
+    """Products with the first matrices in a few steps, on bit_reversed."""
 
     upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
     """Products of matrix ``dim`` with the upper words of indices, if its columns from 32 on are known."""
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.matrices.shape[0]
 
     @property
-    def wide_limit(self) -> int:
+    def limit_64(self) -> int:
         """First index that is out of reach for two words."""
         return self.limit if self.upper is None else checks.INDEX_LIMIT**2
 
-    def beyond(self, high: Array) -> Sequence:
+    def with_high_word(self, high: Array) -> Sequence:
         """Return the sequence of the points ``high * 2**32 + index``."""
-        return super().beyond(high) if self.upper is None else DigitalBeyond(self, high, self.upper)
+        return super().with_high_word(high) if self.upper is None else Digital64(self, high, self.upper)
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         if dim < len(self.steps):
             return self.steps[dim](index)
@@ -85,9 +85,9 @@ class Digital(BinarySequence):
             return reverse(self.steps[dim](index))
         return product(self.matrices[dim], index)
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
         if len(dims) <= FEW:
-            return super()._mirrors(index, dims)
+            return super()._bit_reversed(index, dims)
         return product(reverse(self._columns(dims)), index)
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
@@ -108,7 +108,7 @@ class Digital(BinarySequence):
 
 @pytree
 @dataclass(frozen=True)
-class DigitalBeyond(BinarySequence):
+class Digital64(BinarySequence):
     """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
 
     sequence: Digital
@@ -117,12 +117,12 @@ class DigitalBeyond(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return self.sequence.mirror(index, dim) ^ self.upper(dim, self.high)
+        return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)
 
 
 def product(columns: Array, index: Array) -> Array:

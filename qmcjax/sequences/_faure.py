@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from qmcjax import checks, fields
-from qmcjax.digits import digit_count
+from qmcjax.core import checks, finite_field
+from qmcjax.core.digits import digit_count
 from qmcjax.sequences._digital import Digital, digital
 from qmcjax.sequences._prime_digital import PrimeDigital, prime_digital
 from qmcjax.sequences._replacement import replace_component
@@ -62,8 +62,8 @@ def faure(dims: int, base: int | None = None, modified: int | None = None) -> Pr
     """
     dims = checks.integer("dims", dims, 1, FAURE_DIMS)
     if base is None:
-        base = fields.next_prime(dims)
-    base = fields.prime("base", base, low=max(dims, 2), high=FAURE_BASES - 1)
+        base = finite_field.next_prime(dims)
+    base = finite_field.prime("base", base, low=max(dims, 2), high=FAURE_BASES - 1)
     matrices = faure_matrices(dims, base, digit_count(base))
     if modified is not None:
         component = checks.integer("modified", modified, 0, dims - 1)

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from jax import Array
 
-from qmcjax.bits import gray_encode
-from qmcjax.pytrees import pytree
+from qmcjax.core.bits import gray_encode
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, Sequence, binary
 from qmcjax.sequences._scrambled import Scrambled
 
@@ -18,22 +18,22 @@ class Gray(Scrambled):
     sequence: BinarySequence
 
     @property
-    def wide_limit(self) -> int:
+    def limit_64(self) -> int:
         """The same as ``limit``: the upper word would change the lower one."""
         return self.limit
 
-    beyond = Sequence.beyond
+    with_high_word = Sequence.with_high_word
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return self.sequence.mirror(gray_encode(index), dim)
+        return self.sequence.bit_reversed(gray_encode(index), dim)
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(gray_encode(index), dim)
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._mirrors(gray_encode(index), dims)
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return self.sequence._bit_reversed(gray_encode(index), dims)
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
         return self.sequence._words(gray_encode(index), dims)

@@ -7,23 +7,23 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.digits import (
+from qmcjax.core import checks
+from qmcjax.core.digits import (
     alike,
     base_of,
+    digit_reversed,
     digit_spans,
-    mirrored,
+    limit_64,
     permuted_radical_inverse,
     permuted_spans,
     radical_inverse,
+    radical_inverse_64,
     span_numbers,
     table_starts,
-    wide_limit,
-    wide_radical_inverse,
     word,
 )
-from qmcjax.fields import next_prime
-from qmcjax.pytrees import pytree
+from qmcjax.core.finite_field import next_prime
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences import _digit_permutations
 from qmcjax.sequences._base import DigitSequence, Sequence
 from qmcjax.sequences._digital import Digital, sobol
@@ -47,17 +47,19 @@ class RadicalInverses(DigitSequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return len(self.bases)
 
     @property
-    def wide_limit(self) -> int:
+    def limit_64(self) -> int:
         """First index that is out of reach for two words; permutations have one word's digits."""
-        return self.limit if self.tables is not None else min(wide_limit(base) for base in self.bases)
+        return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
 
-    def beyond(self, high: Array) -> Sequence:
+    def with_high_word(self, high: Array) -> Sequence:
         """Return the sequence of the points ``high * 2**32 + index``."""
-        return super().beyond(high) if self.tables is not None else RadicalInversesBeyond(self.bases, high)
+        return (
+            super().with_high_word(high) if self.tables is not None else RadicalInverses64(self.bases, high)
+        )
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
@@ -75,7 +77,7 @@ class RadicalInverses(DigitSequence):
         permuted = permuted_spans(
             numbers, base, self.tables, jnp.asarray(word(table_starts(self.bases)))[dims]
         )
-        return [mirrored(n, base, span) for n, span in zip(permuted, digit_spans(base), strict=True)]
+        return [digit_reversed(n, base, span) for n, span in zip(permuted, digit_spans(base), strict=True)]
 
     def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         if len(dims) < MANY:
@@ -100,7 +102,7 @@ class RadicalInverses(DigitSequence):
 
 @pytree
 @dataclass(frozen=True)
-class RadicalInversesBeyond(Sequence):
+class RadicalInverses64(Sequence):
     """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
 
     bases: tuple[int, ...] = field(metadata={"static": True})
@@ -108,12 +110,12 @@ class RadicalInversesBeyond(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return len(self.bases)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
-        return wide_radical_inverse(self.high, index, self.bases[dim], dtype)
+        return radical_inverse_64(self.high, index, self.bases[dim], dtype)
 
 
 def van_der_corput(base: int = 2) -> RadicalInverses | Digital:

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import hash_word
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_word
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._word_first import WordFirst
 
 
@@ -31,7 +31,7 @@ class LatinHypercube(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.seeds.shape[0]
 
     @property

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._word_first import WordFirst
 
 LATTICE_DIMS = 250
@@ -27,17 +27,17 @@ class LatticeSequence(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.vector.shape[0]
 
     @property
-    def wide_limit(self) -> int:
+    def limit_64(self) -> int:
         """First index that is out of reach for two words."""
         return checks.INDEX_LIMIT**2
 
-    def beyond(self, high: Array) -> "LatticeBeyond":
+    def with_high_word(self, high: Array) -> "Lattice64":
         """Return the sequence of the points ``high * 2**32 + index``."""
-        return LatticeBeyond(self, high)
+        return Lattice64(self, high)
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
@@ -50,7 +50,7 @@ class LatticeSequence(WordFirst):
 
 @pytree
 @dataclass(frozen=True)
-class LatticeBeyond(WordFirst):
+class Lattice64(WordFirst):
     """Point i is point ``high * 2**32 + i`` of a lattice sequence, rounded down to 32 digits."""
 
     sequence: LatticeSequence
@@ -58,7 +58,7 @@ class LatticeBeyond(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def word(self, index: Array, dim: int) -> Array:

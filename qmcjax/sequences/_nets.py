@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import gray_decode, gray_encode, reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import gray_decode, gray_encode, reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 
 
@@ -30,12 +30,12 @@ class Net(BinarySequence):
 
     @abc.abstractmethod
     def _second(self, index: Array) -> Array:
-        """Return the mirrored second coordinate."""
+        """Return the bit-reversed second coordinate."""
 
     @abc.abstractmethod
     def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array: ...
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return self._second(index) if dim else reverse(_fraction(index, self.m))
 

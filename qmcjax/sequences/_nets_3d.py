@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import pascal, reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import pascal, reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 from qmcjax.sequences._digital import _larcher_sobol
 from qmcjax.sequences._nets import HammersleyNet, LarcherPillichshammerNet, Net
@@ -35,11 +35,11 @@ class OverPlane(BinarySequence):
 
     @abc.abstractmethod
     def _third(self, index: Array) -> Array:
-        """Return the third coordinate, mirrored."""
+        """Return the third coordinate, bit-reversed."""
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return self._third(index) if dim == 2 else self.plane.mirror(index, dim)
+        return self._third(index) if dim == 2 else self.plane.bit_reversed(index, dim)
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
@@ -67,7 +67,7 @@ class Net3D(OverPlane):
 
     plane: Net
     third: Callable[[Array], Array] = field(metadata={"static": True})
-    """The third coordinate, mirrored, from the index."""
+    """The third coordinate, bit-reversed, from the index."""
 
     def _third(self, index: Array) -> Array:
         return self.third(index)
@@ -105,7 +105,7 @@ class PermutationNet3D(BinarySequence):
         """Number of points, 2**m."""
         return 2**self.m
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return reverse(self.word(index, dim))
 

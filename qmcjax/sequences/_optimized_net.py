@@ -8,8 +8,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._nets import Net, _above, _low, _reverse_low
 
 

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import owen_hash
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import owen_hash
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, DigitSequence
 from qmcjax.sequences._owen_base_b import OwenDigits, owen_digits
 from qmcjax.sequences._scrambled import Scrambled, along_last
@@ -24,12 +24,12 @@ class Owen(Scrambled):
     seeds: Array
     """uint32 (dims,)."""
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return owen_hash(self.sequence.mirror(index, dim), self.seeds[dim])
+        return owen_hash(self.sequence.bit_reversed(index, dim), self.seeds[dim])
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return owen_hash(self.sequence._mirrors(index, dims), along_last(self.seeds, dims, index))
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
+        return owen_hash(self.sequence._bit_reversed(index, dims), along_last(self.seeds, dims, index))
 
 
 def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | OwenDigits:

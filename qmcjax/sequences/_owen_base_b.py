@@ -9,9 +9,9 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.bits import hash_word
-from qmcjax.digits import base_of, cell_fraction, digit_spans, looked_up, word
-from qmcjax.pytrees import pytree
+from qmcjax.core.bits import hash_word
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, looked_up, word
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import DigitSequence
 from qmcjax.sequences._digit_permutations import random_permutations
 from qmcjax.sequences._scrambled_digits import ScrambledDigits

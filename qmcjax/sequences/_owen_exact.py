@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import hash_word
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_word
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import FEW, BinarySequence, DigitSequence
 from qmcjax.sequences._owen_exact_base_b import OwenExactDigits, owen_exact_digits
 from qmcjax.sequences._scrambled import Scrambled, along_last
@@ -25,17 +25,17 @@ class OwenExact(Scrambled):
     seeds: Array
     """uint32 (dims, 2)."""
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return _scramble(self.sequence.mirror(index, dim), self.seeds[dim])
+        return _scramble(self.sequence.bit_reversed(index, dim), self.seeds[dim])
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
         if len(dims) <= FEW:
-            return super()._mirrors(index, dims)
-        return _scramble(self.sequence._mirrors(index, dims), along_last(self.seeds, dims, index))
+            return super()._bit_reversed(index, dims)
+        return _scramble(self.sequence._bit_reversed(index, dims), along_last(self.seeds, dims, index))
 
 
-def _scramble(mirror: Array, seeds: Array) -> Array:
+def _scramble(reversed_bits: Array, seeds: Array) -> Array:
     """Flip digit k by bit k of a random word that belongs to the k digits before it.
 
     In the traversal of the tree [1]_, a path that ramifies takes a fresh random word for all nodes
@@ -47,9 +47,9 @@ def _scramble(mirror: Array, seeds: Array) -> Array:
     # Not unrolled: beyond two coordinates the compiler would compute the hashes again and again.
     def flip(k: Array, scrambled: Array) -> Array:
         unit = jnp.uint32(1) << k
-        return scrambled ^ (_random_word(mirror & (unit - np.uint32(1)), seeds) & unit)
+        return scrambled ^ (_random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
 
-    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, mirror)
+    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, reversed_bits)
 
 
 def _random_word(value: Array, seeds: Array) -> Array:

@@ -8,9 +8,9 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.bits import hash_word
-from qmcjax.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
-from qmcjax.pytrees import pytree
+from qmcjax.core.bits import hash_word
+from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import DigitSequence
 from qmcjax.sequences._scrambled_digits import ScrambledDigits
 

@@ -8,8 +8,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.digits import digit_count, digit_spans, exact_fraction
-from qmcjax.pytrees import pytree
+from qmcjax.core.digits import digit_count, digit_spans, exact_fraction
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import FEW, DigitSequence
 
 
@@ -29,7 +29,7 @@ class PrimeDigital(DigitSequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return len(self.bases)
 
     @property

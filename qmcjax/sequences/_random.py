@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import hash_word
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_word
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence
 from qmcjax.sequences._word_first import WordFirst
 
@@ -29,10 +29,10 @@ class Uniform(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.seeds.shape[0]
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate: the digits of a random word may as well be read backwards."""
         return _draw(index, self.seeds[dim])
 
@@ -48,7 +48,7 @@ class Jittered(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.seeds.shape[0]
 
     @property

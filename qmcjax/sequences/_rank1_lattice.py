@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._maximin import best_planar, best_spatial
 from qmcjax.sequences._word_first import WordFirst
@@ -38,7 +38,7 @@ class Rank1Lattice(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.vector.shape[0]
 
     @property
@@ -69,7 +69,7 @@ class BinaryRank1Lattice(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.vector.shape[0]
 
     @property

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from qmcjax import checks, fields
+from qmcjax.core import checks, finite_field
 
 
 def replace_component(matrices: np.ndarray, component: int, replacement: np.ndarray, q: int) -> np.ndarray:
@@ -53,7 +53,7 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
            [0, 1, 1],
            [0, 0, 1]])
     """
-    q = fields.prime("q", q)
+    q = finite_field.prime("q", q)
     matrices, replacement = np.asarray(matrices), np.asarray(replacement)
     if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2]:
         raise ValueError(f"matrices must have shape (s, m, m), got {matrices.shape}")
@@ -61,9 +61,9 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
         raise ValueError(f"replacement must have shape {matrices.shape[1:]}, got {replacement.shape}")
     component = checks.integer("component", component, 0, len(matrices) - 1)
     for m in range(1, len(replacement) + 1):
-        if fields.rank(replacement[:m, :m], q) < m:
+        if finite_field.rank(replacement[:m, :m], q) < m:
             raise ValueError(f"replacement must generate a (0,1)-sequence, got a singular {m} x {m} part")
-    if (rank := fields.rank(matrices[component], q)) < len(replacement):
+    if (rank := finite_field.rank(matrices[component], q)) < len(replacement):
         raise ValueError(f"matrices[{component}] must be regular over F_{q}, got rank {rank}")
-    change = fields.product(fields.inverse(matrices[component], q), replacement, q)
-    return fields.product(matrices, change, q)
+    change = finite_field.product(finite_field.inverse(matrices[component], q), replacement, q)
+    return finite_field.product(matrices, change, q)

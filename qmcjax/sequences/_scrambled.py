@@ -16,7 +16,7 @@ class Scrambled(PointByPoint, BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     @property

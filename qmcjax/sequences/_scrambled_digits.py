@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.digits import alike
+from qmcjax.core.digits import alike
 from qmcjax.sequences._base import FEW, DigitSequence, Sequence
 
 
@@ -19,7 +19,7 @@ class ScrambledDigits(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     @property

@@ -7,8 +7,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import checks
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._digital import Digital, digital
 from qmcjax.sequences._nets_3d import OverPlane
 from qmcjax.sequences._optimized_net import MatrixNet, _columns, _factors, _inverse, _product

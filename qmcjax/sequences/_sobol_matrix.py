@@ -5,7 +5,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from qmcjax import checks
+from qmcjax.core import checks
 
 
 def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:

@@ -9,7 +9,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._word_first import WordFirst
 
 
@@ -23,7 +23,7 @@ class Tabulated(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.words.shape[1]
 
     @property
@@ -44,7 +44,8 @@ def tabulated_words(points: NDArray[np.float64]) -> Tabulated:
 def tabulated(points: ArrayLike) -> Tabulated:
     """Make a sequence of any points: of another program, a file, or an engine of ``scipy.stats.qmc``.
 
-    It goes wherever a sequence in base 2 does: into samplers, and below ``owen``, ``xor`` and ``shift``.
+    It goes wherever a sequence in base 2 does: into samplers, and below ``owen``, ``digital_shift`` and
+    ``rotate``.
 
     Parameters
     ----------

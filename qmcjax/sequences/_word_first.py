@@ -1,26 +1,26 @@
-"""Sequences in base 2 whose arithmetic carries: their words come first, and are mirrored for scramblers."""
+"""Sequences in base 2 whose arithmetic carries: words come first, and are bit-reversed for scramblers."""
 
 import abc
 
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.bits import reverse
+from qmcjax.core.bits import reverse
 from qmcjax.sequences._base import BinarySequence
 
 
 class WordFirst(BinarySequence):
-    """A sequence in base 2 that implements :meth:`word` instead of ``mirror``."""
+    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``."""
 
     @abc.abstractmethod
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate of valid indices as a 32-bit fraction, its first digit in bit 31."""
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return reverse(self.word(index, dim))
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
         return reverse(self._words(index, dims))
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:

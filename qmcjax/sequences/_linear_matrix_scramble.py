@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.bits import reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import FEW, BinarySequence, binary
 from qmcjax.sequences._digital import Digital
+from qmcjax.sequences._digital_shift import DigitalShift, digital_shift
 from qmcjax.sequences._scrambled import Scrambled, along_last
-from qmcjax.sequences._xor import Xor, xor
 
 
 @pytree
@@ -25,14 +25,14 @@ class Linear(Scrambled):
     columns: Array
     """uint32 (dims, 32): column k of L_j, its first row in bit 0; lower unit-triangular."""
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
-        return _product(self.columns[dim], self.sequence.mirror(index, dim))
+        return _product(self.columns[dim], self.sequence.bit_reversed(index, dim))
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
         if len(dims) <= FEW:
-            return super()._mirrors(index, dims)
-        return _product(along_last(self.columns, dims, index), self.sequence._mirrors(index, dims))
+            return super()._bit_reversed(index, dims)
+        return _product(along_last(self.columns, dims, index), self.sequence._bit_reversed(index, dims))
 
     @property
     def _linear(self) -> BinarySequence | None:
@@ -40,27 +40,27 @@ class Linear(Scrambled):
         return self if linear is self.sequence else linear
 
 
-def _product(columns: Array, mirror: Array) -> Array:
+def _product(columns: Array, reversed_bits: Array) -> Array:
     """Xor the columns that the digits select: (..., 32), (...) -> (...)."""
 
     def add(k: Array, product: Array) -> Array:
-        digit = (mirror >> k) & np.uint32(1)
+        digit = (reversed_bits >> k) & np.uint32(1)
         column = jax.lax.dynamic_index_in_dim(columns, k, axis=-1, keepdims=False)
         # 0 - 1 wraps to all ones: a mask.
         return product ^ ((np.uint32(0) - digit) & column)
 
-    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), add, jnp.zeros_like(mirror))
+    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), add, jnp.zeros_like(reversed_bits))
 
 
 def _triangular(key: Array, dims: int) -> Array:
-    """Draw lower unit-triangular matrices as mirrored columns: ones in bit k of column k, coins above."""
+    """Draw lower unit-triangular matrices as bit-reversed columns: ones in bit k of column k, coins above."""
     coins = jax.random.bits(key, (dims, 32), jnp.uint32)
     unit = np.uint32(1) << np.arange(32, dtype=np.uint32)
     above = ~((unit - np.uint32(1)) | unit)
     return (coins & above[None, :]) | unit[None, :]
 
 
-def matousek(sequence: BinarySequence, key: Array | int) -> Xor:
+def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     """Scramble a sequence in base 2 linearly: random lower triangular matrices and a digital shift.
 
     Digit ``k`` is flipped by a random linear function of the digits before it and a coin: a nested
@@ -78,7 +78,7 @@ def matousek(sequence: BinarySequence, key: Array | int) -> Xor:
 
     Returns
     -------
-    Xor
+    DigitalShift
         The digital shift of the linearly scrambled sequence.
 
     Raises
@@ -93,7 +93,7 @@ def matousek(sequence: BinarySequence, key: Array | int) -> Xor:
     Examples
     --------
     >>> from qmcjax import sequences
-    >>> points = matousek(sequences.sobol(2), key=1).points(4)
+    >>> points = linear_matrix_scramble(sequences.sobol(2), key=1).points(4)
     >>> print(sorted((points[:, 1] * 4).astype(int).tolist()))
     [0, 1, 2, 3]
     """
@@ -101,5 +101,7 @@ def matousek(sequence: BinarySequence, key: Array | int) -> Xor:
     matrices_key, shift_key = jax.random.split(checks.prng_key("key", key))
     columns = _triangular(matrices_key, sequence.dims)
     if isinstance(sequence, Digital):
-        return xor(Digital(reverse(_product(columns[:, None], reverse(sequence.matrices)))), shift_key)
-    return xor(Linear(sequence, columns), shift_key)
+        return digital_shift(
+            Digital(reverse(_product(columns[:, None], reverse(sequence.matrices)))), shift_key
+        )
+    return digital_shift(Linear(sequence, columns), shift_key)

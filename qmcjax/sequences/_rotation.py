@@ -9,9 +9,9 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import reverse
-from qmcjax.pytrees import pytree
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import BinarySequence, PointByPoint, Sequence
 from qmcjax.sequences._scrambled import Scrambled, along_last
 
@@ -20,14 +20,14 @@ _BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0*
 
 @pytree
 @dataclass(frozen=True)
-class Shifted(Scrambled):
+class RotatedBinary(Scrambled):
     """A sequence in base 2 plus one fraction a coordinate, modulo 1: sums of integers that wrap."""
 
     sequence: BinarySequence
     offsets: Array
     """uint32 (dims,): fractions."""
 
-    def mirror(self, index: Array, dim: int) -> Array:
+    def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return reverse(self.word(index, dim))
 
@@ -35,7 +35,7 @@ class Shifted(Scrambled):
         """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(index, dim) + self.offsets[dim]
 
-    def _mirrors(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
         return reverse(self._words(index, dims))
 
     def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
@@ -53,7 +53,7 @@ class Rotated(PointByPoint):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
@@ -76,11 +76,11 @@ def wrapped(value: Array, offset: Array, dtype: DTypeLike) -> Array:
     return jnp.minimum(total, jnp.asarray(_BELOW_ONE[np.dtype(dtype)], dtype))
 
 
-def shift(sequence: Sequence, offset: ArrayLike) -> Shifted | Rotated:
+def rotate(sequence: Sequence, offset: ArrayLike) -> RotatedBinary | Rotated:
     """Shift a sequence on the torus, the same way for all its points.
 
     Toroidal distances stay as they are, elementary intervals do not: where these matter, take
-    :func:`xor` or :func:`owen`.
+    :func:`digital_shift` or :func:`owen`.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def shift(sequence: Sequence, offset: ArrayLike) -> Shifted | Rotated:
 
     Returns
     -------
-    Shifted or Rotated
+    RotatedBinary or Rotated
         The first has exact ``bits``, if ``sequence`` has.
 
     Raises
@@ -110,7 +110,7 @@ def shift(sequence: Sequence, offset: ArrayLike) -> Shifted | Rotated:
     Examples
     --------
     >>> from qmcjax import sequences
-    >>> print(shift(sequences.sobol(2), [0.75, 0.5]).points(2))
+    >>> print(rotate(sequences.sobol(2), [0.75, 0.5]).points(2))
     [[0.75 0.5 ]
      [0.25 0.  ]]
     """
@@ -118,7 +118,7 @@ def shift(sequence: Sequence, offset: ArrayLike) -> Shifted | Rotated:
         raise ValueError(f"sequence must be a Sequence, got {sequence!r}")
     offsets = _fractions(offset, sequence.dims)
     if isinstance(sequence, BinarySequence):
-        return Shifted(sequence, offsets)
+        return RotatedBinary(sequence, offsets)
     return Rotated(sequence, offsets)
 
 

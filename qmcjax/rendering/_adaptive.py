@@ -11,7 +11,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax import _frame, checks
+from qmcjax.core import checks
+from qmcjax.rendering import _accumulation
 from qmcjax.samplers import completed
 
 _SIZES = (16384, 4096, 1024, 256)
@@ -97,10 +98,10 @@ def _centres(
 ) -> tuple[Array, Array | None, Array | None]:
     """Return the values at the centres of all pixels, whether they vary, and a word of bits for what does."""
     del classes
-    x, y = _frame.of_image(width, height)
+    x, y = _accumulation.of_image(width, height)
     count = len(scene.needs)
     half = jnp.full((*x.shape, count), 0.5, dtype)
-    image = scene(_frame.on_screen(half, x, y, width, height))
+    image = scene(_accumulation.on_screen(half, x, y, width, height))
     if not varies:
         return image, None, None
     # Points are rounded; so are these edges, by a unit each of the product and of the reciprocal.
@@ -154,12 +155,12 @@ def _means(
 ) -> Array:
     """Return the means over pixels by their numbers."""
     pixels = numbers % np.uint32(width), numbers // np.uint32(width)
-    state = _frame.zeros(pair[0], numbers.shape, dtype, classes)
+    state = _accumulation.zeros(pair[0], numbers.shape, dtype, classes)
     batches = spp // np.uint32(batch)
-    state = _frame.accumulate(
+    state = _accumulation.accumulate(
         pair, pixels, state, jnp.uint32(0), batches, width, height, batch, dims, classes
     )
-    return _frame.mean(state, spp)[0]
+    return _accumulation.mean(state, spp)[0]
 
 
 def _parts(pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.uint32]]]:
@@ -194,7 +195,7 @@ def refuse(task: Task, image: Array | NDArray) -> None:
             samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
             points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
             where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
-            points = _frame.on_screen(points, *where, task.width, task.height)
+            points = _accumulation.on_screen(points, *where, task.width, task.height)
             values = np.asarray(task.scene(points)).reshape(len(samples), -1)
             bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
             if len(bad):

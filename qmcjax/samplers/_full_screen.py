@@ -6,12 +6,12 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import to_unit
+from qmcjax.core import checks
+from qmcjax.core.bits import to_unit
+from qmcjax.core.pytrees import pytree
 from qmcjax.orders import MAX_SIDE, log_side
-from qmcjax.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._halton_screen import HaltonScreen, halton_screen
+from qmcjax.samplers._halton_full_screen import HaltonFullScreen, halton_full_screen
 from qmcjax.sequences import Sequence
 from qmcjax.sequences._cells import Invertible, inverted
 from qmcjax.sequences._halton import RadicalInverses
@@ -19,7 +19,7 @@ from qmcjax.sequences._halton import RadicalInverses
 
 @pytree
 @dataclass(frozen=True)
-class Screen(Sampler):
+class FullScreen(Sampler):
     """A net stretched over the smallest square with a power of two as side that covers the image."""
 
     net: Invertible
@@ -28,7 +28,7 @@ class Screen(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.net.dims
 
     @property
@@ -57,7 +57,7 @@ class Screen(Sampler):
             raise ValueError(f"spp must be {self.spp}, the net's points in a pixel of this image, got {spp}")
 
 
-def screen(net: Invertible | Sequence, width: int, height: int) -> Screen | HaltonScreen:
+def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScreen | HaltonFullScreen:
     """Sample the whole screen with one net, each pixel with the points that fall into it.
 
     The index of a point follows from its pixel by inverting the net on integers, without tables of pixels.
@@ -65,18 +65,18 @@ def screen(net: Invertible | Sequence, width: int, height: int) -> Screen | Halt
     Parameters
     ----------
     net : sequence in base 2, or Halton sequence
-        One that can be inverted: a digital sequence, a net that has ``index_in_cell``, or :func:`xor` of
-        one of these. With ``2**k`` the smallest power of two that covers the image, a net of ``2**m``
-        points puts ``2**(m - 2 k)`` into every pixel, and a digital (0,2)-sequence one point in each frame
-        of ``4**k`` points. A Halton sequence, its digits permuted or not, puts one of each ``2**a * 3**b``
-        points into every pixel of a raster that many pixels wide and high, the smallest that covers the
-        image.
+        One that can be inverted: a digital sequence, a net that has ``index_in_cell``, or
+        :func:`digital_shift` of one of these. With ``2**k`` the smallest power of two that covers the image,
+        a net of ``2**m`` points puts ``2**(m - 2 k)`` into every pixel, and a digital (0,2)-sequence one
+        point in each frame of ``4**k`` points. A Halton sequence, its digits permuted or not, puts one of
+        each ``2**a * 3**b`` points into every pixel of a raster that many pixels wide and high, the smallest
+        that covers the image.
     width, height : int
         In [1, 65536]. For a Halton sequence ``2**a * 3**b`` must be at most 2**32.
 
     Returns
     -------
-    Screen or HaltonScreen
+    FullScreen or HaltonFullScreen
         ``spp`` is the number of points in a pixel: of a net the only number of samples that it can be
         rendered with, of a sequence the largest that 32-bit indices allow: of the Halton sequence 11506
         for an image of 512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
@@ -100,13 +100,13 @@ def screen(net: Invertible | Sequence, width: int, height: int) -> Screen | Halt
     Examples
     --------
     >>> from qmcjax import samplers, sequences
-    >>> sampler = samplers.screen(sequences.larcher_pillichshammer_net(20), 256, 256)
+    >>> sampler = samplers.full_screen(sequences.larcher_pillichshammer_net(20), 256, 256)
     >>> print(sampler.spp, sampler(255, 255, 15))
     16 [0.96875    0.33325195]
-    >>> print(samplers.screen(sequences.halton(2), 2, 3)(1, 2, 0))  # point 5, (0.625, 0.777...), of 6
+    >>> print(samplers.full_screen(sequences.halton(2), 2, 3)(1, 2, 0))  # point 5, (0.625, 0.777...), of 6
     [0.25       0.33333334]
     """
     width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
     if isinstance(net, RadicalInverses):
-        return halton_screen(net, width, height)
-    return Screen(inverted(net, log_side(width, height)), width, height)
+        return halton_full_screen(net, width, height)
+    return FullScreen(inverted(net, log_side(width, height)), width, height)

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.adaptive import AdaptiveImage, Group, Task, flat, means, plan, refuse, result
+from qmcjax.rendering._adaptive import AdaptiveImage, Group, Task, flat, means, plan, refuse, result
 
 PILOT = 4
 """Passes before the first decision."""

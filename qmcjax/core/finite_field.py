@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from qmcjax import checks
+from qmcjax.core import checks
 
 __all__ = ["FIELD_LIMIT", "inverse", "is_prime", "next_prime", "prime", "product", "rank"]
 

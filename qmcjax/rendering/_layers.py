@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.adaptive import AdaptiveImage
-from qmcjax.render import render
+from qmcjax.core import checks
+from qmcjax.rendering._adaptive import AdaptiveImage
+from qmcjax.rendering._render import render
 
 __all__ = ["render_layers"]
 

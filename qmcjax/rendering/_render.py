@@ -11,10 +11,11 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import DTypeLike
 
-from qmcjax import _frame, checks
-from qmcjax.adaptive import AdaptiveImage, Task, refuse, skipping
+from qmcjax.core import checks
+from qmcjax.rendering import _accumulation
+from qmcjax.rendering._adaptive import AdaptiveImage, Task, refuse, skipping
+from qmcjax.rendering._stopping import PILOT, until
 from qmcjax.samplers import Randomized, completed
-from qmcjax.stopping import PILOT, until
 
 __all__ = ["AdaptiveImage", "render"]
 
@@ -159,11 +160,11 @@ def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[A
         # counts.
         batch = math.gcd(spp, sampler.unrolled(dims))
         classes = str(jax.tree.structure((scene, sampler)))
-        state = _frame.zeros(scene, (height, width), dtype, classes)
+        state = _accumulation.zeros(scene, (height, width), dtype, classes)
         per_call = max(1, _CALL // (width * height * batch)) * batch
         for first in range(0, spp, per_call):
             count = min(per_call, spp - first)
-            state = _frame.accumulate(
+            state = _accumulation.accumulate(
                 (scene, sampler),
                 None,
                 state,
@@ -178,7 +179,7 @@ def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[A
             if progress is not None:
                 state[0].block_until_ready()
                 progress((first + count) / spp)
-        return _frame.mean(state, np.uint32(spp))
+        return _accumulation.mean(state, np.uint32(spp))
 
 
 def _check_adaptive(task: Task, tolerance: float | None, unbiased: bool) -> None:

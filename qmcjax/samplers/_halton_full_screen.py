@@ -9,22 +9,22 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.bits import reverse, to_unit
-from qmcjax.digits import (
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse, to_unit
+from qmcjax.core.digits import (
     digit_spans,
     permuted_radical_inverse,
     radical_inverse,
     reflection_tables,
 )
-from qmcjax.pytrees import pytree
+from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences._halton import RadicalInverses
 
 
 @pytree
 @dataclass(frozen=True)
-class HaltonScreen(Sampler):
+class HaltonFullScreen(Sampler):
     """A Halton sequence stretched over the smallest raster of 2**a x 3**b pixels that covers the image.
 
     The first a binary digits of an index are its column, the first b ternary digits its row: so one of
@@ -46,7 +46,7 @@ class HaltonScreen(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates."""
+        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -122,8 +122,8 @@ class HaltonScreen(Sampler):
         check_count(spp, self.spp, f"for 2**32 indices over a raster of {columns} x {rows}")
 
 
-def halton_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonScreen:
-    """Invert a Halton sequence: :func:`screen`, for checked sizes.
+def halton_full_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonFullScreen:
+    """Invert a Halton sequence: :func:`full_screen`, for checked sizes.
 
     Raises
     ------
@@ -142,8 +142,8 @@ def halton_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonS
             f"which takes 2**{log_columns} x 3**{log_rows}"
         )
     if sequence.tables is None:
-        return HaltonScreen(sequence, width, height, jnp.uint32(0), None, None)
-    return HaltonScreen(sequence, width, height, *_inverted(sequence.tables, log_rows))
+        return HaltonFullScreen(sequence, width, height, jnp.uint32(0), None, None)
+    return HaltonFullScreen(sequence, width, height, *_inverted(sequence.tables, log_rows))
 
 
 def _exponents(width: int, height: int) -> tuple[int, int]:

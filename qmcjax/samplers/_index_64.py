@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax import checks
-from qmcjax.digits import word
+from qmcjax.core import checks
+from qmcjax.core.digits import word
 from qmcjax.sequences import Sequence
 
 Index = tuple[Array, Array]
@@ -31,7 +31,7 @@ def plus(index: Index, other: Index | Array) -> Index:
 
 def require(sequence: Sequence) -> None:
     """Raise a ValueError if a sequence has indices of one word only."""
-    if sequence.wide_limit == sequence.limit:
+    if sequence.limit_64 == sequence.limit:
         raise ValueError(
             f"wide must be False for a sequence whose indices end at {sequence.limit}, got wide=True and "
             f"{type(sequence).__name__}"

@@ -18,7 +18,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.bits import reverse, to_unit
+from qmcjax.core.bits import reverse, to_unit
 
 __all__ = [
     "Base",
@@ -26,20 +26,20 @@ __all__ = [
     "base_of",
     "cell_fraction",
     "digit_count",
+    "digit_reversed",
     "digit_spans",
     "exact_fraction",
     "joined",
+    "limit_64",
     "looked_up",
-    "mirrored",
     "permuted_radical_inverse",
     "permuted_spans",
     "quotient",
     "radical_inverse",
+    "radical_inverse_64",
     "reflection_tables",
     "span_numbers",
     "table_starts",
-    "wide_limit",
-    "wide_radical_inverse",
     "word",
 ]
 
@@ -218,18 +218,18 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
     return exact_fraction(leading, rest, base, dtype)
 
 
-def wide_limit(base: int) -> int:
-    """Return the number of indices of :func:`wide_radical_inverse`, in [2**48, 2**64)."""
+def limit_64(base: int) -> int:
+    """Return the number of indices of :func:`radical_inverse_64`, in [2**48, 2**64)."""
     return 2**32 * base ** (digit_count(base) - 1)
 
 
-def wide_radical_inverse(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
+def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
     """Reflect the digits of an index of two words at the radix point.
 
     Parameters
     ----------
     high, low : uint32 Array, shape (...)
-        The index ``high * 2**32 + low``, below :func:`wide_limit`.
+        The index ``high * 2**32 + low``, below :func:`limit_64`.
     base : int
         In [2, 2**16].
     dtype : float32 or float64
@@ -249,7 +249,7 @@ def wide_radical_inverse(high: Array, low: Array, base: int, dtype: DTypeLike = 
         rest = index // np.uint64(base**count)
         first = (index - rest * np.uint64(base**count)).astype(jnp.uint32)
         tail = radical_inverse(rest.astype(jnp.uint32), base, jnp.float64)
-        value = (mirrored(first, base, count).astype(jnp.float64) + tail) * np.float64(1 / base**count)
+        value = (digit_reversed(first, base, count).astype(jnp.float64) + tail) * np.float64(1 / base**count)
         if dtype == jnp.float64:
             return jnp.minimum(value, np.float64(1 - 2.0**-53))
         return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
@@ -321,7 +321,7 @@ def span_numbers(index: Array, base: Base) -> list[Array]:
     return [*numbers, index]
 
 
-def mirrored(number: Array, base: Base, span: int) -> Array:
+def digit_reversed(number: Array, base: Base, span: int) -> Array:
     """Reverse the order of the ``span`` digits of a number."""
     reverse = jnp.zeros_like(number)
     for _ in range(span):

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax import checks
-from qmcjax.render import render
+from qmcjax.core import checks
+from qmcjax.rendering._render import render
 
 __all__ = ["Passes", "render_passes"]
 

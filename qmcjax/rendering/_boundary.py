@@ -10,7 +10,7 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 from jax.typing import DTypeLike
 
-from qmcjax import _summation, checks
+from qmcjax.core import checks, summation
 from qmcjax.sequences import Sequence
 
 __all__ = ["boundary_gradient"]
@@ -116,7 +116,7 @@ def boundary_gradient(
     rows = min(max(width * height, least), max(largest * 16 // max(numbers, 16), least))
     with checks.precision(dtype):
         scene = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
-        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.pytrees.
+        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.core.pytrees.
         classes = str(jax.tree.structure((scene, sequence)))
         blocks = -(-n // rows)
         return _gradient(
@@ -164,9 +164,9 @@ def _gradient(
         return image.at[jnp.where(inside, pixel, beyond)].add(swept, mode="drop")
 
     parameters = (scene, sequence, n)
-    state = _summation.zeros(jax.eval_shape(block, parameters, n))
-    state = _summation.add_terms(block, False, parameters, state, jnp.uint32(0), blocks)
-    total = _summation.value(state)  # pyright: ignore[reportArgumentType]
+    state = summation.zeros(jax.eval_shape(block, parameters, n))
+    state = summation.add_terms(block, False, parameters, state, jnp.uint32(0), blocks)
+    total = summation.value(state)  # pyright: ignore[reportArgumentType]
     sums = total * (width * height / n.astype(dtype))
     ends = np.cumsum([leaf.size for leaf in leaves])
     images = jnp.split(sums, ends[:-1], axis=1)

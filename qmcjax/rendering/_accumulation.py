@@ -9,8 +9,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import DTypeLike
 
-from qmcjax import _summation
-from qmcjax._summation import State
+from qmcjax.core import summation
+from qmcjax.core.summation import State
 
 Pixels = tuple[Array, Array]
 """Columns and rows."""
@@ -33,7 +33,7 @@ def accumulate(
 
     ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first two).
     ``classes`` is the structure of the pair in words, part of the cache's key: plug-ins may be dataclasses
-    that JAX takes for one another, see `qmcjax.pytrees`.
+    that JAX takes for one another, see `qmcjax.core.pytrees`.
     """
     del classes
     scene, sampler = pair
@@ -44,15 +44,15 @@ def accumulate(
         x, y = pixels or of_image(width, height)
         points = sampler.samples(x, y, k, batch, dims, state[0].dtype)
         points = [completed(point, dims, len(scene.needs)) for point in points]
-        return _summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
+        return summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
 
-    return _summation.add_terms(batch_sum, True, (scene, sampler, pixels), state, first, batches)
+    return summation.add_terms(batch_sum, True, (scene, sampler, pixels), state, first, batches)
 
 
 @jax.jit
 def mean(state: State, count: Array) -> tuple[Array, Array]:
     """Return the sum over the number of terms, and whether all of it is finite."""
-    image = _summation.value(state) / count.astype(state[0].dtype)
+    image = summation.value(state) / count.astype(state[0].dtype)
     return image, jnp.isfinite(image).all()
 
 
@@ -94,4 +94,4 @@ def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike, classes: str) ->
             f"scene must return values of shape (...) or (..., channels) and the points' dtype, {shape} and "
             f"{dtype}, got {values.shape} and {values.dtype}"
         )
-    return _summation.zeros(values)
+    return summation.zeros(values)

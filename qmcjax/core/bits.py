@@ -1,9 +1,9 @@
 """Words of 32 bits: reversal, carry-free products in log steps, hashes, and the one way to floats.
 
 A coordinate in base 2 is a ``uint32`` fraction: bit 31 is the first digit after the binary point.
-Its *mirror* has the first digit in bit 0. The bits of an index are a mirrored fraction already
+Its *reversed_bits* has the first digit in bit 0. The bits of an index are a mirrored fraction already
 (its van der Corput radical inverse), and carries run from the first digit to later ones there, which
-is what Owen scrambling by hashing needs. So generators and scramblings work on mirrors, and
+is what Owen scrambling by hashing needs. So generators and scramblings work on bit_reversed, and
 :func:`reverse` is applied once, at the end.
 """
 
@@ -50,8 +50,8 @@ def reverse(word: Array) -> Array:
     return word
 
 
-def pascal(mirror: Array) -> Array:
-    """Multiply a mirrored fraction by Pascal's triangle modulo 2, in five steps.
+def pascal(reversed_bits: Array) -> Array:
+    """Multiply a bit-reversed fraction by Pascal's triangle modulo 2, in five steps.
 
     This is the generator matrix of the second component of the Sobol' sequence, its own inverse
     (thesis [1]_, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
@@ -59,27 +59,27 @@ def pascal(mirror: Array) -> Array:
 
     Parameters
     ----------
-    mirror : uint32 Array, shape (...)
+    reversed_bits : uint32 Array, shape (...)
         The digits ``d_0, d_1, ...`` of the index in bits 0, 1, ...
 
     Returns
     -------
     uint32 Array, shape (...)
-        The mirrored product: its first row in bit 0.
+        The bit-reversed product: its first row in bit 0.
 
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008.
     """
     for shift, mask in ((16, 0xFFFF0000), (8, 0xFF00FF00), (4, 0xF0F0F0F0), (2, 0xCCCCCCCC), (1, 0xAAAAAAAA)):
-        mirror = mirror ^ ((mirror & _word(mask)) >> shift)
-    return mirror
+        reversed_bits = reversed_bits ^ ((reversed_bits & _word(mask)) >> shift)
+    return reversed_bits
 
 
 def gray_decode(word: Array) -> Array:
     """Replace bit ``k`` by the parity of the bits ``k`` and above.
 
-    On a mirrored fraction this is the product with the upper triangular matrix of ones, the
+    On a bit-reversed fraction this is the product with the upper triangular matrix of ones, the
     Larcher-Pillichshammer generator matrix (thesis [1]_, Eq. 5.15).
 
     Parameters
@@ -126,8 +126,8 @@ def hash_word(word: Array) -> Array:
     return word ^ (word >> 14)
 
 
-def owen_hash(mirror: Array, seed: Array) -> Array:
-    """Owen-scramble mirrored fractions in base 2.
+def owen_hash(reversed_bits: Array, seed: Array) -> Array:
+    """Owen-scramble bit-reversed fractions in base 2.
 
     Digit ``k`` is flipped by a hash of the digits before it: sums and products by odd or even
     constants only carry from bit ``k`` to the bits above, so that the map is a nested permutation
@@ -135,26 +135,26 @@ def owen_hash(mirror: Array, seed: Array) -> Array:
 
     Parameters
     ----------
-    mirror : uint32 Array, shape (...)
+    reversed_bits : uint32 Array, shape (...)
         Fractions with the first digit in bit 0.
-    seed : uint32 Array, broadcastable to ``mirror``
+    seed : uint32 Array, broadcastable to ``bit_reversed``
         One well mixed word per realisation and coordinate.
 
     Returns
     -------
     uint32 Array
-        The scrambled mirrors.
+        The scrambled bit_reversed.
 
     References
     ----------
     .. [1] S. Laine, T. Karras, "Stratified Sampling for Stochastic Transparency", 2011, with the
        constants of N. Vegdahl, "Building a Better LK Hash", 2021.
     """
-    mirror = mirror ^ (mirror * _word(0x3D20ADEA))
-    mirror = mirror + seed
-    mirror = mirror * ((seed >> 16) | _word(1))
-    mirror = mirror ^ (mirror * _word(0x05526C56))
-    return mirror ^ (mirror * _word(0x53A22864))
+    reversed_bits = reversed_bits ^ (reversed_bits * _word(0x3D20ADEA))
+    reversed_bits = reversed_bits + seed
+    reversed_bits = reversed_bits * ((seed >> 16) | _word(1))
+    reversed_bits = reversed_bits ^ (reversed_bits * _word(0x05526C56))
+    return reversed_bits ^ (reversed_bits * _word(0x53A22864))
 
 
 def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:

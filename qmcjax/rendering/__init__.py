@@ -1,0 +1,8 @@
+"""From a scene and a sampler to an image, its error and its derivative."""
+
+from qmcjax.rendering._adaptive import AdaptiveImage as AdaptiveImage
+from qmcjax.rendering._boundary import boundary_gradient as boundary_gradient
+from qmcjax.rendering._layers import render_layers as render_layers
+from qmcjax.rendering._passes import Passes as Passes
+from qmcjax.rendering._passes import render_passes as render_passes
+from qmcjax.rendering._render import render as render

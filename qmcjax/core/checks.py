@@ -1,4 +1,7 @@
-"""Errors for mistakes that are known before tracing: each names the argument and its value."""
+"""Errors for mistakes that are known before tracing: each names the argument, what it must be and what came.
+
+A wrong type is a TypeError, a wrong value a ValueError, as in NumPy.
+"""
 
 import operator
 from contextlib import AbstractContextManager, nullcontext
@@ -14,77 +17,153 @@ from jax.typing import DTypeLike
 INDEX_LIMIT = 2**32
 """Indices are uint32: every index is smaller than this."""
 
+MAX_SIDE = 2**16
+"""Largest width or height of an image: positions of its pixels fit a uint32."""
+
+PRNG = "threefry2x32"
+"""The generator behind keys made from integers, whatever a user's environment chooses as the default."""
+
+_SHOWN = 80
+"""Most characters of a value in a message."""
+
+
+def shown(value: Any) -> str:
+    """Return what an argument is, in a few words: its repr if that is short, else its type and shape."""
+    if isinstance(value, np.ndarray | Array) and value.ndim:
+        return f"an array of {value.dtype} {value.shape}"
+    text = repr(value)
+    if len(text) <= _SHOWN and "\n" not in text:
+        return text
+    return f"an object of type {type(value).__name__}"
+
 
 def integer(name: str, value: Any, low: int, high: int) -> int:
-    """Return ``value`` as an int, or raise a ValueError unless it is an integer in ``[low, high]``."""
+    """Return ``value`` as an int in ``[low, high]``.
+
+    Raises
+    ------
+    TypeError
+        If it is no integer; a bool is none.
+    ValueError
+        If it is out of range.
+    """
     try:
+        if isinstance(value, bool | np.bool_) or isinstance(value, Tracer):
+            raise TypeError
         number = operator.index(value)
     except TypeError:
-        raise ValueError(f"{name} must be an integer in [{low}, {high}], got {value!r}") from None
-    if isinstance(value, bool) or not low <= number <= high:
-        raise ValueError(f"{name} must be an integer in [{low}, {high}], got {value!r}")
+        raise TypeError(f"{name} must be an integer in [{low}, {high}], got {shown(value)}") from None
+    if not low <= number <= high:
+        raise ValueError(f"{name} must be an integer in [{low}, {high}], got {number}")
     return number
 
 
+def image_size(width: Any, height: Any, most: int = MAX_SIDE) -> tuple[int, int]:
+    """Return width and height as integers in ``[1, most]``."""
+    return integer("width", width, 1, most), integer("height", height, 1, most)
+
+
 def positive(name: str, value: Any) -> None:
-    """Raise a ValueError if ``value`` is known and is not a positive finite number."""
+    """Raise unless ``value`` is traced, or one or more positive finite numbers."""
     if isinstance(value, Tracer):
         return
     try:
-        known = np.asarray(value, np.float64)
+        known = np.asarray(value)
+        if known.dtype == bool or not np.issubdtype(known.dtype, np.number) or np.iscomplexobj(known):
+            raise TypeError
+        known = known.astype(np.float64)
     except (TypeError, ValueError):
-        known = np.array(np.nan)
+        raise TypeError(f"{name} must be positive and finite, got {shown(value)}") from None
     if not np.all(np.isfinite(known)) or not np.all(known > 0):
-        raise ValueError(f"{name} must be positive and finite, got {value!r}")
+        raise ValueError(f"{name} must be positive and finite, got {shown(value)}")
 
 
 def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
-    """Return ``value`` as a uint32 array.
+    """Return integers of any dtype as a uint32 array.
 
-    Python integers are taken as they are; arrays must be uint32 already, since a silent cast
-    would wrap negative or large values. Values at or above ``limit`` are refused if they are known.
+    Negative values and those at or above ``limit`` are refused where they can be seen; traced ones are taken
+    modulo 2**32.
+
+    Raises
+    ------
+    TypeError
+        If the values are no integers; bools are none.
+    ValueError
+        If one of them is out of range.
     """
-    if isinstance(value, int) and not isinstance(value, bool):
-        return jnp.uint32(integer(name, value, 0, limit - 1))
-    dtype = getattr(value, "dtype", None)
-    if dtype != jnp.uint32:
-        found = type(value).__name__ if dtype is None else str(dtype)
-        raise ValueError(f"{name} must be uint32, got {found}: cast it, e.g. jnp.arange(n, dtype=jnp.uint32)")
-    array = jnp.asarray(value)
-    if limit < INDEX_LIMIT and not isinstance(array, Tracer) and array.size:
-        largest = int(np.asarray(array).max())  # NumPy, since inside a program JAX would trace it
-        if largest >= limit:
-            raise ValueError(f"{name} must be below {limit}, got {largest}")
-    return array
+    if isinstance(value, Tracer | Array):
+        given: Any = value
+    else:
+        try:
+            given = np.asarray(value)
+        except (TypeError, ValueError):
+            given = np.asarray(None)
+        if given.size == 0 and not hasattr(value, "dtype"):
+            given = given.astype(np.uint32)  # NumPy makes float64 of an empty list.
+    if not np.issubdtype(given.dtype, np.integer):
+        what = shown(value) if np.ndim(given) == 0 else f"{given.dtype} {given.shape}"
+        raise TypeError(f"{name} must be integers in [0, {limit - 1}], got {what}")
+    if given.dtype == np.uint32 and limit >= INDEX_LIMIT:
+        return jnp.asarray(given)
+    if isinstance(given, Tracer):
+        return given.astype(jnp.uint32)
+    known = np.asarray(given)  # NumPy, since inside a program JAX would trace it.
+    if known.size:
+        for extreme in (int(known.min()), int(known.max())):
+            if not 0 <= extreme < limit:
+                raise ValueError(f"{name} must be integers in [0, {limit - 1}], got {extreme}")
+    return given if given is value and known.dtype == np.uint32 else jnp.asarray(known.astype(np.uint32))
 
 
 def dimensions(wanted: Any, available: int) -> tuple[int, ...]:
     """Return the static tuple of wanted dimensions; all of them for None."""
     if wanted is None:
         return tuple(range(available))
-    wanted = tuple(wanted)
+    try:
+        wanted = tuple(wanted)
+    except TypeError:
+        raise TypeError(
+            f"dims must be a tuple of integers in [0, {available - 1}], got {shown(wanted)}"
+        ) from None
     if not wanted:
         raise ValueError("dims must name at least one dimension, got ()")
-    beyond = [j for j in wanted if isinstance(j, bool) or not isinstance(j, int) or not 0 <= j < available]
-    if beyond:
-        raise ValueError(f"dims must be integers in [0, {available - 1}], got {beyond} in dims={wanted}")
-    return wanted
+    return tuple(integer("dims", j, 0, available - 1) for j in wanted)
 
 
 def prng_key(name: str, value: Any) -> Array:
-    """Return a typed JAX key: ``value`` itself, or ``jax.random.key(value)`` for an integer below 2**32."""
-    if isinstance(value, int):
-        return jax.random.key(integer(name, value, 0, INDEX_LIMIT - 1))
-    if not (hasattr(value, "dtype") and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and value.ndim == 0):
-        raise ValueError(f"{name} must be one jax.random.key(...) or an integer in [0, 2**32), got {value!r}")
-    return value
+    """Return a typed JAX key: ``value`` itself, or one made of an integer or of the words of a legacy key.
+
+    Raises
+    ------
+    TypeError
+        If it is none of these, or more than one key.
+    ValueError
+        If it is an integer out of range.
+    """
+    dtype = getattr(value, "dtype", None)
+    if dtype is not None and jnp.issubdtype(dtype, jax.dtypes.prng_key) and value.ndim == 0:
+        return value
+    if isinstance(value, np.ndarray | Array) and dtype == jnp.uint32 and value.shape in ((2,), (4,)):
+        # As jax.random.PRNGKey makes it; only the default generator can have four words.
+        return jax.random.wrap_key_data(jnp.asarray(value), impl=PRNG if value.shape == (2,) else None)
+    try:
+        number = integer(name, value, 0, INDEX_LIMIT - 1)
+    except TypeError:
+        raise TypeError(
+            f"{name} must be one jax.random.key(...) or an integer in [0, 2**32), got {shown(value)}"
+        ) from None
+    return jax.random.key(number, impl=PRNG)
 
 
-def floating(dtype: DTypeLike) -> np.dtype:
-    """Return the dtype of coordinates, or raise a ValueError unless it is float32 or float64."""
-    if dtype not in (jnp.float32, jnp.float64):
-        raise ValueError(f"dtype must be float32 or float64, got {dtype!r}")
-    return np.dtype(dtype)
+def floating(dtype: Any) -> np.dtype:
+    """Return the dtype of coordinates: float32 or float64, by any of their names."""
+    try:
+        known = np.dtype(dtype)
+    except TypeError:
+        raise TypeError(f"dtype must be float32 or float64, got {shown(dtype)}") from None
+    if dtype is None or known not in (np.float32, np.float64):
+        raise ValueError(f"dtype must be float32 or float64, got {shown(dtype)}")
+    return known
 
 
 def precision(dtype: DTypeLike) -> AbstractContextManager:

@@ -1,11 +1,15 @@
 """Dataclasses as JAX pytrees whose class is part of their structure."""
 
+import functools
+import inspect
+from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import jax
 
 T = TypeVar("T", bound=type)
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 def pytree(cls: T) -> T:
@@ -47,3 +51,39 @@ def pytree(cls: T) -> T:
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
     return cls
+
+
+def jit(*static_argnames: str) -> Callable[[F], F]:
+    """Decorate a function like ``jax.jit``, in whose cache the classes of all arguments count.
+
+    Plug-ins may be dataclasses registered with JAX, which takes them for one another (see :func:`pytree`).
+
+    Parameters
+    ----------
+    *static_argnames : str
+        Names of arguments that are choices.
+
+    Returns
+    -------
+    callable
+        A decorator of functions that are called with positional arguments only.
+    """
+
+    def decorate(function: F) -> F:
+        names = list(inspect.signature(function).parameters)
+        dynamic = [place for place, name in enumerate(names) if name not in static_argnames]
+
+        def with_classes(classes: str, *args: Any) -> Any:
+            del classes
+            return function(*args)
+
+        static = (0, *(1 + names.index(name) for name in static_argnames))
+        compiled = jax.jit(with_classes, static_argnums=static)
+
+        @functools.wraps(function)
+        def call(*args: Any) -> Any:
+            return compiled(str(jax.tree.structure([args[place] for place in dynamic])), *args)
+
+        return cast(F, call)
+
+    return decorate

@@ -1,0 +1,61 @@
+"""Fractions of 32 bits: from floats in [0, 1), from words, or at random from a key."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+
+from qmcjax.core import checks
+
+
+def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
+    """Return floats in [0, 1) as 32-bit fractions, rounded down; uint32 arrays are such fractions already.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    value : float or uint32 ArrayLike
+        float32 or float64; products with 2**32 are exact in either.
+    shape : tuple of int, optional
+        The shape it must have.
+
+    Returns
+    -------
+    uint32 Array
+
+    Raises
+    ------
+    TypeError
+        If it is no array of these dtypes.
+    ValueError
+        If it has another shape, or is known to leave [0, 1).
+    """
+    try:
+        array: Any = value if isinstance(value, Tracer) else np.asarray(value)
+    except ValueError:
+        array = np.asarray(None)
+    wanted = "floats in [0, 1) or uint32 fractions" + ("" if shape is None else f" of shape {shape}")
+    if array.dtype not in (np.float32, np.float64, np.uint32):
+        raise TypeError(f"{name} must be {wanted}, got {checks.shown(value)}")
+    if not array.size or (shape is not None and array.shape != shape):
+        raise ValueError(f"{name} must be {wanted}, got {array.dtype} of shape {array.shape}")
+    if array.dtype == np.uint32:
+        return jnp.asarray(array)
+    if not isinstance(array, Tracer):
+        outside = ~((array >= 0) & (array < 1))
+        if outside.any():
+            raise ValueError(f"{name} must be in [0, 1), got {float(array[outside][0])!r}")
+    with checks.precision(array.dtype):
+        return (jnp.asarray(array) * jnp.asarray(2.0**32, array.dtype)).astype(jnp.uint32)
+
+
+def fractions_or_key(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return :func:`fractions` of a shape, or random ones from a key or an integer."""
+    typed = jnp.issubdtype(getattr(value, "dtype", np.float32), jax.dtypes.prng_key)
+    if typed or isinstance(value, int | np.integer):
+        return jax.random.bits(checks.prng_key(name, value), shape, jnp.uint32)
+    return fractions(name, value, shape)

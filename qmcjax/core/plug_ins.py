@@ -1,0 +1,60 @@
+"""Objects of users, decorated or not, below transformations of JAX."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax
+import numpy as np
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+
+
+class _Identity:
+    """An object that equals only itself, whatever its class says."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Identity) and self.value is other.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+    def __repr__(self) -> str:
+        return checks.shown(self.value)
+
+
+@pytree
+@dataclass(frozen=True)
+class Static:
+    """An object that is no pytree, as a choice: the same object compiles once, another one anew."""
+
+    identity: _Identity = field(metadata={"static": True})
+
+
+def held(name: str, value: Any) -> Any:
+    """Return a pytree that holds an object: itself if it is registered as one, else a :class:`Static`.
+
+    Raises
+    ------
+    TypeError
+        If an object that is not registered has an array as attribute: a program would go on with the values
+        that the array has when it is compiled.
+    """
+    if not jax.tree_util.all_leaves([value]):
+        return value
+    for attribute, content in getattr(value, "__dict__", {}).items():
+        if any(isinstance(leaf, np.ndarray | Array) for leaf in jax.tree.leaves(content)):
+            raise TypeError(
+                f"{name} must be a pytree to have an array as attribute, got {type(value).__name__} with the "
+                f"array {attribute!r}: make the class a frozen dataclass decorated with qmcjax.pytree"
+            )
+    return Static(_Identity(value))
+
+
+def unheld(value: Any) -> Any:
+    """Return the object that :func:`held` was given."""
+    return value.identity.value if isinstance(value, Static) else value

@@ -1,6 +1,7 @@
 """Strict promotion everywhere and two CPU devices, so that sharding can be tested without an accelerator."""
 
 import jax
+import pytest
 from hypothesis import settings
 
 # A busy machine is no failure, and the first example compiles.
@@ -9,6 +10,16 @@ settings.load_profile("compiled")
 jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+def made(request):
+    """Return an object of a table of tests, made when its test runs: see ``tables.some``."""
+    return request.param()
+
+
+sampler = pytest.fixture(made, name="sampler")
+seq = pytest.fixture(made, name="seq")
+value = pytest.fixture(made, name="value")
 
 
 def pytest_configure(config):

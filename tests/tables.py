@@ -1,6 +1,8 @@
 """The objects that share tests."""
 
+from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,63 +11,92 @@ import pytest
 
 from qmcjax import orders, samplers, sequences
 
-SEQUENCES = {
-    "van_der_corput(2)": sequences.van_der_corput(),
-    "van_der_corput(7)": sequences.van_der_corput(7),
-    "van_der_corput(65536)": sequences.van_der_corput(65536),
-    "sobol(1)": sequences.sobol(1),
-    "sobol(2)": sequences.sobol(2),
-    "sobol(9)": sequences.sobol(9),
-    "larcher_pillichshammer": sequences.larcher_pillichshammer(),
-    "digital": sequences.digital(sequences.sobol(4).matrices),
-    "halton(3)": sequences.halton(3),
-    "halton(12)": sequences.halton(12),
-    "halton, zaremba": sequences.halton(5, "zaremba"),
-    "halton, faure_lemieux": sequences.halton(10, "faure_lemieux"),
-    "halton, random": sequences.halton(5, "random", key=7),
-    "faure(10)": sequences.faure(10),
-    "faure(2, modified)": sequences.faure(2, modified=1),
-    "faure(5, modified)": sequences.faure(5, 7, modified=0),
-    "uniform(3)": sequences.uniform(3, key=7),
-    "jittered(40)": sequences.jittered(40, 2, key=7),
-    "jittered(64)": sequences.jittered(64, 2, key=7),
-    "jittered(16, 3)": sequences.jittered(16, 3, key=7),
-    "hammersley_net(12)": sequences.hammersley_net(12),
-    "larcher_pillichshammer_net(12)": sequences.larcher_pillichshammer_net(12),
-    "permutation_net(11)": sequences.permutation_net(11),
-    "permutation_net(12)": sequences.permutation_net(12),
-    "owen(sobol(2))": sequences.owen(sequences.sobol(2), key=7),
-    "owen(sobol(9))": sequences.owen(sequences.sobol(9), key=7),
-    "owen(permutation_net(12))": sequences.owen(sequences.permutation_net(12), key=7),
-    "optimized_net(12)": sequences.optimized_net(12),
-    "optimized_sequence": sequences.optimized_sequence(),
-    "sobol_net_3d(12)": sequences.sobol_net_3d(12),
-    "larcher_pillichshammer_net_3d(12)": sequences.larcher_pillichshammer_net_3d(12),
-    "permutation_net_3d(11)": sequences.permutation_net_3d(11),
-    "digital_shift(sobol(2))": sequences.digital_shift(sequences.sobol(2), key=7),
-    "linear_matrix_scramble(sobol(9))": sequences.linear_matrix_scramble(sequences.sobol(9), key=7),
-    "linear_matrix_scramble(permutation_net(12))": sequences.linear_matrix_scramble(
-        sequences.permutation_net(12), key=7
-    ),
-    "owen_exact(sobol(2))": sequences.owen_exact(sequences.sobol(2), key=7),
-    "owen_exact(sobol(9))": sequences.owen_exact(sequences.sobol(9), key=7),
-    "rotate(sobol(9))": sequences.rotate(sequences.sobol(9), np.linspace(0.05, 0.95, 9)),
-    "rotate(halton(12))": sequences.rotate(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
-    "lattice(3)": sequences.lattice(3),
-    "lattice(20)": sequences.lattice(20),
-    "korobov(2000)": sequences.korobov(2000, 3, 747),
-    "rank1_lattice(4096)": sequences.rank1_lattice(4096),
-    "rank1_lattice(1700, 3)": sequences.rank1_lattice(1700, 3),
-    "latin_hypercube(1601)": sequences.latin_hypercube(1601, 3, key=7),
-    "latin_hypercube(2**32)": sequences.latin_hypercube(2**32, 2, key=7),
-    "lloyd(1600)": sequences.lloyd(1600, 2, key=7, iterations=3),
-    "owen(halton(3))": sequences.owen(sequences.halton(3), key=7),
-    "owen_exact(faure(3))": sequences.owen_exact(sequences.faure(3), key=7),
-    "digit_scramble(halton(3))": sequences.digit_scramble(sequences.halton(3), key=7),
-    "optimized_net_3d(12)": sequences.optimized_net_3d(12),
-    "gray(sobol(2))": sequences.gray(sequences.sobol(2)),
-    "gray(sobol(9))": sequences.gray(sequences.sobol(9)),
-}
+
+class Table(Mapping):
+    """Objects by their names, each made when it is first asked for: to collect tests makes none."""
+
+    def __init__(self, makers: Mapping[str, Callable[[], Any]]):
+        self._makers, self._made = dict(makers), {}
+
+    def __getitem__(self, name):
+        if name not in self._made:
+            self._made[name] = self._makers[name]()
+        return self._made[name]
+
+    def __iter__(self):
+        return iter(self._makers)
+
+    def __len__(self):
+        return len(self._makers)
+
+    def __or__(self, other):
+        return Table({name: partial(table.__getitem__, name) for table in (self, other) for name in table})
+
+    def without(self, names):
+        return Table({name: partial(self.__getitem__, name) for name in self if name not in names})
+
+
+SEQUENCES = Table(
+    {
+        "van_der_corput(2)": sequences.van_der_corput,
+        "van_der_corput(7)": lambda: sequences.van_der_corput(7),
+        "van_der_corput(65536)": lambda: sequences.van_der_corput(65536),
+        "sobol(1)": lambda: sequences.sobol(1),
+        "sobol(2)": lambda: sequences.sobol(2),
+        "sobol(9)": lambda: sequences.sobol(9),
+        "larcher_pillichshammer": sequences.larcher_pillichshammer,
+        "digital": lambda: sequences.digital(sequences.sobol(4).matrices),
+        "halton(3)": lambda: sequences.halton(3),
+        "halton(12)": lambda: sequences.halton(12),
+        "halton, zaremba": lambda: sequences.halton(5, "zaremba"),
+        "halton, faure_lemieux": lambda: sequences.halton(10, "faure_lemieux"),
+        "halton, random": lambda: sequences.halton(5, "random", key=7),
+        "faure(10)": lambda: sequences.faure(10),
+        "faure(2, modified)": lambda: sequences.faure(2, modified=1),
+        "faure(5, modified)": lambda: sequences.faure(5, 7, modified=0),
+        "uniform(3)": lambda: sequences.uniform(3, key=7),
+        "jittered(40)": lambda: sequences.jittered(40, 2, key=7),
+        "jittered(64)": lambda: sequences.jittered(64, 2, key=7),
+        "jittered(16, 3)": lambda: sequences.jittered(16, 3, key=7),
+        "hammersley_net(12)": lambda: sequences.hammersley_net(12),
+        "larcher_pillichshammer_net(12)": lambda: sequences.larcher_pillichshammer_net(12),
+        "permutation_net(11)": lambda: sequences.permutation_net(11),
+        "permutation_net(12)": lambda: sequences.permutation_net(12),
+        "owen(sobol(2))": lambda: sequences.owen(sequences.sobol(2), key=7),
+        "owen(sobol(9))": lambda: sequences.owen(sequences.sobol(9), key=7),
+        "owen(permutation_net(12))": lambda: sequences.owen(sequences.permutation_net(12), key=7),
+        "optimized_net(12)": lambda: sequences.optimized_net(12),
+        "optimized_sequence": sequences.optimized_sequence,
+        "sobol_net_3d(12)": lambda: sequences.sobol_net_3d(12),
+        "larcher_pillichshammer_net_3d(12)": lambda: sequences.larcher_pillichshammer_net_3d(12),
+        "permutation_net_3d(11)": lambda: sequences.permutation_net_3d(11),
+        "digital_shift(sobol(2))": lambda: sequences.digital_shift(sequences.sobol(2), key=7),
+        "linear_matrix_scramble(sobol(9))": lambda: sequences.linear_matrix_scramble(
+            sequences.sobol(9), key=7
+        ),
+        "linear_matrix_scramble(permutation_net(12))": lambda: sequences.linear_matrix_scramble(
+            sequences.permutation_net(12), key=7
+        ),
+        "owen_exact(sobol(2))": lambda: sequences.owen_exact(sequences.sobol(2), key=7),
+        "owen_exact(sobol(9))": lambda: sequences.owen_exact(sequences.sobol(9), key=7),
+        "rotate(sobol(9))": lambda: sequences.rotate(sequences.sobol(9), np.linspace(0.05, 0.95, 9)),
+        "rotate(halton(12))": lambda: sequences.rotate(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
+        "lattice(3)": lambda: sequences.lattice(3),
+        "lattice(20)": lambda: sequences.lattice(20),
+        "korobov(2000)": lambda: sequences.korobov(2000, 3, 747),
+        "rank1_lattice(4096)": lambda: sequences.rank1_lattice(4096),
+        "rank1_lattice(1700, 3)": lambda: sequences.rank1_lattice(1700, 3),
+        "latin_hypercube(1601)": lambda: sequences.latin_hypercube(1601, 3, key=7),
+        "latin_hypercube(2**32)": lambda: sequences.latin_hypercube(2**32, 2, key=7),
+        "lloyd(1600)": lambda: sequences.lloyd(1600, 2, key=7, iterations=3),
+        "owen(halton(3))": lambda: sequences.owen(sequences.halton(3), key=7),
+        "owen_exact(faure(3))": lambda: sequences.owen_exact(sequences.faure(3), key=7),
+        "digit_scramble(halton(3))": lambda: sequences.digit_scramble(sequences.halton(3), key=7),
+        "optimized_net_3d(12)": lambda: sequences.optimized_net_3d(12),
+        "gray(sobol(2))": lambda: sequences.gray(sequences.sobol(2)),
+        "gray(sobol(9))": lambda: sequences.gray(sequences.sobol(9)),
+    }
+)
 
 ORDERS = {
     "raster": orders.raster,
@@ -87,23 +118,67 @@ NETS = {
 }
 
 
-def kind(thing):
-    """Tell the types of an object and of its sequence, and on which side of FEW its coordinates are."""
-    return type(thing), type(getattr(thing, "sequence", None)), thing.dims > 8
+# One of each kind: the types of an object and of its sequence, and on which side of FEW its coordinates are.
+KINDS = (
+    "optimized_sequence",
+    "halton, random",
+    "sobol(9)",
+    "halton, faure_lemieux",
+    "faure(10)",
+    "faure(5, modified)",
+    "uniform(3)",
+    "jittered(16, 3)",
+    "hammersley_net(12)",
+    "larcher_pillichshammer_net(12)",
+    "permutation_net(12)",
+    "owen(sobol(2))",
+    "owen(sobol(9))",
+    "owen(permutation_net(12))",
+    "optimized_net(12)",
+    "larcher_pillichshammer_net_3d(12)",
+    "permutation_net_3d(11)",
+    "digital_shift(sobol(2))",
+    "linear_matrix_scramble(sobol(9))",
+    "linear_matrix_scramble(permutation_net(12))",
+    "owen_exact(sobol(2))",
+    "owen_exact(sobol(9))",
+    "rotate(sobol(9))",
+    "rotate(halton(12))",
+    "lattice(3)",
+    "lattice(20)",
+    "rank1_lattice(1700, 3)",
+    "rank1_lattice(4096)",
+    "latin_hypercube(2**32)",
+    "lloyd(1600)",
+    "owen(halton(3))",
+    "owen_exact(faure(3))",
+    "digit_scramble(halton(3))",
+    "optimized_net_3d(12)",
+    "gray(sobol(2))",
+    "gray(sobol(9))",
+)
 
 
-def each_kind(argument, table):
-    """Run a test with one object of each kind of a table, and with the others on request."""
-    return some(argument, table, *{kind(thing): name for name, thing in table.items()}.values())
+def each(argument, table):
+    """Run a test with all objects of a table."""
+    return some(argument, table, *table)
 
 
 def some(argument, table, *names):
-    """Run a test with a few objects of a table, and with the others on request."""
+    """Run a test with a few objects of a table, and with the others on request.
+
+    The objects of a ``Table`` are made by the argument's fixture in ``conftest.py``.
+    """
+    lazy = isinstance(table, Table)
     marked = [
-        pytest.param(thing, id=name, marks=() if name in names else pytest.mark.slow)
-        for name, thing in table.items()
+        pytest.param(
+            partial(table.__getitem__, name) if lazy else table[name],
+            id=name,
+            marks=() if name in names else pytest.mark.slow,
+        )
+        for name in table
     ]
-    return pytest.mark.parametrize(argument, marked)
+    return pytest.mark.parametrize(argument, marked, indirect=lazy)
 
 
 def owen_pass(key):
@@ -112,55 +187,69 @@ def owen_pass(key):
 
 # Four samples in each of 32 x 32 pixels.
 SIDE, SPP = 32, 4
-SAMPLERS = {
-    "independent, owen": samplers.independent(sequences.sobol(2), key=3),
-    "independent, xor": samplers.independent(sequences.sobol(2), key=3, randomize="xor"),
-    "independent, shift": samplers.independent(sequences.halton(2), key=3, randomize="shift"),
-    "independent, uniform": samplers.independent(sequences.uniform(2, key=1), key=3),
-    "full_screen, hammersley": samplers.full_screen(sequences.hammersley_net(12), SIDE, SIDE),
-    "full_screen, larcher_pillichshammer": samplers.full_screen(
-        sequences.larcher_pillichshammer_net(12), SIDE, SIDE
-    ),
-    "full_screen, permutation": samplers.full_screen(sequences.permutation_net(12), SIDE, SIDE),
-    "full_screen, xor": samplers.full_screen(
-        sequences.digital_shift(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
-    ),
-    "full_screen, halton": samplers.full_screen(sequences.halton(3), SIDE, SIDE),
-    "full_screen, halton, random": samplers.full_screen(sequences.halton(2, "random", key=3), SIDE, SIDE),
-    "padded_replications": samplers.padded_replications(sequences.hammersley_net(10), SIDE, SIDE, offsets=3),
-    "full_screen, jittered": samplers.full_screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
-    "contiguous, hilbert, sobol": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.sobol(2), SPP),
-    "contiguous, morton, owen": samplers.contiguous(
-        orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(3), key=3), SPP
-    ),
-    "contiguous, raster, halton": samplers.contiguous(orders.raster(SIDE, SIDE), sequences.halton(3), SPP),
-    "segments, hilbert, halton": samplers.segments(
-        orders.hilbert(SIDE, SIDE), sequences.components(sequences.halton(4), (2, 1, 3)), 2
-    ),
-    "segments, hilbert, sobol, doubling": samplers.segments(
-        orders.hilbert(SIDE, SIDE), sequences.sobol(3), 1, doubling=True
-    ),
-    "partitioned, hilbert, halton": samplers.partitioned(
-        orders.hilbert(SIDE, SIDE), sequences.halton(4, "faure_lemieux")
-    ),
-    "partitioned, peano, halton, exact": samplers.partitioned(
-        orders.peano(SIDE, SIDE), sequences.halton(4, "random", key=3), exact=True
-    ),
-    "shifted, hilbert, lattice": samplers.shifted(
-        orders.hilbert(SIDE, SIDE), sequences.halton(3, "faure_lemieux"), sequences.lattice(3)
-    ),
-    "dither, numbers": samplers.dither(samplers.blue_noise_mask(1), sequences.halton(3)),
-    "dither, vectors": samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(3)),
-    "interleaved": samplers.interleaved(sequences.sobol(3), SPP, tile=4),
-    "interleaved, positions": samplers.interleaved(
-        sequences.halton(1), SPP, 1, samplers.independent(sequences.sobol(2), key=3)
-    ),
-    "ranked": samplers.ranked(3, key=3),
-    "randomized, contiguous, owen": samplers.randomized(owen_pass, key=3),
-    "z, hash": samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
-    "z, tree": samplers.z(SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)),
-    "z, plain, counts": samplers.z(SIDE, SIDE, SPP, None, "plain").adaptive([[SPP] * SIDE] * SIDE),
-}
+SAMPLERS = Table(
+    {
+        "independent, owen": lambda: samplers.independent(sequences.sobol(2), key=3),
+        "independent, xor": lambda: samplers.independent(sequences.sobol(2), key=3, randomize="xor"),
+        "independent, shift": lambda: samplers.independent(sequences.halton(2), key=3, randomize="shift"),
+        "independent, uniform": lambda: samplers.independent(sequences.uniform(2, key=1), key=3),
+        "full_screen, hammersley": lambda: samplers.full_screen(sequences.hammersley_net(12), SIDE, SIDE),
+        "full_screen, larcher_pillichshammer": lambda: samplers.full_screen(
+            sequences.larcher_pillichshammer_net(12), SIDE, SIDE
+        ),
+        "full_screen, permutation": lambda: samplers.full_screen(sequences.permutation_net(12), SIDE, SIDE),
+        "full_screen, xor": lambda: samplers.full_screen(
+            sequences.digital_shift(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
+        ),
+        "full_screen, halton": lambda: samplers.full_screen(sequences.halton(3), SIDE, SIDE),
+        "full_screen, halton, random": lambda: samplers.full_screen(
+            sequences.halton(2, "random", key=3), SIDE, SIDE
+        ),
+        "padded_replications": lambda: samplers.padded_replications(
+            sequences.hammersley_net(10), SIDE, SIDE, offsets=3
+        ),
+        "full_screen, jittered": lambda: samplers.full_screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
+        "contiguous, hilbert, sobol": lambda: samplers.contiguous(
+            orders.hilbert(SIDE, SIDE), sequences.sobol(2), SPP
+        ),
+        "contiguous, morton, owen": lambda: samplers.contiguous(
+            orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(3), key=3), SPP
+        ),
+        "contiguous, raster, halton": lambda: samplers.contiguous(
+            orders.raster(SIDE, SIDE), sequences.halton(3), SPP
+        ),
+        "segments, hilbert, halton": lambda: samplers.segments(
+            orders.hilbert(SIDE, SIDE), sequences.components(sequences.halton(4), (2, 1, 3)), 2
+        ),
+        "segments, hilbert, sobol, doubling": lambda: samplers.segments(
+            orders.hilbert(SIDE, SIDE), sequences.sobol(3), 1, doubling=True
+        ),
+        "partitioned, hilbert, halton": lambda: samplers.partitioned(
+            orders.hilbert(SIDE, SIDE), sequences.halton(4, "faure_lemieux")
+        ),
+        "partitioned, peano, halton, exact": lambda: samplers.partitioned(
+            orders.peano(SIDE, SIDE), sequences.halton(4, "random", key=3), exact=True
+        ),
+        "shifted, hilbert, lattice": lambda: samplers.shifted(
+            orders.hilbert(SIDE, SIDE), sequences.halton(3, "faure_lemieux"), sequences.lattice(3)
+        ),
+        "dither, numbers": lambda: samplers.dither(samplers.blue_noise_mask(1), sequences.halton(3)),
+        "dither, vectors": lambda: samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(3)),
+        "interleaved": lambda: samplers.interleaved(sequences.sobol(3), SPP, tile=4),
+        "interleaved, positions": lambda: samplers.interleaved(
+            sequences.halton(1), SPP, 1, samplers.independent(sequences.sobol(2), key=3)
+        ),
+        "ranked": lambda: samplers.ranked(3, key=3),
+        "randomized, contiguous, owen": lambda: samplers.randomized(owen_pass, key=3),
+        "z, hash": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
+        "z, tree": lambda: samplers.z(
+            SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)
+        ),
+        "z, plain, counts": lambda: samplers.z(SIDE, SIDE, SPP, None, "plain").adaptive(
+            [[SPP] * SIDE] * SIDE
+        ),
+    }
+)
 
 
 def first(n: int) -> np.ndarray:

@@ -1,28 +1,27 @@
 """Objects as pytrees: classes with equal choices are still different structures."""
 
+from functools import partial
 from itertools import combinations
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, ORDERS, SAMPLERS, SEQUENCES
+from tables import NETS, ORDERS, SAMPLERS, SEQUENCES, Table, each
 
 from qmcjax import sequences
 
-OBJECTS = SEQUENCES | SAMPLERS | {name: make(8, 8) for name, make in ORDERS.items()}
+OBJECTS = SEQUENCES | SAMPLERS | Table({name: partial(make, 8, 8) for name, make in ORDERS.items()})
 
 
-@pytest.mark.parametrize(
-    "made", [{n: net(12) for n, net in NETS.items()}, {n: o(8, 8) for n, o in ORDERS.items()}]
-)
-def test_classes_with_equal_fields_have_different_structures(made):
+@pytest.mark.parametrize("makers, sizes", [(NETS, (12,)), (ORDERS, (8, 8))], ids=["nets", "orders"])
+def test_classes_with_equal_fields_have_different_structures(makers, sizes):
     """Equal structures would share compiled programs, if only now and then: whenever their hashes collide."""
-    for a, b in combinations(made.values(), 2):
+    for a, b in combinations([make(*sizes) for make in makers.values()], 2):
         assert jax.tree.structure(a) != jax.tree.structure(b)
 
 
-@pytest.mark.parametrize("value", OBJECTS.values(), ids=OBJECTS.keys())
+@each("value", OBJECTS)
 def test_flattening_and_back_keeps_class_and_fields(value):
     leaves, structure = jax.tree.flatten(value)
     again = structure.unflatten(leaves)

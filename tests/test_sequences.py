@@ -7,13 +7,28 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import SEQUENCES, each_kind, first, is_net, some
+from tables import KINDS, SEQUENCES, each, first, is_net, some
 
 from qmcjax import sequences
 from qmcjax.core import digits
 
-each_sequence = pytest.mark.parametrize("seq", SEQUENCES.values(), ids=SEQUENCES.keys())
-BINARY = {name: seq for name, seq in SEQUENCES.items() if isinstance(seq, sequences.BinarySequence)}
+BASE_B = {
+    "van_der_corput(7)",
+    "van_der_corput(65536)",
+    "halton(3)",
+    "halton(12)",
+    "halton, zaremba",
+    "halton, faure_lemieux",
+    "halton, random",
+    "faure(10)",
+    "faure(5, modified)",
+    "rotate(halton(12))",
+    "korobov(2000)",
+    "rank1_lattice(1700, 3)",
+    "owen(halton(3))",
+    "owen_exact(faure(3))",
+    "digit_scramble(halton(3))",
+}
 KEYED = {
     "uniform": lambda key: sequences.uniform(2, key),
     "jittered": lambda key: sequences.jittered(64, 2, key),
@@ -29,7 +44,21 @@ N = 1200
 SHUFFLED = np.random.default_rng(1).permutation(first(N))
 
 
-@each_kind("seq", SEQUENCES)
+@pytest.mark.slow
+def test_the_lists_of_kinds_are_right():
+    """What a test would otherwise make all sequences for, only to choose a few."""
+
+    def kind(seq):
+        return type(seq), type(getattr(seq, "sequence", None)), seq.dims > 8
+
+    assert len(KINDS) == len({kind(seq) for seq in SEQUENCES.values()})
+    assert {kind(SEQUENCES[name]) for name in KINDS} == {kind(seq) for seq in SEQUENCES.values()}
+    assert {
+        name for name, seq in SEQUENCES.items() if not isinstance(seq, sequences.BinarySequence)
+    } == BASE_B
+
+
+@some("seq", SEQUENCES, *KINDS)
 def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
     single, double = (np.asarray(seq.points(N, dtype=dtype)) for dtype in (jnp.float32, jnp.float64))
     for points, dtype in ((single, np.float32), (double, np.float64)):
@@ -42,7 +71,7 @@ def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
     assert np.array_equal(np.asarray(seq.points(N, start))[:-start], single[start:])
 
 
-@each_sequence
+@each("seq", SEQUENCES)
 def test_last_indices_stay_below_one(seq):
     points = np.asarray(seq(jnp.asarray(np.uint32(seq.limit - 1) - first(N))))
     assert points.min() >= 0
@@ -56,7 +85,7 @@ def backwards(seq, index):
     return jax.vmap(lambda table: seq(table, wanted))(index)
 
 
-@each_kind("seq", SEQUENCES)
+@some("seq", SEQUENCES, *KINDS)
 def test_random_access_equals_points(seq):
     """In any order, in any shape, any coordinates; compiled, mapped and neither."""
     expected = np.asarray(seq.points(N))[SHUFFLED]
@@ -73,7 +102,7 @@ def test_many_points_by_tables_equal_few_by_columns():
     assert np.array_equal(seq.bits(jnp.asarray(index)), few)
 
 
-@pytest.mark.parametrize("seq", BINARY.values(), ids=BINARY.keys())
+@each("seq", SEQUENCES.without(BASE_B))
 def test_bits_are_the_points(seq):
     index = jnp.asarray(first(N))
     words = np.asarray(seq.bits(index))

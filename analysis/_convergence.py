@@ -12,7 +12,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.rendering._render import render
+from qmcjax.rendering import render
 
 __all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
 

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter
 from tables import boxes, first, is_net
 
 from analysis import error_spectrum, radial_average
+from analysis.tables.make_blue_noise import void_and_cluster
 from qmcjax import samplers, sequences
 
 SOBOL = sequences.sobol(2)
@@ -264,8 +265,6 @@ def test_a_new_mask_or_key_makes_no_new_trace():
 
 @pytest.mark.slow
 def test_stored_numbers_come_from_the_program():
-    from qmcjax.samplers._data.make_blue_noise import void_and_cluster
-
     assert np.array_equal((void_and_cluster(np.random.default_rng(1)) + 0.5) / 2**14, MASKS[1])
 
 

@@ -1,6 +1,5 @@
 """The search for (0,2)-sequence matrices, and the matrices it found: t = 0 and the distances claimed."""
 
-import runpy
 from functools import cache
 from importlib import resources
 from itertools import islice, pairwise, product
@@ -13,6 +12,7 @@ from tables import again, first
 
 import analysis._matrix_search as module
 from analysis import search_matrices, squared_min_distance
+from analysis.tables import SEQUENCES, make_searched
 from qmcjax import samplers, sequences
 from qmcjax.core import finite_field
 
@@ -257,28 +257,25 @@ def test_the_sequence_is_a_02_sequence_to_its_last_digit():
 
 def test_the_program_of_the_data(monkeypatch, tmp_path):
     """For small m it writes the committed lines; the sequence is cut short."""
-    path = resources.files("qmcjax.sequences") / "_data" / "make_searched.py"
-    program = runpy.run_path(str(path))
-    names = program["main"].__globals__
     few = {2: 5, 3: 12, 5: 82}  # one target below what is found
-    monkeypatch.setitem(names, "NETS", few)
-    monkeypatch.setitem(names, "SEQUENCE", {m: program["SEQUENCE"][m] for m in (2, 3, 4)})
-    monkeypatch.setitem(names, "__file__", str(tmp_path / path.name))
-    names["main"]()
+    nets, sequence = make_searched.NETS, make_searched.SEQUENCE
+    monkeypatch.setattr(make_searched, "NETS", few)
+    monkeypatch.setattr(make_searched, "SEQUENCE", {m: sequence[m] for m in (2, 3, 4)})
+    make_searched.main(tmp_path)
 
     def lines(folder, name):
         return [line for line in (folder / name).read_text().splitlines() if not line.startswith("#")]
 
     found = lines(tmp_path, "optimized_nets_3d.txt")
     assert found == [
-        line for line in lines(path.parent, "optimized_nets_3d.txt") if int(line.split()[0]) in few
+        line for line in lines(SEQUENCES, "optimized_nets_3d.txt") if int(line.split()[0]) in few
     ]
     (found,) = lines(tmp_path, "optimized_sequence.txt")
     rows = np.array([list(row) for row in found.split()[1:]], np.uint8).reshape(2, 4, 4)
     assert is_02_sequence(rows)
-    assert brute_force(multiplied(rows), 2**4) >= program["SEQUENCE"][4]
-    assert program["NETS"].keys() == program["SEQUENCE"].keys() == NETS.keys()
-    assert all(program["NETS"][m] <= NETS[m] and program["SEQUENCE"][m] <= SEQUENCE[m] for m in NETS)
+    assert brute_force(multiplied(rows), 2**4) >= sequence[4]
+    assert nets.keys() == sequence.keys() == NETS.keys()
+    assert all(nets[m] <= NETS[m] and sequence[m] <= SEQUENCE[m] for m in NETS)
 
 
 @pytest.mark.parametrize(("log_side", "m"), [(0, 3), (3, 8), (5, 10)])

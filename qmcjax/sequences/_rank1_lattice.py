@@ -11,9 +11,9 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.core.maximin_lattices import best_planar, best_spatial
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import Sequence
-from qmcjax.sequences._maximin import best_planar, best_spatial
 from qmcjax.sequences._word_first import WordFirst
 
 _PLANAR_LIMIT = 2**22

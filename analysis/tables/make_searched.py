@@ -1,6 +1,6 @@
 """Search the matrices of the (0,m,3)-nets and of the (0,2)-sequence of large minimum distance.
 
-Run once (minutes): ``python qmcjax/sequences/_data/make_searched.py``. The targets are what longer searches
+Run once (minutes): ``python -m analysis.tables.make_searched``. The targets are what longer searches
 with the same method, some of them compiled, had shown to be within reach in short time. Nothing says that
 they are the largest distances.
 """
@@ -8,6 +8,7 @@ they are the largest distances.
 from pathlib import Path
 
 from analysis import MatrixSearch, search_matrices
+from analysis.tables import SEQUENCES
 
 # fmt: off
 NETS = {
@@ -42,8 +43,8 @@ def rows(found: MatrixSearch) -> str:
     return " ".join("".join(map(str, row)) for matrix in found.matrices for row in matrix)
 
 
-def main() -> None:
-    """Write optimized_nets_3d.txt and optimized_sequence.txt beside this file."""
+def main(folder: Path = SEQUENCES) -> None:
+    """Write optimized_nets_3d.txt and optimized_sequence.txt into a folder."""
     lines = [
         "# m, squared minimum distance on the integer grid, rows of C_1, rows of C_2, first digits first"
     ]
@@ -51,7 +52,7 @@ def main() -> None:
         found = search({m: target}, SEEDS.get(m, 0))
         lines.append(f"{m} {found.squared[m]} {rows(found)}")
         print(lines[-1], flush=True)
-    Path(__file__).with_name("optimized_nets_3d.txt").write_text("\n".join(lines) + "\n")
+    (folder / "optimized_nets_3d.txt").write_text("\n".join(lines) + "\n")
 
     found = search(SEQUENCE, 0)
     squared = " ".join(map(str, found.squared.values()))
@@ -61,7 +62,7 @@ def main() -> None:
         f"16 {rows(found)}",
     ]
     print(*lines, sep="\n")
-    Path(__file__).with_name("optimized_sequence.txt").write_text("\n".join(lines) + "\n")
+    (folder / "optimized_sequence.txt").write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Make the blue-noise masks and the tables of the ranked sampler.
 
-Run once (minutes on one core): ``python qmcjax/samplers/_data/make_blue_noise.py``.
+Run once (minutes on one core): ``python -m analysis.tables.make_blue_noise``.
 
 Both the mask of vectors and the tables are a pool of 64**2 candidates, of which each pixel of a tile takes
 one so that an energy of pairs of close pixels becomes small. This is usually annealed, swapping two pixels
@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from analysis.tables import SAMPLERS
 from qmcjax import sequences
-from qmcjax.sequences._owen import Owen
+from qmcjax.core.bits import owen_hash, reverse
 
 SIDE = 64
 POOL = SIDE**2
@@ -163,7 +164,8 @@ def ranked(
     """
     index = jnp.arange(POOL, dtype=jnp.uint32)
     goals = np.asarray(sequences.sobol(dims).bits(index)) >> 16
-    points = np.asarray(Owen(sequences.sobol(dims), jnp.asarray(seeds[:dims])).bits(index[:SPP]))
+    words = reverse(sequences.sobol(dims).bits(index[:SPP]))
+    points = np.asarray(reverse(owen_hash(words, jnp.asarray(seeds[None, :dims]))))
     ranks = np.arange(POOL) // (POOL // SPP)
     keys = goals ^ (points[ranks] >> 16)
     samples = (points[np.arange(SPP) ^ ranks[:, None]] ^ (keys[:, None] << 16)) / 2.0**32
@@ -196,9 +198,8 @@ def error_components(samples: NDArray[np.float64], rng: np.random.Generator) -> 
     return np.concatenate(vectors, axis=1).astype(np.float32)
 
 
-def main() -> None:
-    """Write masks.npz and ranked.npz beside this file."""
-    folder = Path(__file__).parent
+def main(folder: Path = SAMPLERS) -> None:
+    """Write masks.npz and ranked.npz into a folder."""
     scalars, vectors = void_and_cluster(np.random.default_rng(1)), vector_mask(2, np.random.default_rng(1))
     np.savez_compressed(folder / "masks.npz", scalars=scalars, vectors=vectors)
     tables: dict[str, NDArray] = {"seeds": np.random.default_rng(1).integers(2**32, size=4, dtype=np.uint32)}

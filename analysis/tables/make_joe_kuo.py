@@ -1,6 +1,6 @@
 """Read Joe and Kuo's table off scipy's Sobol' engine, through its public interface, and pack it.
 
-Run once (half a minute): ``python qmcjax/sequences/_data/make_joe_kuo.py``.
+Run once (half a minute): ``python -m analysis.tables.make_joe_kuo``.
 
 In Gray code order, point 2**(k+1) - 1 is column k alone. Degree s means that the first s columns
 are free and column s follows from Eq. 5.13 of the thesis. In the latter the polynomial's
@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 from scipy.stats import qmc
+
+from analysis.tables import SEQUENCES
 
 DIMS = 21201
 DEGREES = 18
@@ -28,8 +30,8 @@ def columns(count: int) -> np.ndarray:
     return np.stack(numbers, axis=1)
 
 
-def main() -> None:
-    """Write joe_kuo.npz beside this file."""
+def main(folder: Path = SEQUENCES) -> None:
+    """Write joe_kuo.npz into a folder."""
     numbers = columns(DEGREES + 1)
     polynomials = np.zeros(DIMS - 1, np.uint32)
     initial = np.zeros((DIMS - 1, DEGREES), np.uint32)
@@ -52,7 +54,7 @@ def main() -> None:
             initial[component - 1, :degree] = m[:degree]
             component += 1
         degree += 1
-    np.savez_compressed(Path(__file__).with_name("joe_kuo.npz"), polynomials=polynomials, initial=initial)
+    np.savez_compressed(folder / "joe_kuo.npz", polynomials=polynomials, initial=initial)
 
 
 def primitive_count(degree: int) -> int:

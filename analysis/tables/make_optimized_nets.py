@@ -1,6 +1,6 @@
 """Search generator matrices of (0,m,2)-nets with large minimum distance by simulated annealing.
 
-Run once (half a minute): ``python qmcjax/sequences/_data/make_optimized_nets.py``.
+Run once (half a minute): ``python -m analysis.tables.make_optimized_nets``.
 
 Together with i / 2**m, a matrix C gives a (0,m,2)-net if and only if all its leading minors are 1. The
 annealing flips entries and rejects what loses this. Its energy is the number of pairs of points that are
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import squared_min_distance
+from analysis.tables import SEQUENCES
 
 TARGETS = {1: 2, 2: 2, 3: 8, 4: 13, 5: 29, 6: 52, 7: 100, 9: 425}
 """Squared distances: those of Table 5.1 in the thesis, but 425 instead of 400 for m = 9."""
@@ -127,8 +128,8 @@ def search(m: int, core: NDArray[np.uint8] | None, rng: np.random.Generator) -> 
     return found
 
 
-def main() -> None:
-    """Write optimized_nets.txt beside this file."""
+def main(folder: Path = SEQUENCES) -> None:
+    """Write optimized_nets.txt into a folder."""
     rng, matrices = np.random.default_rng(0), {}
     lines = ["# m, squared minimum distance on the integer grid, rows of the matrix from the first digit on"]
     for m in TARGETS:
@@ -137,7 +138,7 @@ def main() -> None:
         distance = squared_min_distance(points, 2**m)
         lines.append(f"{m} {distance} " + " ".join("".join(map(str, row)) for row in matrix))
         print(lines[-1])
-    Path(__file__).with_name("optimized_nets.txt").write_text("\n".join(lines) + "\n")
+    (folder / "optimized_nets.txt").write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Print the table of README.md: ``python qmcjax/samplers/_data/measure_blue_noise.py``."""
+"""Print the table of the README beside the masks: ``python -m analysis.tables.measure_blue_noise``."""
 
 from collections.abc import Callable
 

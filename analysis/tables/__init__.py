@@ -1,0 +1,14 @@
+"""Programs that made the tables in ``qmcjax``: ``python -m analysis.tables.make_joe_kuo``, for example.
+
+They are run once, and write into the ``_data`` of the package that reads the table.
+"""
+
+from pathlib import Path
+
+import qmcjax
+
+SEQUENCES = Path(qmcjax.__file__).parent / "sequences" / "_data"
+"""Where tables of sequences are kept."""
+
+SAMPLERS = Path(qmcjax.__file__).parent / "samplers" / "_data"
+"""Where tables of samplers are kept."""

@@ -1,0 +1,75 @@
+"""What one package takes of another: public names only. Layers and circles are import-linter's matter."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = (
+    "analysis",
+    "analysis/tables",
+    "figures",
+    pytest.param("qmcjax", marks=pytest.mark.xfail(strict=False)),
+    "qmcjax/core",
+    "qmcjax/orders",
+    "qmcjax/rendering",
+    pytest.param("qmcjax/samplers", marks=pytest.mark.xfail(strict=False)),
+    "qmcjax/scenes",
+    "qmcjax/sequences",
+)
+
+
+def private_imports(source, package):
+    """Return the names of private modules, and of private names in them, that belong to another package."""
+    imported = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            imported += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            imported += [f"{node.module}.{alias.name}" for alias in node.names]
+    found = []
+    for name in imported:
+        parts = name.split(".")
+        private = [k for k, part in enumerate(parts) if part.startswith("_") and not part.startswith("__")]
+        ours = parts[0] in ("qmcjax", "analysis", "figures")
+        # Names in a module of one's own package are that package's matter.
+        if ours and private and ".".join(parts[: private[0]]) != package:
+            found.append(name)
+    return found
+
+
+def private_attributes(sources):
+    """Return private attributes that are read in modules of one package and that none of them defines."""
+    read, defined = {}, {"_replace", "_asdict", "_exit"}  # of named tuples, and of os
+    for name, source in sources.items():
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Attribute) and node.attr.startswith("_") and node.attr[:2] != "__":
+                if isinstance(node.ctx, ast.Store):
+                    defined.add(node.attr)
+                else:
+                    read.setdefault(node.attr, name)
+            elif isinstance(node, ast.FunctionDef):
+                defined.add(node.name)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                defined.add(node.id)
+    return {f"{name}: {attribute}" for attribute, name in read.items() if attribute not in defined}
+
+
+def sources(room):
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / room).glob("*.py"))}
+
+
+def test_private_names_are_seen():
+    source = "import qmcjax.orders._base\nfrom analysis._x import y\nfrom qmcjax import core, __version__"
+    assert private_imports(source, "analysis") == ["qmcjax.orders._base"]
+    assert private_imports("from qmcjax.core.digits import _f", "qmcjax.core") == ["qmcjax.core.digits._f"]
+    used = {"a": "x._f() + y._g + x.__doc__", "b": "class X:\n    def _f(self): ..."}
+    assert private_attributes(used) == {"a: _g"}
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_package_takes_private_names_of_another(room):
+    found = {name: private_imports(source, room.replace("/", ".")) for name, source in sources(room).items()}
+    assert not {name: names for name, names in found.items() if names}
+    assert not private_attributes(sources(room))

@@ -84,7 +84,7 @@ quality changed. Exit status: 0, 1 if a figure failed, 2 for wrong usage, 130 af
     parser.add_argument("names", nargs="*", metavar="name", help="figures to make (default: all)")
     parser.add_argument("--list", action="store_true", help="show the figures' names and titles and end")
     parser.add_argument(
-        "--out", type=Path, default=Path("out"), metavar="DIR", help="output folder (default: out)"
+        "--out", type=_folder, default=Path("out"), metavar="DIR", help="output folder (default: out)"
     )
     parser.add_argument(
         "--quality", choices=("draft", "paper"), default="draft", help="how much to compute (default: draft)"
@@ -97,6 +97,12 @@ quality changed. Exit status: 0, 1 if a figure failed, 2 for wrong usage, 130 af
         help="figures made at a time (default: 1, as one figure uses all cores)",
     )
     return parser
+
+
+def _folder(text: str) -> Path:
+    if not text:  # as a path this would be the current folder
+        raise argparse.ArgumentTypeError(f"must name a folder, got {text!r}")
+    return Path(text)
 
 
 def _jobs(text: str) -> int:

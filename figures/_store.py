@@ -5,6 +5,8 @@ import io
 import json
 import math
 import os
+from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -51,13 +53,24 @@ def read_numbers(folder: Path) -> dict[str, dict[str, Any]]:
     return entries
 
 
-def record(folder: Path, name: str, entry: dict[str, Any]) -> None:
-    """Add or replace one figure's entry; what others wrote since the start of this run is kept."""
+def known(folder: Path, warn: Callable[[str], None]) -> dict[str, dict[str, Any]]:
+    """Return the entries, if any; keep a file that cannot be read under another name, and ``warn``."""
     try:
-        entries = read_numbers(folder)
-    except (OSError, ValueError):
-        entries = {}
-    entries[name] = entry
+        return read_numbers(folder)
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        path = folder / NUMBERS
+        names = (path.with_name(f"{path.stem}.damaged-{k}{path.suffix}") for k in count(1))
+        kept = next(name for name in names if not name.exists())
+        os.rename(path, kept)
+        warn(f"{path} cannot be read and is kept as {kept}: {error}")
+        return {}
+
+
+def record(folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str], None]) -> None:
+    """Add or replace one figure's entry; what others wrote since the start of this run is kept."""
+    entries = known(folder, warn) | {name: entry}
     text = json.dumps(dict(sorted(entries.items())), indent=2, ensure_ascii=False, allow_nan=False)
     write(folder / NUMBERS, (text + "\n").encode())
 

@@ -88,7 +88,7 @@ def _finish(folder: Path, task: Task, message: Done | Failed, title: str, finger
         _store.write(_picture(folder, task.name), message.png)
         if "table" in numbers:
             _store.write(folder / f"{task.name}.csv", _store.as_csv(numbers["table"]))
-        _store.record(folder, task.name, entry)
+        _store.record(folder, task.name, entry, _warn)
     except OSError as error:
         _say(f"{task.name}: failed")
         _say(f"{task.name}: cannot be written: {error}", sys.stderr)
@@ -98,17 +98,17 @@ def _finish(folder: Path, task: Task, message: Done | Failed, title: str, finger
 
 
 def _known_fingerprints(folder: Path) -> dict[str, object]:
-    try:
-        entries = _store.read_numbers(folder)
-    except (OSError, ValueError) as error:
-        if not isinstance(error, FileNotFoundError) or any(folder.glob("*.png")):
-            _say(f"warning: {folder / _store.NUMBERS} is taken as empty: {error}", sys.stderr)
-        return {}
-    return {name: entry.get("fingerprint") for name, entry in entries.items()}
+    if any(folder.glob("*.png")) and not (folder / _store.NUMBERS).exists():
+        _warn(f"{folder / _store.NUMBERS} is missing: the figures are made anew")
+    return {name: entry.get("fingerprint") for name, entry in _store.known(folder, _warn).items()}
 
 
 def _picture(folder: Path, name: str) -> Path:
     return folder / f"{name}.png"
+
+
+def _warn(text: str) -> None:
+    _say(f"warning: {text}", sys.stderr)
 
 
 def _say(line: str, file: TextIO | None = None) -> None:

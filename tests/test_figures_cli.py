@@ -129,6 +129,8 @@ def alive(pid):
         (["--quality", "final"], 2, "invalid choice: 'final'"),
         (["--out", "file/out"], 2, "--out 'file/out' cannot be written"),
         (["--out", "file"], 2, "--out 'file' cannot be written"),
+        (["--out", ""], 2, "--out: must name a folder, got ''"),
+        (["--out="], 2, "--out: must name a folder, got ''"),
         (["--nonsense"], 2, "--nonsense"),
     ],
 )
@@ -199,16 +201,27 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert project.numbers()["two"]["numbers"]["note"] == "paper"
     assert "one" in project.numbers(), "a subset keeps the others' entries"
 
-    (project.out / "numbers.json").write_text('{"one": {')
-    status, _, stderr = project.run("one")
-    assert status == 0
-    assert re.fullmatch(r"warning: out/numbers.json is taken as empty: .*\n", stderr)
-    assert list(project.numbers()) == ["one"]
-
     (project.out / "numbers.json").unlink()
     status, _, stderr = project.run("one")
     assert status == 0
-    assert re.fullmatch(r"warning: out/numbers.json is taken as empty: .*No such file.*\n", stderr)
+    assert stderr == "warning: out/numbers.json is missing: the figures are made anew\n"
+
+
+def test_a_damaged_numbers_file_is_kept_aside_and_told(tmp_path):
+    """Before anything is computed, and under a new name each time."""
+    project = Project(tmp_path, one=GOOD)
+    project.out.mkdir()
+    for k, text in enumerate(['{"one": {"seconds": 3600', "\0" * 9], start=1):
+        (project.out / "numbers.json").write_text(text)
+        status, _, stderr = project.run("one")
+        assert status == 0
+        kept = f"numbers.damaged-{k}.json"
+        assert re.fullmatch(
+            f"warning: out/numbers.json cannot be read and is kept as out/{kept}: .*\n", stderr
+        )
+        assert (project.out / kept).read_text() == text
+        assert list(project.numbers()) == ["one"]
+    assert project.run("one")[2] == ""
 
 
 def test_a_failure_is_told_and_stops_nothing_else(tmp_path):
@@ -437,15 +450,20 @@ def test_tables_are_written_beside_the_pictures(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"one": 1}', '{"one": {"x": NaN}}', b"\xff"])
-def test_a_damaged_numbers_file_is_recognised_and_replaced(tmp_path, text):
-    path = tmp_path / "numbers.json"
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+def test_a_damaged_numbers_file_is_recognised(tmp_path, text):
+    """Also where it is damaged while figures are made: nothing is written over it."""
+    path, told = tmp_path / "numbers.json", []
+    data = text if isinstance(text, bytes) else text.encode()
+    path.write_bytes(data)
     with pytest.raises(ValueError):
         _store.read_numbers(tmp_path)
     entry = {"numbers": {"π": [1.5, True, None, "Sobol'"]}}
-    _store.record(tmp_path, "two", entry)
-    _store.record(tmp_path, "one", {})
+    _store.record(tmp_path, "two", entry, told.append)
+    _store.record(tmp_path, "one", {}, told.append)
     assert _store.read_numbers(tmp_path) == {"one": {}, "two": entry}
+    kept = tmp_path / "numbers.damaged-1.json"
+    assert kept.read_bytes() == data
+    assert len(told) == 1 and f"is kept as {kept}: " in told[0]
 
 
 def test_writing_is_all_or_nothing(tmp_path, monkeypatch):

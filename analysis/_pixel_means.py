@@ -11,8 +11,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, summation
-from qmcjax.orders import MAX_SIDE
-from qmcjax.samplers import completed
+from qmcjax.samplers import as_sampler
 
 __all__ = ["pixel_means"]
 
@@ -68,13 +67,13 @@ def pixel_means(
     [[0.22070312 0.25097656]
      [0.25073242 0.25073242]]
     """
-    width = checks.integer("width", width, 1, MAX_SIDE)
-    height = checks.integer("height", height, 1, MAX_SIDE)
+    sampler = as_sampler("sampler", sampler)
+    width, height = checks.image_size(width, height)
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
     wanted = checks.dimensions(dims, sampler.dims)
     dtype = checks.floating(dtype)
     sampler.check(width, height, spp)
-    sampler = completed(sampler)
+    sampler = sampler.up_to(spp)
     with checks.precision(dtype):
         # Samplers of two classes may look alike to JAX: see qmcjax.core.pytrees.
         classes = str(jax.tree.structure(sampler))
@@ -94,11 +93,14 @@ def _means(
     del classes  # Part of the cache's key.
     x = jax.lax.broadcasted_iota(jnp.uint32, shape, 1)
     y = jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
-    sampler = sampler.of_pixels(x, y, dims)
+    prepared = sampler.prepare(x, y, dims)
 
-    def values(sampler: Any, sample: Array) -> Array:
-        return function(sampler(x, y, jnp.full(shape, sample, jnp.uint32), dims, dtype)).astype(dtype)
+    def values(parameters: Any, sample: Array) -> Array:
+        sampler, prepared = parameters
+        (points,) = sampler.consecutive(prepared, jnp.broadcast_to(sample, shape), 1, dims, dtype)
+        return function(points).astype(dtype)
 
-    state = summation.zeros(jax.eval_shape(values, sampler, jnp.uint32(0)))
-    state = summation.add_terms(values, False, sampler, state, jnp.uint32(0), jnp.uint32(spp))
+    parameters = sampler, prepared
+    state = summation.zeros(jax.eval_shape(values, parameters, jnp.uint32(0)))
+    state = summation.add_terms(values, False, parameters, state, jnp.uint32(0), jnp.uint32(spp))
     return summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]

@@ -57,12 +57,14 @@ def test_any_pixel_any_sample_on_its_own(sampler):
 @jax.jit
 def in_pairs(sampler, x, y):
     dims = tuple(range(sampler.dims))[::-1]
-    sampler = sampler.of_pixels(x, y, dims)
+    state = sampler.prepare(x, y, dims)
     pair = jax.lax.map(
-        lambda k: jnp.stack(sampler.samples(x, y, k, 2, dims, jnp.float32)),
+        lambda k: jnp.stack(
+            sampler.consecutive(state, jnp.broadcast_to(k, x.shape), 2, dims, jnp.float32)
+        ),
         jnp.arange(SPP // 2, dtype=jnp.uint32),
     )
-    return pair.reshape(SPP, *pair.shape[2:]), sampler(x, y, np.uint32(1), dims)
+    return pair.reshape(SPP, *pair.shape[2:]), sampler.points(state, jnp.ones_like(x), dims, jnp.float32)
 
 
 @some(

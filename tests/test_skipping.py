@@ -9,7 +9,6 @@ import pytest
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.rendering import _accumulation
-from qmcjax.samplers import completed
 
 SPP = 10
 SCENES = {
@@ -99,7 +98,7 @@ def integer_operations(scene):
     Names of values are left out, and so is the order of arguments.
     """
     width, height, dims = 8, 8, tuple(range(len(scene.needs)))
-    sampler = completed(along(width, height, 4))
+    sampler = along(width, height, 4)
     state = _accumulation.zeros(scene, (height, width), jnp.float32, "")
     none = jnp.uint32(0)
     lowered = _accumulation.accumulate.lower(

@@ -37,16 +37,17 @@ def accumulate(
     """
     del classes
     scene, sampler = pair
-    sampler = sampler.of_pixels(*(pixels or of_image(width, height)), dims)
+    prepared = sampler.prepare(*(pixels or of_image(width, height)), dims)
 
     def batch_sum(parameters: Any, k: Array) -> Array:
-        scene, sampler, pixels = parameters
+        scene, sampler, prepared, pixels = parameters
         x, y = pixels or of_image(width, height)
-        points = sampler.samples(x, y, k, batch, dims, state[0].dtype)
+        block = jnp.broadcast_to(k, x.shape)
+        points = sampler.consecutive(prepared, block, batch, dims, state[0].dtype)
         points = [completed(point, dims, len(scene.needs)) for point in points]
         return summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
 
-    return summation.add_terms(batch_sum, True, (scene, sampler, pixels), state, first, batches)
+    return summation.add_terms(batch_sum, True, (scene, sampler, prepared, pixels), state, first, batches)
 
 
 @jax.jit

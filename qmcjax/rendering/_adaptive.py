@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.rendering import _accumulation
-from qmcjax.samplers import completed
+from qmcjax.samplers import as_sampler
 
 _SIZES = (16384, 4096, 1024, 256)
 """Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
@@ -128,7 +128,7 @@ def _centres(
 
 def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray, NDArray]]:
     """Yield the means of all samples, for one part of the pixels after the other."""
-    sampler = completed(task.sampler)
+    sampler = as_sampler("sampler", task.sampler).up_to(task.spp)
     batch = math.gcd(task.spp, sampler.unrolled(dims))
     pair, size = (task.scene, sampler), (task.width, task.height)
     classes = str(jax.tree.structure(pair))

@@ -15,7 +15,7 @@ from qmcjax.core import checks
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._adaptive import AdaptiveImage, Task, refuse, skipping
 from qmcjax.rendering._stopping import PILOT, until
-from qmcjax.samplers import Randomized, completed
+from qmcjax.samplers import Randomized, as_sampler
 
 __all__ = ["AdaptiveImage", "render"]
 
@@ -154,7 +154,7 @@ def render(
 def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[Array, Array]:
     """Take all samples of all pixels, and tell whether the means are finite."""
     scene, width, height, spp, dtype = task.scene, task.width, task.height, task.spp, task.dtype
-    sampler, dims = completed(task.sampler), tuple(range(len(scene.needs)))
+    sampler, dims = as_sampler("sampler", task.sampler).up_to(spp), tuple(range(len(scene.needs)))
     with checks.precision(dtype):
         # So many values are added pairwise before they go into the compensated sum: memory traffic is what
         # counts.

@@ -5,7 +5,6 @@ Every sampler is called with ``(x, y, sample, dims)``. Coordinates 0 and 1 are t
 """
 
 from qmcjax.samplers._base import Sampler as Sampler
-from qmcjax.samplers._base import completed as completed
 from qmcjax.samplers._contiguous import contiguous as contiguous
 from qmcjax.samplers._dither import blue_noise_mask as blue_noise_mask
 from qmcjax.samplers._dither import dither as dither
@@ -14,6 +13,8 @@ from qmcjax.samplers._independent import independent as independent
 from qmcjax.samplers._interleaved import interleaved as interleaved
 from qmcjax.samplers._padded_replications import padded_replications as padded_replications
 from qmcjax.samplers._partitioned import partitioned as partitioned
+from qmcjax.samplers._plug_in import as_sampler as as_sampler
+from qmcjax.samplers._plug_in import function as function
 from qmcjax.samplers._randomized import Randomized as Randomized
 from qmcjax.samplers._randomized import randomized as randomized
 from qmcjax.samplers._ranked import ranked as ranked

@@ -1,24 +1,24 @@
 """The interface of a sampler: from a pixel and the number of a sample to a point."""
 
 import abc
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
 
 
 class Sampler(abc.ABC):
     """A function from pixel and sample to the point that the sample is taken at.
 
     Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's.
-    Subclasses are frozen dataclass pytrees that implement ``dims``, :meth:`_values` and, where they are
-    made for one image or a number of samples, :meth:`check`.
+    Subclasses are frozen dataclass pytrees that implement ``dims`` and :meth:`points`; :meth:`prepare`, where
+    the samples of a pixel share what can be computed once; and ``limits`` and :meth:`check`, where they are
+    made for one image or a number of samples.
     """
 
     @property
@@ -26,61 +26,75 @@ class Sampler(abc.ABC):
     def dims(self) -> int:
         """Number of coordinates that can be asked for."""
 
-    @abc.abstractmethod
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the wanted coordinates, shape ``x.shape + (len(dims),)``."""
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """Columns, rows, and samples of a pixel, that there are points for: 2**32 of each by default."""
+        return checks.INDEX_LIMIT, checks.INDEX_LIMIT, checks.INDEX_LIMIT
 
-    def __call__(
-        self,
-        x: Array | int,
-        y: Array | int,
-        sample: Array | int,
-        dims: tuple[int, ...] = (0, 1),
-        dtype: DTypeLike = jnp.float32,
-    ) -> Array:
-        """Return the points of the given pixels and samples.
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return what all samples of some pixels share, for :meth:`points`.
 
-        Parameters
-        ----------
-        x, y, sample : uint32 Array, broadcastable, or int
-            Column, row, and number of the sample in the pixel.
-        dims : tuple of int
-            The wanted coordinates, static; only these are computed.
-        dtype : float32 or float64
-
-        Returns
-        -------
-        Array of ``dtype``, the broadcast shape + (len(dims),), in [0, 1)
-
-        Raises
-        ------
-        ValueError
-            If an argument is not uint32, or a coordinate is not there.
-        """
-        wanted = checks.dimensions(dims, self.dims)
-        x, y, sample = jnp.broadcast_arrays(
-            checks.unsigned("x", x), checks.unsigned("y", y), checks.unsigned("sample", sample)
-        )
-        return self._values(x, y, sample, wanted, checks.floating(dtype))
-
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the sampler of some pixels alone, with what is the same for all their samples computed.
-
-        For loops over samples, like those of :func:`qmcjax.render`: a compiler that could move the position
-        on a curve, for instance, out of the loop does not, lest the memory it takes be too much.
+        Loops over samples, like those of :func:`qmcjax.render`, compute it once: a compiler that could move
+        the position on a curve, for instance, out of the loop does not, since that takes more memory.
 
         Parameters
         ----------
         x, y : uint32 Array, of one shape
+            Valid pixels.
         dims : tuple of int
             The coordinates that will be asked for, static.
 
         Returns
         -------
-        Sampler
-            To be called with the same x, y and dims, and any sample. By default ``self``.
+        pytree of Arrays
+            By default the pixels themselves, ``(x, y)``.
         """
-        return self
+        return x, y
+
+    @abc.abstractmethod
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points of one sample of each pixel, without checks.
+
+        Parameters
+        ----------
+        state : pytree of Arrays
+            Of the pixels, made by :meth:`prepare` for the same ``dims``.
+        sample : uint32 Array, of the pixels' shape
+            Valid numbers of samples.
+        dims : tuple of int
+        dtype : float32 or float64
+
+        Returns
+        -------
+        Array of ``dtype``, the pixels' shape + (len(dims),), in [0, 1)
+        """
+
+    def consecutive(
+        self, state: Any, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> list[Array]:
+        """Return the samples ``block * count``, ``block * count + 1``, ... of some pixels.
+
+        For loops over samples that take a few together: samplers override it if consecutive samples of a
+        pixel have something in common that the pixel's others have not.
+
+        Parameters
+        ----------
+        state, dims, dtype
+            As for :meth:`points`.
+        block : uint32 Array, of the pixels' shape
+        count : int
+            How many.
+
+        Returns
+        -------
+        list of Array
+            What :meth:`points` returns for each of them.
+        """
+        first = block * np.uint32(count)
+        return [
+            matching(self.points(state, first + np.uint32(i), dims, dtype), block.shape, dims, dtype)
+            for i in range(count)
+        ]
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
         """Return how many samples such a loop best takes together, a power of two.
@@ -97,58 +111,97 @@ class Sampler(abc.ABC):
         """
         return 8 if len(dims) <= 2 else 2
 
-    def samples(
-        self, x: Array, y: Array, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
-    ) -> list[Array]:
-        """Return the samples ``block * count``, ``block * count + 1``, ... of some pixels.
-
-        For loops over samples that unroll a few of them.
+    def up_to(self, spp: int) -> "Sampler":
+        """Return a sampler of the same points that is best for the samples below ``spp``.
 
         Parameters
         ----------
-        x, y : uint32 Array, of one shape
-        block : uint32 Array, shape ()
-        count : int
-            How many.
+        spp : int
+            Number of samples, at least 1.
+
+        Returns
+        -------
+        Sampler
+            ``self`` by default. Samplers without a fixed number override it if fewer samples have a faster
+            program.
+        """
+        return self
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise unless an image of this size and number of samples can be made.
+
+        Parameters
+        ----------
+        width, height : int
+            In [1, 65536].
+        spp : int
+            Samples of each pixel, at least 1.
+
+        Raises
+        ------
+        TypeError
+            If an argument is no integer.
+        ValueError
+            If it is out of range, or not what the sampler was made for.
+        """
+        checks.image_size(width, height)
+        checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
+
+    def __call__(
+        self,
+        x: Array | int,
+        y: Array | int,
+        sample: Array | int,
+        dims: tuple[int, ...] = (0, 1),
+        dtype: DTypeLike = jnp.float32,
+    ) -> Array:
+        """Return the points of the given pixels and samples.
+
+        Parameters
+        ----------
+        x, y, sample : integer Array, broadcastable, or int
+            Column, row, and number of the sample in the pixel. Those that are being traced are not checked,
+            and taken modulo 2**32.
         dims : tuple of int
+            The wanted coordinates, static; only these are computed.
         dtype : float32 or float64
 
         Returns
         -------
-        list of Array of ``dtype``, shape ``x.shape + (len(dims),)``
+        Array of ``dtype``, the broadcast shape + (len(dims),), in [0, 1)
+
+        Raises
+        ------
+        TypeError
+            If a pixel or a sample is no integer.
+        ValueError
+            If it is known to be out of range, or a coordinate is not there.
         """
-        first = block * np.uint32(count)
-        numbers = [jnp.broadcast_to(first + np.uint32(i), x.shape) for i in range(count)]
-        return [self._values(x, y, number, dims, dtype) for number in numbers]
+        wanted, dtype = checks.dimensions(dims, self.dims), checks.floating(dtype)
+        x, y, sample = self._checked(x, y, sample)
+        sampler = self
+        if not isinstance(sample, Tracer):
+            sampler = self.up_to(int(np.max(np.asarray(sample), initial=0)) + 1)
+        points = sampler.points(sampler.prepare(x, y, wanted), sample, wanted, dtype)
+        return matching(points, x.shape, wanted, dtype)
 
-    @abc.abstractmethod
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless an image of this size and number of samples can be made."""
-
-
-@pytree
-@dataclass(frozen=True)
-class PlugIn(Sampler):
-    """An object with ``dims``, ``check`` and a sampler's call."""
-
-    sampler: Any
-
-    @property
-    def dims(self) -> int:
-        """Number of coordinates that can be asked for."""
-        return self.sampler.dims
-
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return self.sampler(x, y, sample, dims, dtype)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless an image of this size and number of samples can be made."""
-        self.sampler.check(width, height, spp)
+    def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
+        """Return pixels and samples in one shape."""
+        named = zip(("x", "y", "sample"), (x, y, sample), self.limits, strict=True)
+        x, y, sample = jnp.broadcast_arrays(*(checks.unsigned(*argument) for argument in named))
+        return x, y, sample
 
 
-def completed(sampler: Any) -> Sampler:
-    """Give any object that is a sampler the methods that have defaults."""
-    return sampler if isinstance(sampler, Sampler) else PlugIn(sampler)
+def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    """Return what a sampler makes, or raise a ValueError if it is not one point for each pixel."""
+    wanted = (*shape, len(dims))
+    if getattr(points, "shape", None) != wanted or points.dtype != dtype:
+        what = f"{points.dtype} {points.shape}" if hasattr(points, "dtype") else checks.shown(points)
+        raise ValueError(
+            f"sampler must return points of shape {wanted} and dtype {np.dtype(dtype)} for {len(dims)} "
+            f"coordinates, got {what}"
+        )
+    return points
 
 
 def check_size(name: str, made_for: tuple[int, int], wanted: tuple[int, int]) -> None:

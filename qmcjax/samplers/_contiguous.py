@@ -1,6 +1,6 @@
 """Contiguous blocks of one sequence along a curve through the pixels."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,11 +10,10 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
-from qmcjax.orders._visited import Visited, visited
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import plus, times
-from qmcjax.samplers._linear_blocks import linear_blocks
-from qmcjax.sequences import Sequence
+from qmcjax.samplers._linear_blocks import after, first_words
+from qmcjax.sequences import BinarySequence, Sequence
 
 
 @pytree
@@ -22,7 +21,7 @@ from qmcjax.sequences import Sequence
 class Contiguous(Sampler):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
 
-    order: Order | Visited
+    order: Order
     sequence: Sequence
     spp: int = field(metadata={"static": True})
 
@@ -31,26 +30,39 @@ class Contiguous(Sampler):
         """Number of dimensions."""
         return self.sequence.dims
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        position = self.order.position(x, y)
-        if self.order.length * self.spp > checks.INDEX_LIMIT:
-            high, low = plus(times(position, self.spp), sample)
-            return self.sequence.with_high_word(high)(low, dims, dtype)
-        return self.sequence(position * np.uint32(self.spp) + sample, dims, dtype)
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The order's raster, and the points of a block."""
+        return (*self.order.raster, self.spp)
 
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the sampler of some pixels alone, with their positions or first points computed."""
-        order = visited(self.order, x, y)
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the positions of pixels, or the first points of their blocks."""
+        position = self.order.position(x, y)
+        if self._from_blocks(dims):
+            return first_words(self.sequence, position * np.uint32(self.spp), dims)
+        return position
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return point number ``spp * position + sample`` of the sequence."""
+        if self._from_blocks(dims):
+            return after(self.sequence, state)(sample, dims, dtype)
+        if self._has_64_bits:
+            high, low = plus(times(state, self.spp), sample)
+            return self.sequence.with_high_word(high)(low, dims, dtype)
+        return self.sequence(state * np.uint32(self.spp) + sample, dims, dtype)
+
+    @property
+    def _has_64_bits(self) -> bool:
+        return self.order.length * self.spp > checks.INDEX_LIMIT
+
+    def _from_blocks(self, dims: tuple[int, ...]) -> bool:
         # Two components of a (0,2)-sequence cost less than the memory that their first points take.
-        if len(dims) > 2 and self.order.length * self.spp <= checks.INDEX_LIMIT:
-            first = order.positions * np.uint32(self.spp)
-            blocks = linear_blocks(self.sequence, first, self.spp, dims)
-            if blocks is not None:
-                return blocks
-        return replace(self, order=order)
+        many = len(dims) > 2 and not self._has_64_bits and not self.spp & (self.spp - 1)
+        return many and isinstance(self.sequence, BinarySequence) and self.sequence._linear is not None
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the order's image and no pixel needs more than its block."""
+        """Raise unless this is the order's image and no pixel needs more than its block."""
+        super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.spp, "samples in the block of a pixel")
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import resources
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -35,10 +36,15 @@ class Dithered(Sampler):
         """Number of dimensions."""
         return self.sequence.dims
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return jnp.stack(
-            [rotated(self.sequence, sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1
-        )
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """Any pixel, and the points of the sequence."""
+        return (*super().limits[:2], self.sequence.limit)
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the sequence's points, shifted as the pixels say."""
+        values = [rotated(self.sequence, sample, j, self._offset(*state, j), dtype) for j in dims]
+        return jnp.stack(values, axis=-1)
 
     def _offset(self, x: Array, y: Array, dim: int) -> Array:
         """Return the shifts of one coordinate."""
@@ -50,7 +56,8 @@ class Dithered(Sampler):
         return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError if the sequence has fewer points than samples are wanted."""
+        """Raise if the sequence has fewer points than samples are wanted."""
+        super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 
 

@@ -1,6 +1,7 @@
 """One net over the whole screen: each pixel takes the points that fall into it."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax.numpy as jnp
 from jax import Array
@@ -9,7 +10,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import MAX_SIDE, log_side
+from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen, halton_full_screen
 from qmcjax.sequences import Sequence
@@ -41,15 +42,22 @@ class FullScreen(Sampler):
         """Number of points of the net in each pixel."""
         return self.net.points_per_cell(self.log_side)
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        index = self.net.index_in_cell(x, y, self.log_side, sample)
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The padded raster, and the points in a pixel."""
+        return 2**self.log_side, 2**self.log_side, self.spp
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points of the net that fall into pixels."""
+        index = self.net.index_in_cell(*state, self.log_side, sample)
         # The leading bits of the first two coordinates are the pixel: shifted out, what is left has
         # its full precision at any resolution.
         words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the image, and the number of samples, of the net."""
+        """Raise unless this is the image, and the number of samples, of the net."""
+        super().check(width, height, spp)
         check_size("net", (self.width, self.height), (width, height))
         if self.net.size is None:
             check_count(spp, self.spp, "for this sequence and image")
@@ -106,7 +114,7 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
     >>> print(samplers.full_screen(sequences.halton(2), 2, 3)(1, 2, 0))  # point 5, (0.625, 0.777...), of 6
     [0.25       0.33333334]
     """
-    width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
+    width, height = checks.image_size(width, height)
     if isinstance(net, RadicalInverses):
         return halton_full_screen(net, width, height)
     return FullScreen(inverted(net, log_side(width, height)), width, height)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -98,8 +99,14 @@ class HaltonFullScreen(Sampler):
         rest = sample * np.uint32(columns) + second
         return rest * np.uint32(rows) + by_row, rest
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        index, rest = self._index(x, y, sample)
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The padded raster, and the samples that there are indices for."""
+        return (*self.raster, self.spp)
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points of the sequence that fall into pixels."""
+        index, rest = self._index(*state, sample)
         log_columns, _ = _exponents(self.width, self.height)
 
         def coordinate(dim: int) -> Array:
@@ -116,7 +123,8 @@ class HaltonFullScreen(Sampler):
         return jnp.stack([coordinate(j) for j in dims], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the image and the indices suffice."""
+        """Raise unless this is the image and the indices suffice."""
+        super().check(width, height, spp)
         check_size("sequence", (self.width, self.height), (width, height))
         columns, rows = self.raster
         check_count(spp, self.spp, f"for 2**32 indices over a raster of {columns} x {rows}")

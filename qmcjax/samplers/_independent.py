@@ -45,44 +45,26 @@ class Independent(Sampler):
         """Number of dimensions."""
         return self.sequence.dims
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return self.of_pixels(x, y, dims)._values(x, y, sample, dims, dtype)
-
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "IndependentPixels":
-        """Return the sampler of some pixels alone, with their seeds computed."""
-        seeds = tuple(hash_word(hash_word(x ^ self.seeds[j, 0]) + y ^ self.seeds[j, 1]) for j in dims)
-        return IndependentPixels(self.sequence, seeds, self.randomizer)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError if the sequence has fewer points than samples are wanted."""
-        check_count(spp, self.sequence.limit, "for this sequence")
-
-
-@pytree
-@dataclass(frozen=True)
-class IndependentPixels(Sampler):
-    """The same for some pixels, in the coordinates that there are seeds for."""
-
-    sequence: Sequence
-    seeds: tuple[Array, ...]
-    """uint32, each of the pixels' shape."""
-
-    randomizer: Randomizer = field(metadata={"static": True})
-
     @property
-    def dims(self) -> int:
-        """Number of dimensions."""
-        return self.sequence.dims
+    def limits(self) -> tuple[int, int, int]:
+        """Any pixel, and the points of the sequence."""
+        return (*super().limits[:2], self.sequence.limit)
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        values = [
-            self.randomizer(self.sequence, sample, j, seed, dtype)
-            for j, seed in zip(dims, self.seeds, strict=True)
-        ]
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
+        """Return the seeds of pixels, one for each coordinate."""
+        return tuple(hash_word(hash_word(x ^ self.seeds[j, 0]) + y ^ self.seeds[j, 1]) for j in dims)
+
+    def points(
+        self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        """Return the sequence's points, randomised with the pixels' seeds."""
+        seeds = zip(dims, state, strict=True)
+        values = [self.randomizer(self.sequence, sample, j, seed, dtype) for j, seed in seeds]
         return jnp.stack(values, axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError if the sequence has fewer points than samples are wanted."""
+        """Raise if the sequence has fewer points than samples are wanted."""
+        super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 
 

@@ -11,6 +11,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._plug_in import as_sampler
 from qmcjax.sequences import Sequence
 
 _ON_SCREEN = 2
@@ -24,32 +25,49 @@ class Interleaved(Sampler):
     sequence: Sequence
     spp: int = field(metadata={"static": True})
     tile: int = field(metadata={"static": True})
-    positions: Any
+    positions: Sampler | None
     """The sampler of the position inside the pixel, or None."""
 
     @property
     def dims(self) -> int:
         """Number of dimensions."""
-        return self.sequence.dims + (0 if self.positions is None else _ON_SCREEN)
+        return self.sequence.dims + self._on_screen
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    @property
+    def _on_screen(self) -> int:
+        """Number of coordinates that are not shared."""
+        return 0 if self.positions is None else _ON_SCREEN
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """Any pixel, and the points of a block."""
+        columns, rows, samples = super().limits if self.positions is None else self.positions.limits
+        return columns, rows, min(samples, self.spp)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the first indices of pixels, and what the positions inside them prepare."""
         tile = np.uint32(self.tile)
-        index = (y % tile * tile + x % tile) * np.uint32(self.spp) + sample
-        if self.positions is None:
-            return self.sequence(index, dims, dtype)
+        first = (y % tile * tile + x % tile) * np.uint32(self.spp)
+        own = tuple(j for j in dims if j < self._on_screen)
+        return first, self.positions.prepare(x, y, own) if own else None
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the positions inside the pixels, if these have their own, and the points of their blocks."""
+        first, of_positions = state
+        own = tuple(j for j in dims if j < self._on_screen)
+        shared = tuple(j - self._on_screen for j in dims if j >= self._on_screen)
         parts = []
-        own = tuple(j for j in dims if j < _ON_SCREEN)
-        shared = tuple(j - _ON_SCREEN for j in dims if j >= _ON_SCREEN)
         if own:
-            parts.append(self.positions(x, y, sample, own, dtype))
+            parts.append(self.positions.points(of_positions, sample, own, dtype))
         if shared:
-            parts.append(self.sequence(index, shared, dtype))
+            parts.append(self.sequence(first + sample, shared, dtype))
         joined = jnp.concatenate(parts, axis=-1)
-        order = [*own, *(j + _ON_SCREEN for j in shared)]
+        order = [*own, *(j + self._on_screen for j in shared)]
         return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless no pixel needs more than its block."""
+        """Raise unless no pixel needs more than its block."""
+        super().check(width, height, spp)
         check_count(spp, self.spp, "samples in the block of a pixel")
         if self.positions is not None:
             self.positions.check(width, height, spp)
@@ -105,6 +123,8 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Any = No
     limit = checks.INDEX_LIMIT if sequence.size is None else sequence.size
     if tile * tile * spp > limit:
         raise ValueError(f"spp must be at most {limit // tile**2} for tiles of {tile} x {tile}, got {spp}")
-    if positions is not None and positions.dims < _ON_SCREEN:
-        raise ValueError(f"positions must have at least 2 coordinates, got {positions.dims}")
+    if positions is not None:
+        positions = as_sampler("positions", positions)
+        if positions.dims < _ON_SCREEN:
+            raise ValueError(f"positions must have at least 2 coordinates, got {positions.dims}")
     return Interleaved(sequence, spp, tile, positions)

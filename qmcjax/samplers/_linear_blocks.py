@@ -1,13 +1,11 @@
 """Blocks of a linear sequence: what a sample's number adds to the first point of its pixel's block."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from jax import Array
-from jax.typing import DTypeLike
 
 from qmcjax.core.pytrees import pytree
-from qmcjax.samplers._base import Sampler, check_count
-from qmcjax.sequences import BinarySequence, Sequence
+from qmcjax.sequences import BinarySequence
 
 
 @pytree
@@ -34,36 +32,12 @@ class FromBlock(BinarySequence):
         return self.sequence.word(index, dim) ^ self.words[dim]
 
 
-@pytree
-@dataclass(frozen=True)
-class LinearBlocks(Sampler):
-    """Sample s of some pixels is point s of a sequence over :class:`FromBlock`."""
-
-    sequence: Sequence
-    spp: int = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        """Number of dimensions."""
-        return self.sequence.dims
-
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return self.sequence(sample, dims, dtype)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError if a block has fewer points."""
-        check_count(spp, self.spp, "samples in the block of a pixel")
-
-
-def linear_blocks(sequence: Sequence, first: Array, spp: int, dims: tuple[int, ...]) -> LinearBlocks | None:
-    """Return the sampler of the blocks from ``first`` on, multiples of ``spp``, if their indices are xors.
-
-    The points of a block are then those of the first block, computed once for all pixels, xor one point.
-    """
-    if not isinstance(sequence, BinarySequence) or spp & (spp - 1):
-        return None
+def first_words(sequence, first: Array, dims: tuple[int, ...]):
+    """Return the coordinates of the first points of blocks, in both forms."""
     linear = sequence._linear
-    if linear is None:
-        return None
-    first_reversed, words = ({j: form(first, j) for j in dims} for form in (linear.bit_reversed, linear.word))
-    return LinearBlocks(sequence._over(FromBlock(linear, first_reversed, words)), spp)
+    return tuple({j: form(first, j) for j in dims} for form in (linear.bit_reversed, linear.word))
+
+
+def after(sequence, state):
+    """Return the sequence of the points of blocks: a linear one's are the first point's xor those of block 0."""
+    return sequence._over(FromBlock(sequence._linear, *state))

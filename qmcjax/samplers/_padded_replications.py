@@ -1,6 +1,7 @@
 """Replications of one net over the screen, each moved by whole pixels and jittered."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import MAX_SIDE, log_side
+from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import BinarySequence, Sequence, uniform
 from qmcjax.sequences._cells import Invertible, inverted
@@ -43,7 +44,14 @@ class PaddedReplications(Sampler):
         """Largest number of samples: one for each vector of offsets."""
         return self.offsets.limit
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The padded raster, and the vectors of offsets."""
+        return 2**self.log_side, 2**self.log_side, self.spp
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points of the shifted instances of the net that fall into pixels."""
+        x, y = state
         # Whole pixels, of which the leading digits are the number: in two steps, since a shift by 32 is
         # not defined. To subtract them again from the point leaves its place inside the pixel as it is.
         shifts = [self._offset(sample, j) >> 1 >> (31 - self.log_side) for j in range(2)]
@@ -72,7 +80,8 @@ class PaddedReplications(Sampler):
             return (value * np.float64(2.0**32)).astype(jnp.uint32)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the net's image and there is an offset for each sample."""
+        """Raise unless this is the net's image and there is an offset for each sample."""
+        super().check(width, height, spp)
         check_size("net", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "for the sequence of offsets")
 
@@ -142,7 +151,7 @@ def padded_replications(
     >>> print(sampler(0, 0, 1), samplers.full_screen(net, 8, 8)(4, 2, 0))  # shifted by 8 / 2 and 8 / 3 pixels
     [0.875 0.875] [0.875 0.875]
     """
-    width, height = checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)
+    width, height = checks.image_size(width, height)
     cells = log_side(width, height)
     net = inverted(net, cells)
     if net.size is not None and net.points_per_cell(cells) != 1:

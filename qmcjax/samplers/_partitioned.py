@@ -1,6 +1,6 @@
 """One sequence partitioned into as many as there are pixels."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,7 +13,6 @@ from qmcjax.core.bits import reverse
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
-from qmcjax.orders._visited import Visited, visited
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import plus, require, times
 from qmcjax.samplers._radical_base import inverse_permutations, is_identity, radical_bases
@@ -28,7 +27,7 @@ from qmcjax.sequences._prime_digital import PrimeDigital
 class Partitioned(Sampler):
     """Pixel j of the curve takes every N-th point from number j on, without the partitioning component."""
 
-    order: Order | Visited
+    order: Order
     sequence: Sequence
     component: int = field(metadata={"static": True})
     """The partitioning one."""
@@ -56,21 +55,27 @@ class Partitioned(Sampler):
         """Return the index of a pixel's first point, below N."""
         return position
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The order's raster, and the samples that there are indices for."""
+        return (*self.order.raster, self.most)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the first indices of pixels."""
+        return self._first(self.order.position(x, y))
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return every N-th point from the pixels' first ones on."""
         left = tuple(j if j < self.component else j + 1 for j in dims)
         if self.wide:
-            first = self._first(self.order.position(x, y))
-            high, low = plus(times(sample, self.order.length), first)
+            high, low = plus(times(sample, self.order.length), state)
             return self.sequence.with_high_word(high)(low, left, dtype)
-        index = sample * word(self.order.length) + self._first(self.order.position(x, y))
+        index = sample * word(self.order.length) + state
         return self.sequence(index, left, dtype)
-
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the sampler of some pixels alone, with their positions computed."""
-        return replace(self, order=visited(self.order, x, y))
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and the indices suffice."""
+        super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
 

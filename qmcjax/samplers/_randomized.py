@@ -13,6 +13,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler
+from qmcjax.samplers._plug_in import as_sampler
 
 
 @pytree
@@ -45,13 +46,15 @@ class Randomized(Sampler):
         """
         return self.sampler_of_key(jax.random.fold_in(self.key, number))
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points of the passes that the samples are in."""
+        x, y = state
         number, inside = sample // np.uint32(self.spp), sample % np.uint32(self.spp)
         first = number.min()
 
         # One pass after the other, of those from the first to the last: in images there is but one.
         def fill(k: Array, values: Array) -> Array:
-            of_pass = self.of_pass(first + k)(x, y, inside, dims, dtype)
+            of_pass = as_sampler("sampler_of_key", self.of_pass(first + k))(x, y, inside, dims, dtype)
             return jnp.where((number == first + k)[..., None], of_pass, values)
 
         with checks.precision(dtype):
@@ -59,8 +62,9 @@ class Randomized(Sampler):
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless a pass can be made of this image; there is no last pass."""
-        self.of_pass(0).check(width, height, self.spp)
+        """Raise unless a pass can be made of this image; there is no last pass."""
+        super().check(width, height, spp)
+        as_sampler("sampler_of_key", self.of_pass(0)).check(width, height, self.spp)
 
 
 def randomized(

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from importlib import resources
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -38,13 +39,22 @@ class Ranked(Sampler):
         """Number of dimensions."""
         return self.sequence.dims
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """Any pixel, and the points of the sequence."""
+        return (*super().limits[:2], self.sequence.limit)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the rows and columns of pixels in the tile."""
         rows, columns = self.ranks.shape
         column = (x + self.translation[0]) & np.uint32(columns - 1)
-        row = (y + self.translation[1]) & np.uint32(rows - 1)
+        return (y + self.translation[1]) & np.uint32(rows - 1), column
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the sequence's points, ranked and scrambled with the pixels' keys."""
 
         def keys(table: Array) -> Array:
-            return table.at[row, column].get(mode="promise_in_bounds")
+            return table.at[state].get(mode="promise_in_bounds")
 
         index = sample ^ keys(self.ranks)
         return jnp.stack(
@@ -53,7 +63,8 @@ class Ranked(Sampler):
         )
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError if there are fewer points than samples are wanted."""
+        """Raise if there are fewer points than samples are wanted."""
+        super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 
 

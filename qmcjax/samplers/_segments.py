@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -15,7 +15,6 @@ from qmcjax.core import checks
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
-from qmcjax.orders._visited import Visited, visited
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import plus, require, times
 from qmcjax.samplers._radical_base import radical_bases
@@ -27,7 +26,7 @@ from qmcjax.sequences import Sequence
 class Segments(Sampler):
     """An iteration of n samples after the first S: pixel j takes the n points from number S N + j n on."""
 
-    order: Order | Visited
+    order: Order
     sequence: Sequence
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in the first iteration."""
@@ -54,13 +53,23 @@ class Segments(Sampler):
             return self.sequence.limit
         return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The order's raster, and the samples that there are indices for."""
+        return (*self.order.raster, self.most)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the positions of pixels."""
+        return self.order.position(x, y)
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points of the pixels' blocks."""
         before, count = self._iteration(sample)
         if self.wide:
-            block = plus(times(self.order.position(x, y), count), sample - before)
+            block = plus(times(state, count), sample - before)
             high, low = plus(times(before, self.order.length), block)
             return self.sequence.with_high_word(high)(low, dims, dtype)
-        index = before * word(self.order.length) + self.order.position(x, y) * count + (sample - before)
+        index = before * word(self.order.length) + state * count + (sample - before)
         return self.sequence(index, dims, dtype)
 
     def _iteration(self, sample: Array) -> tuple[Array, Array]:
@@ -72,12 +81,9 @@ class Segments(Sampler):
         power = spp << (np.uint32(31) - jax.lax.clz(rounds | np.uint32(1)))
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the sampler of some pixels alone, with their positions computed."""
-        return replace(self, order=visited(self.order, x, y))
-
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise a ValueError unless this is the order's image and its iterations have indices."""
+        super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"
         check_count(spp, self.most, why)

@@ -30,48 +30,30 @@ class ShiftedAlong(Sampler):
         """Number of dimensions."""
         return self.sequence.dims
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return self.of_pixels(x, y, dims)._values(x, y, sample, dims, dtype)
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The order's raster, and the points of the sequence."""
+        return (*self.order.raster, self.sequence.limit)
 
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "ShiftedPixels":
-        """Return the sampler of some pixels alone, with their shifts computed."""
-        return ShiftedPixels(self.sequence, self._offsets(self.order.position(x, y), dims))
-
-    def _offsets(self, position: Array, dims: tuple[int, ...]) -> Array:
-        """Return the shifts as 32-bit fractions, rounded down."""
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Array:
+        """Return the shifts of pixels as 32-bit fractions, rounded down."""
+        position = self.order.position(x, y)
         if isinstance(self.shifts, BinarySequence):
             return self.shifts.bits(position, dims)
         with jax.enable_x64(True):
             return (self.shifts(position, dims, jnp.float64) * np.float64(2.0**32)).astype(jnp.uint32)
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the order's image and the sequence has as many points."""
-        check_size("order", (self.order.width, self.order.height), (width, height))
-        check_count(spp, self.sequence.limit, "for this sequence")
-
-
-@pytree
-@dataclass(frozen=True)
-class ShiftedPixels(Sampler):
-    """The same for some pixels, in the coordinates that ``offsets`` have."""
-
-    sequence: Sequence
-    offsets: Array
-    """uint32, shape of the pixels + (coordinates,): fractions."""
-
-    @property
-    def dims(self) -> int:
-        """Number of dimensions."""
-        return self.sequence.dims
-
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    def points(self, state: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the sequence's points plus the pixels' shifts, modulo 1."""
         if isinstance(self.sequence, BinarySequence):
-            return to_unit(self.sequence.bits(sample, dims) + self.offsets, dtype)
+            return to_unit(self.sequence.bits(sample, dims) + state, dtype)
         with jax.enable_x64(True):
-            return wrapped(self.sequence(sample, dims, jnp.float64), self.offsets, dtype)
+            return wrapped(self.sequence(sample, dims, jnp.float64), state, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError if the sequence has fewer points."""
+        """Raise unless this is the order's image and the sequence has as many points."""
+        super().check(width, height, spp)
+        check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.sequence.limit, "for this sequence")
 
 

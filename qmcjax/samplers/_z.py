@@ -7,7 +7,6 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.orders import log_side
-from qmcjax.orders._base import size
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._lookup_tree import LookupTree, random_permutations
 from qmcjax.orders._scrambled_morton import VARIANTS, scrambled_morton
@@ -101,7 +100,7 @@ def z(
     >>> print(z(64, 64, 1, None, "plain")(3, 1, 0))  # point 7 of the Sobol' sequence
     [0.875 0.875]
     """
-    width, height = size(width, height)
+    width, height = checks.image_size(width, height)
     spp = checks.integer("spp", spp, 1, MAX_SPP)
     if spp & (spp - 1):
         raise ValueError(f"spp must be a power of two, got {spp}")

@@ -1,6 +1,7 @@
 """The classes of the Z-sampler: with one number of samples for all pixels, or one for each."""
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +15,6 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._morton import Morton
-from qmcjax.orders._visited import VisitedNodes, visited_nodes
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import Index
 from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
@@ -26,7 +26,7 @@ from qmcjax.sequences import BinarySequence
 class Z(Sampler):
     """Pixel p of a constituent's order takes the points spp * p, ..., in an order of its own."""
 
-    orders: tuple[ScrambledMorton | VisitedNodes, ...]
+    orders: tuple[ScrambledMorton, ...]
     """One for each constituent; none for Z0, whose order is Morton's for all."""
 
     sequence: BinarySequence
@@ -129,86 +129,85 @@ class Z(Sampler):
                 )
         return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(counts.astype(jnp.uint32)))
 
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "Z":
-        """Return the sampler of some pixels alone, with their positions in the wanted orders computed."""
-        if not self.orders:
-            return self
-        code = Morton(self.width, self.height).position(x, y)
-        wanted = {self._places[j][0] for j in dims}
-        return replace(
-            self,
-            orders=tuple(
-                visited_nodes(order, code, self.log_side) if c in wanted else order
-                for c, order in enumerate(self.orders)
-            ),
-        )
-
     @property
     def _places(self) -> list[tuple[int, int]]:
         """The constituent of each coordinate, and its number there."""
         return [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        sample = checks.unsigned("sample", sample, self.rounds * self.spp)
-        return self._points(x, y, Number(sample), dims, dtype, self.log_spp)
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The padded raster, and the samples of all rounds."""
+        return 2**self.log_side, 2**self.log_side, self.rounds * self.spp
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the positions and nodes of pixels in each order that is wanted, by its number."""
+        code = Morton(self.width, self.height).position(x, y)
+        if not self.orders:
+            return code
+        wanted = sorted({self._places[j][0] for j in dims})
+        return {c: self.orders[c].scrambled(code, self.log_side) for c in wanted}
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return points of the pixels' blocks."""
+        return self.numbered(state, Number(sample), dims, dtype, self.log_spp)
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
         """Return how many samples a loop best takes together."""
         return 8
 
-    def samples(
-        self, x: Array, y: Array, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    def consecutive(
+        self, state: Any, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> list[Array]:
         """Return consecutive samples, which share what comes before the last digits of their numbers."""
         bits = count.bit_length() - 1
         if count != 2**bits or bits > self.log_spp or self.rounds > 1:
-            return super().samples(x, y, block, count, dims, dtype)
+            return super().consecutive(state, block, count, dims, dtype)
         numbers = [Number(block, low, bits) for low in range(count)]
-        return [self._points(x, y, number, dims, dtype, self.log_spp) for number in numbers]
+        return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
 
-    def _points(
+    def numbered(
         self,
-        x: Array,
-        y: Array,
+        state: Any,
         number: Number,
         dims: tuple[int, ...],
         dtype: DTypeLike,
         log_count: int | Array,
     ) -> Array:
-        code = Morton(self.width, self.height).position(x, y)
+        """Return points of blocks of ``2**log_count``, by numbers of which some bits may be known."""
         wanted = [self._places[j] for j in dims]
-        indices = {c: self._index(c, code, number, log_count) for c in sorted({c for c, _ in wanted})}
-        if len(self.constituents) == 1 and not self._wide:
+        indices = {c: self._index(c, state, number, log_count) for c in sorted({c for c, _ in wanted})}
+        if len(self.constituents) == 1 and not self._has_64_bits:
             return self.sequence._values(indices[0][1], dims, dtype)
         return jnp.stack([self._coordinate(indices[c], j, dtype) for c, j in wanted], axis=-1)
 
-    def _index(self, constituent: int, code: Array, number: Number, log_count: int | Array) -> Index:
-        position, passed = code, np.uint32(0)
+    def _index(self, constituent: int, state: Any, number: Number, log_count: int | Array) -> Index:
+        passed = np.uint32(0)
         if self.rounds > 1:
             passed = number.word >> log_count
             number = Number(number.word ^ (passed << log_count))
         if self.orders:
             order = self.orders[constituent]
-            position, node = order.scrambled(code, self.log_side)
+            position, node = state[constituent]
             if isinstance(log_count, int):
                 place = scrambled_number(order, number, log_count, node)
             else:
                 place = scrambled_numbers(order, number, log_count, self.log_spp, node)
         else:
-            place = number.word
+            position, place = state, number.word
         return append(position ^ passed, place, log_count)
 
     @property
-    def _wide(self) -> bool:
+    def _has_64_bits(self) -> bool:
         return 4**self.log_side * self.spp > checks.INDEX_LIMIT
 
     def _coordinate(self, index: Index, dim: int, dtype: DTypeLike) -> Array:
         high, low = index
-        sequence = self.sequence.with_high_word(high) if self._wide else self.sequence
+        sequence = self.sequence.with_high_word(high) if self._has_64_bits else self.sequence
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the sampler's image and each pixel has so many samples."""
+        """Raise unless this is the sampler's image and each pixel has so many samples."""
+        super().check(width, height, spp)
         check_size("sampler", (self.width, self.height), (width, height))
         check_count(spp, self.rounds * self.spp, "samples of a pixel")
 
@@ -227,26 +226,36 @@ class AdaptiveZ(Sampler):
         """Number of dimensions."""
         return self.sampler.dims
 
-    def of_pixels(self, x: Array, y: Array, dims: tuple[int, ...]) -> "AdaptiveZ":
-        """Return the sampler of some pixels alone, with their positions in the wanted orders computed."""
-        return replace(self, sampler=self.sampler.of_pixels(x, y, dims))
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """The image, for which there are counts, and the samples that one of its pixels may have."""
+        return self.sampler.width, self.sampler.height, self.sampler.limits[2]
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return what the sampler prepares, and the logarithms of the pixels' numbers of samples."""
+        return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return points of the pixels' blocks."""
+        of_sampler, log_count = state
+        return self.sampler.numbered(of_sampler, Number(sample), dims, dtype, log_count)
 
     @property
-    def _limits(self) -> Array:
+    def _counts(self) -> Array:
         return np.uint32(self.sampler.rounds) << self.log_counts
 
-    def _values(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        x = checks.unsigned("x", x, self.sampler.width)
-        y = checks.unsigned("y", y, self.sampler.height)
-        beyond = sample >= self._limits[y, x]
+    def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
+        x, y, sample = super()._checked(x, y, sample)
+        beyond = sample >= self._counts[y, x]
         if not isinstance(beyond, Tracer) and beyond.any():
             raise ValueError(
-                f"sample must be below the {int(self._limits[y, x][beyond][0])} samples of its pixel, "
+                f"sample must be below the {int(self._counts[y, x][beyond][0])} samples of its pixel, "
                 f"got {int(sample[beyond][0])}"
             )
-        return self.sampler._points(x, y, Number(sample), dims, dtype, self.log_counts[y, x])
+        return x, y, sample
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the sampler's image and each pixel has so many samples."""
+        """Raise unless this is the sampler's image and each pixel has so many samples."""
+        super().check(width, height, spp)
         check_size("sampler", (self.sampler.width, self.sampler.height), (width, height))
-        check_count(spp, int(self._limits.min()), "samples of the pixel that has fewest")
+        check_count(spp, int(self._counts.min()), "samples of the pixel that has fewest")

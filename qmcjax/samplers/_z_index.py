@@ -7,10 +7,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.orders._hierarchy import ScrambledMorton
-from qmcjax.orders._visited import VisitedNodes
 from qmcjax.samplers._index_64 import Index
-
-_Order = ScrambledMorton | VisitedNodes
 
 
 def append(position: Array, number: Array, log_count: int | Array) -> Index:
@@ -47,14 +44,14 @@ class Number(NamedTuple):
         return (self.bit(place + 1) << 1) | self.bit(place)
 
 
-def scrambled_number(order: _Order, number: Number, log_count: int, node: Array) -> Array:
+def scrambled_number(order: ScrambledMorton, number: Number, log_count: int, node: Array) -> Array:
     """Permute the numbers 0 to 2**log_count - 1 of a pixel's samples, from its node on (Eq. 16 and 17)."""
     places = range(log_count - 2, -1, -2)
     result, node = order.scrambled_digits([number.digit(place) for place in places], node)
     return _with_last_bit(order, result, number, node) if log_count % 2 else result
 
 
-def scrambled_numbers(order: _Order, number: Number, log_counts: Array, log_most: int, node: Array) -> Array:
+def scrambled_numbers(order: ScrambledMorton, number: Number, log_counts: Array, log_most: int, node: Array) -> Array:
     """Do the same with as many samples as each pixel has, at most ``2**log_most``."""
     odd = (log_counts & np.uint32(1)) == 1
     digits = log_counts >> 1
@@ -68,7 +65,7 @@ def scrambled_numbers(order: _Order, number: Number, log_counts: Array, log_most
     return jnp.where(odd, _with_last_bit(order, result, number, node), result)
 
 
-def _with_last_bit(order: _Order, result: Array, number: Number, node: Array) -> Array:
+def _with_last_bit(order: ScrambledMorton, result: Array, number: Number, node: Array) -> Array:
     """Append the last bit of odd powers of two, xor a random bit (Z paper, after Eq. 18)."""
     # Child 0 of the node is in any of four places, of which every other is odd.
     coin, _ = order.scrambled_digits([jnp.uint32(0)], node)

@@ -1,0 +1,176 @@
+"""Samplers of users: any object with the protocol's methods, and any function."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.pytrees import pytree
+from qmcjax.samplers._base import Sampler
+
+MAX_DIMS = 2**16
+
+_PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the methods prepare and points"
+
+_BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0**-53}
+
+
+@pytree
+@dataclass(frozen=True)
+class PlugIn(Sampler):
+    """An object that has the protocol's methods but no defaults."""
+
+    held: Any
+
+    @property
+    def sampler(self) -> Any:
+        """The object."""
+        return unheld(self.held)
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates that can be asked for."""
+        return self.sampler.dims
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return what the object prepares, or else the pixels."""
+        return self.sampler.prepare(x, y, dims) if _prepares(self.sampler) else (x, y)
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the points that the object makes of a state, or else of pixels."""
+        if _prepares(self.sampler):
+            return self.sampler.points(state, sample, dims, dtype)
+        if _positional(self.sampler) > 4:
+            return self.sampler(*state, sample, dims, dtype)
+        return rounded(self.sampler(*state, sample, dims), dtype)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise unless an image of this size and number of samples can be made."""
+        super().check(width, height, spp)
+        if hasattr(self.sampler, "check"):
+            self.sampler.check(width, height, spp)
+
+
+@pytree
+@dataclass(frozen=True)
+class Function(Sampler):
+    """The points that a function makes of pixel and sample."""
+
+    held: Any
+    coordinates: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        """Number of dimensions."""
+        return self.coordinates
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the wanted coordinates of the function's points."""
+        values = unheld(self.held)(*state, sample)
+        wanted = (*sample.shape, self.dims)
+        if jnp.shape(values) != wanted:
+            raise ValueError(f"f must return points of shape {wanted}, got {checks.shown(values)}")
+        values = rounded(values, dtype)
+        return values if dims == tuple(range(self.dims)) else values[..., np.array(dims)]
+
+
+def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
+    """Make a sampler of a function.
+
+    Parameters
+    ----------
+    f : callable
+        From column, row and sample, uint32 Arrays of one shape (...), to points in [0, 1), floats of shape
+        (..., dims). It is traced; the same function object compiles once.
+    dims : int
+        Number of coordinates, in [1, 65536].
+
+    Returns
+    -------
+    Function
+        Values are rounded to the wanted dtype, but not up to 1.
+
+    Raises
+    ------
+    TypeError
+        If ``f`` is not callable, or ``dims`` no integer.
+    ValueError
+        If ``dims`` is out of range; where points are wanted, if ``f`` returns another shape or no floats.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> from qmcjax import samplers
+    >>> centres = samplers.function(lambda x, y, sample: jnp.full((*x.shape, 2), 0.5), dims=2)
+    >>> print(centres(3, 1, 0))
+    [0.5 0.5]
+    """
+    if not callable(f) or isinstance(f, type):
+        raise TypeError(f"f must be a function of x, y and sample, got {checks.shown(f)}")
+    return Function(held("f", f), checks.integer("dims", dims, 1, MAX_DIMS))
+
+
+def as_sampler(name: str, value: Any) -> Sampler:
+    """Return a sampler with all methods that have defaults, of any object that is one.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    value : Sampler, or object
+        One that has ``dims``, the number of coordinates, and either is called with ``(x, y, sample, dims,
+        dtype)`` or ``(x, y, sample, dims)`` to return points ``[..., len(dims)]``, or has the methods
+        ``prepare`` and ``points`` of :class:`Sampler`. A method ``check(width, height, spp)`` is optional.
+
+    Returns
+    -------
+    Sampler
+        ``value`` itself, if it is one.
+
+    Raises
+    ------
+    TypeError
+        If it is none.
+    """
+    if isinstance(value, Sampler):
+        return value
+    dims = getattr(value, "dims", None)
+    whole = isinstance(dims, int | np.integer) and not isinstance(dims, bool)
+    if isinstance(value, type) or not whole or not (_prepares(value) or _positional(value) >= 4):
+        raise TypeError(f"{name} must be a sampler ({_PROTOCOL}), got {checks.shown(value)}")
+    return PlugIn(held(name, value))
+
+
+def rounded(values: Any, dtype: DTypeLike) -> Array:
+    """Return floats below 1 in a dtype, and still below 1."""
+    if not jnp.issubdtype(getattr(values, "dtype", None), jnp.floating):
+        raise ValueError(f"sampler must return floats, got {checks.shown(values)}")
+    if values.dtype == dtype:
+        return values
+    with checks.precision(dtype):
+        cast = values.astype(dtype)
+        return jnp.where(values < 1, jnp.minimum(cast, np.asarray(_BELOW_ONE[np.dtype(dtype)], dtype)), cast)
+
+
+def _prepares(value: Any) -> bool:
+    return callable(getattr(value, "prepare", None)) and callable(getattr(value, "points", None))
+
+
+def _positional(value: Any) -> int:
+    """Return how many positional arguments a call takes, 0 if there is no call."""
+    if not callable(value):
+        return 0
+    try:
+        parameters = inspect.signature(value).parameters.values()
+    except (TypeError, ValueError):
+        return 0
+    if any(p.kind is p.VAR_POSITIONAL for p in parameters):
+        return 5
+    return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)

@@ -59,9 +59,7 @@ def in_pairs(sampler, x, y):
     dims = tuple(range(sampler.dims))[::-1]
     state = sampler.prepare(x, y, dims)
     pair = jax.lax.map(
-        lambda k: jnp.stack(
-            sampler.consecutive(state, jnp.broadcast_to(k, x.shape), 2, dims, jnp.float32)
-        ),
+        lambda k: jnp.stack(sampler.consecutive(state, jnp.broadcast_to(k, x.shape), 2, dims, jnp.float32)),
         jnp.arange(SPP // 2, dtype=jnp.uint32),
     )
     return pair.reshape(SPP, *pair.shape[2:]), sampler.points(state, jnp.ones_like(x), dims, jnp.float32)

@@ -145,7 +145,7 @@ class Sampler(abc.ABC):
             If it is out of range, or not what the sampler was made for.
         """
         checks.image_size(width, height)
-        checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
+        checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
 
     def __call__(
         self,

@@ -43,7 +43,8 @@ class Dithered(Sampler):
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the sequence's points, shifted as the pixels say."""
-        values = [rotated(self.sequence, sample, j, self._offset(*state, j), dtype) for j in dims]
+        x, y = state
+        values = [rotated(self.sequence, sample, j, self._offset(x, y, j), dtype) for j in dims]
         return jnp.stack(values, axis=-1)
 
     def _offset(self, x: Array, y: Array, dim: int) -> Array:

@@ -49,7 +49,8 @@ class FullScreen(Sampler):
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the points of the net that fall into pixels."""
-        index = self.net.index_in_cell(*state, self.log_side, sample)
+        x, y = state
+        index = self.net.index_in_cell(x, y, self.log_side, sample)
         # The leading bits of the first two coordinates are the pixel: shifted out, what is left has
         # its full precision at any resolution.
         words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]

@@ -106,7 +106,8 @@ class HaltonFullScreen(Sampler):
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the points of the sequence that fall into pixels."""
-        index, rest = self._index(*state, sample)
+        x, y = state
+        index, rest = self._index(x, y, sample)
         log_columns, _ = _exponents(self.width, self.height)
 
         def coordinate(dim: int) -> Array:

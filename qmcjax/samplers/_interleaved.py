@@ -49,7 +49,7 @@ class Interleaved(Sampler):
         tile = np.uint32(self.tile)
         first = (y % tile * tile + x % tile) * np.uint32(self.spp)
         own = tuple(j for j in dims if j < self._on_screen)
-        return first, self.positions.prepare(x, y, own) if own else None
+        return first, self.positions.prepare(x, y, own) if self.positions and own else None
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the positions inside the pixels, if these have their own, and the points of their blocks."""
@@ -57,7 +57,7 @@ class Interleaved(Sampler):
         own = tuple(j for j in dims if j < self._on_screen)
         shared = tuple(j - self._on_screen for j in dims if j >= self._on_screen)
         parts = []
-        if own:
+        if self.positions and own:
             parts.append(self.positions.points(of_positions, sample, own, dtype))
         if shared:
             parts.append(self.sequence(first + sample, shared, dtype))

@@ -1,11 +1,12 @@
 """Blocks of a linear sequence: what a sample's number adds to the first point of its pixel's block."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from jax import Array
 
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences import BinarySequence
+from qmcjax.sequences import BinarySequence, Sequence
 
 
 @pytree
@@ -32,12 +33,13 @@ class FromBlock(BinarySequence):
         return self.sequence.word(index, dim) ^ self.words[dim]
 
 
-def first_words(sequence, first: Array, dims: tuple[int, ...]):
+def first_words(sequence: Any, first: Array, dims: tuple[int, ...]) -> Any:
     """Return the coordinates of the first points of blocks, in both forms."""
-    linear = sequence._linear
+    linear: Any = sequence._linear
     return tuple({j: form(first, j) for j in dims} for form in (linear.bit_reversed, linear.word))
 
 
-def after(sequence, state):
-    """Return the sequence of the points of blocks: a linear one's are the first point's xor those of block 0."""
-    return sequence._over(FromBlock(sequence._linear, *state))
+def after(sequence: Any, state: Any) -> Sequence:
+    """Return the sequence of the points of blocks: the first point xor those of the first block."""
+    linear: Any = sequence._linear
+    return sequence._over(FromBlock(linear, *state))

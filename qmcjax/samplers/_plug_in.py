@@ -150,7 +150,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
 
 def rounded(values: Any, dtype: DTypeLike) -> Array:
     """Return floats below 1 in a dtype, and still below 1."""
-    if not jnp.issubdtype(getattr(values, "dtype", None), jnp.floating):
+    if not jnp.issubdtype(getattr(values, "dtype", np.bool_), jnp.floating):
         raise ValueError(f"sampler must return floats, got {checks.shown(values)}")
     if values.dtype == dtype:
         return values

@@ -51,7 +51,9 @@ def scrambled_number(order: ScrambledMorton, number: Number, log_count: int, nod
     return _with_last_bit(order, result, number, node) if log_count % 2 else result
 
 
-def scrambled_numbers(order: ScrambledMorton, number: Number, log_counts: Array, log_most: int, node: Array) -> Array:
+def scrambled_numbers(
+    order: ScrambledMorton, number: Number, log_counts: Array, log_most: int, node: Array
+) -> Array:
     """Do the same with as many samples as each pixel has, at most ``2**log_most``."""
     odd = (log_counts & np.uint32(1)) == 1
     digits = log_counts >> 1

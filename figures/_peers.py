@@ -51,7 +51,7 @@ def adaptive(name: str, side: int, spp: int) -> Frame:
 
     def frame(key: int) -> NDArray[np.float32]:
         sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
-        return np.asarray(qj.render(SCENES[name], sampler, side, side, spp, adaptive=True).image)
+        return np.asarray(qj.render_adaptive(SCENES[name], sampler, side, side, spp).image)
 
     return frame
 

@@ -63,7 +63,7 @@ def frame(scene: Any, make: Make, side: int, spp: int, key: int, adaptive: bool)
     sampler = make(side, spp, len(scene.needs), key)
     start = time.perf_counter()
     if adaptive:
-        image = qj.render(scene, sampler, side, side, spp, adaptive=True).image
+        image = qj.render_adaptive(scene, sampler, side, side, spp).image
     else:
         image = qj.render(scene, sampler, side, side, spp)
     image = np.asarray(image)

@@ -132,7 +132,7 @@ def _compared(scene: Any, size: Size, spp: int) -> dict[str, float]:
 
 def _skipped(scene: Any, size: Size, spp: int) -> Any:
     sampler = _sweep.SAMPLERS[_sweep.ADAPTIVE](size.side, spp, len(scene.needs), 0)
-    return qj.render(scene, sampler, size.side, size.side, spp, adaptive=True)
+    return qj.render_adaptive(scene, sampler, size.side, size.side, spp)
 
 
 def _draw_skipping(
@@ -176,13 +176,12 @@ def _until(scene: Any, size: Size, unbiased: bool) -> tuple[Any, dict[str, float
         return samplers.contiguous(order, sequences.owen(sequences.sobol(dims), key), PER_PASS)
 
     results = [
-        qj.render(
+        qj.render_adaptive(
             scene,
             samplers.randomized(one_pass, key, PER_PASS),
             side,
             side,
             PER_PASS * size.passes,
-            adaptive=True,
             tolerance=TOLERANCE,
             unbiased=unbiased,
         )

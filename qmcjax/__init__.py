@@ -18,7 +18,9 @@ from qmcjax.core.pytrees import pytree as pytree
 from qmcjax.integrate import integrate as integrate
 from qmcjax.rendering import AdaptiveImage as AdaptiveImage
 from qmcjax.rendering import boundary_gradient as boundary_gradient
+from qmcjax.rendering import estimated_reference as estimated_reference
 from qmcjax.rendering import render as render
+from qmcjax.rendering import render_adaptive as render_adaptive
 from qmcjax.rendering import render_layers as render_layers
 from qmcjax.rendering import render_passes as render_passes
 

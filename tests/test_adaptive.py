@@ -108,7 +108,7 @@ def passes(make=lambda key: samplers.independent(sequences.uniform(2, key), key)
 def test_image_is_the_same_and_counts_are_what_was_taken(dtype):
     scene, sampler = Quadrants(20.0), along(SIDE, SPP, 4)
     whole = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=dtype)
-    result = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=dtype, adaptive=True)
+    result = qj.render_adaptive(scene, sampler, SIDE, SIDE, SPP, dtype=dtype)
     assert result.image.dtype == dtype
     assert result.counts.dtype == np.uint32
     np.testing.assert_allclose(result.image, whole, rtol=0, atol=4 * float(jnp.finfo(dtype).eps))
@@ -120,7 +120,7 @@ def test_image_is_the_same_and_counts_are_what_was_taken(dtype):
 
 def test_only_coordinates_that_vary_are_generated():
     Asked.log.clear()
-    result = qj.render(Quadrants(30.0), Asked(along(SIDE, SPP, 4)), SIDE, SIDE, SPP, adaptive=True)
+    result = qj.render_adaptive(Quadrants(30.0), Asked(along(SIDE, SPP, 4)), SIDE, SIDE, SPP)
     assert set(Asked.log) == {(0, 1), (3,), (0, 1, 3)}
     assert 0 < result.saving < 0.25
 
@@ -128,7 +128,7 @@ def test_only_coordinates_that_vary_are_generated():
 @pytest.mark.slow
 def test_more_coordinates_than_bits():
     scene, sampler = Wide(0.5), samplers.independent(sequences.sobol(40), key=1)
-    result = qj.render(scene, sampler, 8, 8, SPP, adaptive=True)
+    result = qj.render_adaptive(scene, sampler, 8, 8, SPP)
     np.testing.assert_allclose(result.image, qj.render(scene, sampler, 8, 8, SPP), rtol=0, atol=1e-6)
     np.testing.assert_array_equal(result.counts[:, 3:], 1)
     np.testing.assert_array_equal(result.counts[:, :2], SPP)
@@ -136,7 +136,7 @@ def test_more_coordinates_than_bits():
 
 def test_scenes_that_say_nothing_are_sampled_everywhere():
     scene, sampler = scenes.zone_plate(10.0), along(SIDE, SPP)
-    result = qj.render(scene, sampler, SIDE, SIDE, SPP, adaptive=True)
+    result = qj.render_adaptive(scene, sampler, SIDE, SIDE, SPP)
     np.testing.assert_allclose(result.image, qj.render(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=1e-6)
     assert result.saving == 0
     assert (result.counts == SPP).all()
@@ -144,23 +144,23 @@ def test_scenes_that_say_nothing_are_sampled_everywhere():
 
 def test_new_parameters_compile_nothing():
     sampler = Asked(along(SIDE, SPP, 4))
-    qj.render(Quadrants(20.0), sampler, SIDE, SIDE, SPP, adaptive=True)
+    qj.render_adaptive(Quadrants(20.0), sampler, SIDE, SIDE, SPP)
     Asked.log.clear()
     for period in (21.0, 22.0):
-        qj.render(Quadrants(period), sampler, SIDE, SIDE, SPP, adaptive=True)
+        qj.render_adaptive(Quadrants(period), sampler, SIDE, SIDE, SPP)
     assert not Asked.log
 
 
 def test_passes_go_on_until_the_error_is_small():
     scene, tolerance = scenes.zone_plate(30.0), 0.02
-    result = qj.render(scene, passes(), SIDE, SIDE, 4096, adaptive=True, tolerance=tolerance)
+    result = qj.render_adaptive(scene, passes(), SIDE, SIDE, 4096, tolerance=tolerance)
     error = np.asarray(result.image, np.float64) - scene.reference(SIDE, SIDE)[0]
     assert 0.5 * tolerance < np.sqrt(np.mean(error**2)) < tolerance
     assert (result.counts % 4 == 0).all()
     assert result.counts.min() >= 16
     assert result.counts.max() > 2 * result.counts.min()
     assert 0.5 < result.saving < 1
-    limited = qj.render(scene, passes(), SIDE, SIDE, 64, adaptive=True, tolerance=tolerance)
+    limited = qj.render_adaptive(scene, passes(), SIDE, SIDE, 64, tolerance=tolerance)
     assert limited.counts.max() == 64
 
 
@@ -169,9 +169,7 @@ def test_unbiased_when_asked_for(unbiased):
     """Four passes of four samples in nine pixels see no spike with probability (1 - width)^144, 0.56."""
     scene, images = Spike(0.004), []
     for key in range(30):
-        result = qj.render(
-            scene, passes(key=key), 4, 4, 1024, adaptive=True, tolerance=0.004, unbiased=unbiased
-        )
+        result = qj.render_adaptive(scene, passes(key=key), 4, 4, 1024, tolerance=0.004, unbiased=unbiased)
         images.append(np.asarray(result.image, np.float64).mean())
         assert result.counts.min() >= (20 if unbiased else 16)
         assert result.counts.max() <= 1024
@@ -183,7 +181,7 @@ def test_unbiased_when_asked_for(unbiased):
 def test_constant_pixels_take_no_passes():
     scene = Quadrants(20.0)
     sampler = passes(lambda key: samplers.independent(sequences.uniform(4, key), key))
-    result = qj.render(scene, sampler, SIDE, SIDE, 32, adaptive=True, tolerance=1e-9)
+    result = qj.render_adaptive(scene, sampler, SIDE, SIDE, 32, tolerance=1e-9)
     assert (result.counts[:9, :9] == 1).all()
     assert (result.counts[10:, 10:] == 32).all()
     np.testing.assert_array_equal(result.image[:9, :9], [[[0.25, 0.75, 0.1875]] * 9] * 9)
@@ -193,54 +191,62 @@ def test_progress_is_reported_and_ends():
     options: list[dict[str, Any]] = [{}, {"tolerance": 0.1}]
     for more in options:
         seen: list[float] = []
-        qj.render(
-            scenes.zone_plate(10.0), passes(), SIDE, SIDE, 64, adaptive=True, progress=seen.append, **more
-        )
+        qj.render_adaptive(scenes.zone_plate(10.0), passes(), SIDE, SIDE, 64, progress=seen.append, **more)
         assert seen == sorted(seen)
         assert seen[0] > 0
         assert seen[-1] == 1
 
 
-@pytest.mark.parametrize("adaptive", [True, False])
-def test_values_that_are_not_finite_are_found_and_named(adaptive):
+@pytest.mark.parametrize("render", [qj.render, qj.render_adaptive])
+def test_values_that_are_not_finite_are_found_and_named(render):
     """Points 12, 13, 14 and 15 have 4, 13, 22 and 7 27ths of the height: 22/27 / 4 is above 0.15."""
     sampler = samplers.contiguous(orders.raster(4, 4), sequences.halton(2), 4)
     with pytest.raises(ValueError, match=r"got nan in pixel \(3, 0\), sample 2, point \[0.859375, 0.2037"):
-        qj.render(NotANumber(0.75), sampler, 4, 4, 4, adaptive=adaptive)
+        render(NotANumber(0.75), sampler, 4, 4, 4)
 
 
 @pytest.mark.parametrize(
-    ("sampler", "spp", "more", "message"),
+    ("error", "sampler", "spp", "more", "message"),
     [
-        (along(4, 4), 4, {"tolerance": 0.1}, "adaptive must be True for a tolerance"),
-        (along(4, 4), 4, {"adaptive": True, "tolerance": 0.1}, "samplers.randomized .* got Contiguous"),
-        (passes(), 16, {"adaptive": True, "tolerance": "a"}, "tolerance must be positive .* 'a'"),
-        (passes(), 16, {"adaptive": True, "tolerance": np.ones(2)}, "tolerance must be one number"),
-        (passes(), 16, {"adaptive": True, "tolerance": 0.0}, "tolerance must be positive .* 0.0"),
-        (passes(), 18, {"adaptive": True, "tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
-        (passes(), 12, {"adaptive": True, "tolerance": 0.1}, "at least 16 .* got 12"),
-        (passes(), 16, {"adaptive": True, "tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),
-        (along(4, 4), 4, {"adaptive": True, "unbiased": True}, "unbiased must be False without"),
+        (TypeError, along(4, 4), 4, {"tolerance": 0.1}, "samplers.randomized .* got .*Contiguous"),
+        (TypeError, passes(), 16, {"tolerance": "a"}, "tolerance must be positive .* 'a'"),
+        (TypeError, passes(), 16, {"tolerance": np.ones(2)}, "tolerance must be one number"),
+        (ValueError, passes(), 16, {"tolerance": 0.0}, "tolerance must be positive .* 0.0"),
+        (ValueError, passes(), 18, {"tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
+        (ValueError, passes(), 12, {"tolerance": 0.1}, "at least 16 .* got 12"),
+        (ValueError, passes(), 16, {"tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),
+        (TypeError, passes(), 16, {"tolerance": 0.1, "unbiased": 1}, "unbiased must be True or False, got 1"),
+        (ValueError, along(4, 4), 4, {"unbiased": True}, "unbiased must be False without"),
     ],
 )
-def test_bad_input_is_named(sampler, spp, more, message):
-    with pytest.raises(ValueError, match=message):
-        qj.render(scenes.zone_plate(10.0), sampler, 4, 4, spp, **more)
+def test_bad_input_is_named(error, sampler, spp, more, message):
+    with pytest.raises(error, match=message):
+        qj.render_adaptive(scenes.zone_plate(10.0), sampler, 4, 4, spp, **more)
 
 
-def test_not_for_transformations():
+@pytest.mark.parametrize(
+    "transformed",
+    [
+        lambda total: jax.grad(total)(10.0),
+        lambda total: jax.vmap(total)(jnp.ones(2)),
+        lambda total: jax.jit(lambda: total(10.0))(),
+    ],
+)
+def test_not_for_transformations(transformed):
+    """Inside jit also a scene whose parameters are known."""
+
     def total(frequency):
-        return qj.render(scenes.zone_plate(frequency), along(4, 4), 4, 4, 4, adaptive=True).image.sum()
+        return qj.render_adaptive(scenes.zone_plate(frequency), along(4, 4), 4, 4, 4).image.sum()
 
-    with pytest.raises(ValueError, match=r"adaptive=True .* got a tracer"):
-        jax.grad(total)(10.0)
+    with pytest.raises(TypeError, match=r"render_adaptive decides on values.* got a tracer"):
+        transformed(total)
 
 
 @pytest.mark.parametrize("unbiased", [True, False])
 def test_passes_that_are_not_finite_are_named(unbiased):
     """The pilot is not part of the image, and its values count, too."""
     with pytest.raises(ValueError, match=r"scene must return finite values, got nan in pixel \(3, "):
-        qj.render(NotANumber(0.75), passes(), 4, 4, 64, adaptive=True, tolerance=0.01, unbiased=unbiased)
+        qj.render_adaptive(NotANumber(0.75), passes(), 4, 4, 64, tolerance=0.01, unbiased=unbiased)
 
 
 @pytest.mark.parametrize(
@@ -266,10 +272,10 @@ def test_what_varies_must_be_told_for_each_coordinate(bits, message):
             return bits(low)
 
     with pytest.raises(ValueError, match=message):
-        qj.render(Wrong(), along(4, 4), 4, 4, 4, adaptive=True)
+        qj.render_adaptive(Wrong(), along(4, 4), 4, 4, 4)
 
 
 def test_progress_of_a_constant_image():
     seen = []
-    qj.render(scenes.disc((5.0, 5.0), 0.1), along(4, 4), 4, 4, 4, adaptive=True, progress=seen.append)
+    qj.render_adaptive(scenes.disc((5.0, 5.0), 0.1), along(4, 4), 4, 4, 4, progress=seen.append)
     assert seen == [1.0]

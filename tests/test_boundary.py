@@ -218,16 +218,29 @@ def test_any_n_counts_each_point_once():
 
 
 def test_a_new_parameter_does_not_compile():
-    from qmcjax.rendering._boundary import _gradient
+    """Nor does a new number of points in as many blocks."""
+    traces = []
 
-    made = [
-        boundary_gradient(scenes.disc(radius=r), sequences.van_der_corput(), 8, 8, n)
-        for r, n in ((0.2, 64), (0.3, 65))
-    ]
-    before = _gradient._cache_size()
-    boundary_gradient(scenes.disc(radius=0.4), sequences.van_der_corput(), 8, 8, 66)
-    assert _gradient._cache_size() == before
-    assert made[0].radius.sum() < made[1].radius.sum()
+    @pytree
+    @dataclass(frozen=True)
+    class Counted:
+        radius: jax.Array
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            return scenes.disc(radius=self.radius)(point)
+
+        def boundary(self, u):
+            traces.append(1)
+            return scenes.disc(radius=self.radius).boundary(u)
+
+    def total(radius, n):
+        gradient = boundary_gradient(Counted(radius), sequences.van_der_corput(), 8, 8, n)
+        assert float(gradient.radius.sum()) == pytest.approx(float(128 * np.pi * radius), rel=1e-3)
+        return len(traces)
+
+    once = total(jnp.float32(0.2), 64)
+    assert total(jnp.float32(0.3), 65) == once > 0
 
 
 @pytest.mark.slow
@@ -243,7 +256,6 @@ def test_inside_a_program():
 @pytest.mark.parametrize(
     "call, message",
     [
-        (lambda: estimate(scenes.zone_plate()), "scene must have boundary.*ZonePlate"),
         (
             lambda: estimate(scenes.checkerboard()),
             "finitely many edges, got a Checker.*flat_checkerboard",
@@ -252,13 +264,38 @@ def test_inside_a_program():
         (lambda: estimate(scenes.heaviside(4)), "sequence must have the 3 dimensions.*Heaviside.*got 1"),
         (lambda: estimate(scenes.disc(), n=0), "n must be an integer in .1, 2147483648., got 0"),
         (lambda: estimate(scenes.disc(), width=0), "width must be an integer"),
-        (lambda: estimate(scenes.disc(), height=2.5), "height must be an integer.*2.5"),
         (lambda: estimate(scenes.disc(), 65536, 65536), "width times height must be below 2"),
         (lambda: estimate(scenes.disc(), dtype=jnp.float16), "dtype must be .*float16"),
     ],
 )
-def test_bad_input(call, message):
+def test_bad_values_are_named(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+class WithoutParameters:
+    """An object of a plain class, whose gradients have no place to go to."""
+
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return point[..., 0]
+
+    def boundary(self, u):
+        return u, u[..., 0]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: estimate(scenes.zone_plate()), "scene must have boundary.*ZonePlate"),
+        (lambda: estimate(scenes.disc(), height=2.5), "height must be an integer.*2.5"),
+        (lambda: estimate(None), "scene must be a scene .* got None"),
+        (lambda: estimate(WithoutParameters()), "scene must be a pytree, whose arrays are the parameters"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
         call()
 
 
@@ -269,6 +306,9 @@ class Flat:
 
     level: float = 0.5
     needs = ("x", "y")
+
+    def __call__(self, point):
+        return point[..., 0]
 
     def boundary(self, u):
         return u * self.level, u[..., 0]

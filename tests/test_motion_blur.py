@@ -143,7 +143,7 @@ def test_shade_of_the_object():
     render = partial(qj.render_layers, LAYERS["moving"], LAYERS["still"], sampler, 8, 8, 512, 4)
     white, black = (np.asarray(render(shade=shade).image) for shade in (1.0, 0.0))
     np.testing.assert_allclose(white - black, LAYERS["moving"].reference(8, 8)[0], atol=0.02)
-    with pytest.raises(ValueError, match="shade must be finite, got nan"):
+    with pytest.raises(ValueError, match="shade must be a finite number, got nan"):
         render(shade=float("nan"))
 
 

@@ -73,7 +73,7 @@ def test_the_image_is_the_same_from_fewer_samples(name, width, height, make):
     scene = SCENES[name]
     sampler = make(width, height, len(scene.needs))
     whole = np.asarray(qj.render(scene, sampler, width, height, SPP), np.float64)
-    result = qj.render(scene, sampler, width, height, SPP, adaptive=True)
+    result = qj.render_adaptive(scene, sampler, width, height, SPP)
     image, eps = np.asarray(result.image, np.float64), float(np.finfo(np.float32).eps)
     assert abs(image - whole).max() <= 4 * eps
 
@@ -99,10 +99,10 @@ def integer_operations(scene):
     """
     width, height, dims = 8, 8, tuple(range(len(scene.needs)))
     sampler = along(width, height, 4)
-    state = _accumulation.zeros(scene, (height, width), jnp.float32, "")
+    state = _accumulation.zeros(scene, (height, width), jnp.float32)
     none = jnp.uint32(0)
     lowered = _accumulation.accumulate.lower(
-        (scene, sampler), None, state, none, none, width, height, 2, dims, str(dims)
+        (scene, sampler), None, state, none, none, width, height, 2, dims
     )
     lines = [re.sub(r"[%@]\w+(#\d)?", "%", line).strip() for line in lowered.as_text().splitlines()]
     return [line for line in lines if "ui32" in line and line.startswith("% =") and "while" not in line]

@@ -4,12 +4,12 @@ import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, TypeVar, cast
+from typing import Any, Generic, TypeVar
 
 import jax
 
 T = TypeVar("T", bound=type)
-F = TypeVar("F", bound=Callable[..., Any])
+R = TypeVar("R")
 
 
 def pytree(cls: T) -> T:
@@ -53,7 +53,34 @@ def pytree(cls: T) -> T:
     return cls
 
 
-def jit(*static_argnames: str) -> Callable[[F], F]:
+class Compiled(Generic[R]):
+    """A compiled function; see :func:`jit`."""
+
+    def __init__(self, function: Callable[..., R], static_argnames: tuple[str, ...]) -> None:
+        names = list(inspect.signature(function).parameters)
+        self._dynamic = [place for place, name in enumerate(names) if name not in static_argnames]
+
+        def with_classes(classes: str, *args: Any) -> Any:
+            del classes
+            return function(*args)
+
+        static = (0, *(1 + names.index(name) for name in static_argnames))
+        self._compiled = jax.jit(with_classes, static_argnums=static)
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *args: Any) -> R:
+        """Run the program for the classes and shapes of the arguments."""
+        return self._compiled(self._classes(args), *args)
+
+    def lower(self, *args: Any) -> Any:
+        """Return the program before it is compiled, as functions of ``jax.jit`` do."""
+        return self._compiled.lower(self._classes(args), *args)
+
+    def _classes(self, args: tuple[Any, ...]) -> str:
+        return str(jax.tree.structure([args[place] for place in self._dynamic]))
+
+
+def jit(*static_argnames: str) -> Callable[[Callable[..., R]], Compiled[R]]:
     """Decorate a function like ``jax.jit``, in whose cache the classes of all arguments count.
 
     Plug-ins may be dataclasses registered with JAX, which takes them for one another (see :func:`pytree`).
@@ -68,22 +95,4 @@ def jit(*static_argnames: str) -> Callable[[F], F]:
     callable
         A decorator of functions that are called with positional arguments only.
     """
-
-    def decorate(function: F) -> F:
-        names = list(inspect.signature(function).parameters)
-        dynamic = [place for place, name in enumerate(names) if name not in static_argnames]
-
-        def with_classes(classes: str, *args: Any) -> Any:
-            del classes
-            return function(*args)
-
-        static = (0, *(1 + names.index(name) for name in static_argnames))
-        compiled = jax.jit(with_classes, static_argnums=static)
-
-        @functools.wraps(function)
-        def call(*args: Any) -> Any:
-            return compiled(str(jax.tree.structure([args[place] for place in dynamic])), *args)
-
-        return cast(F, call)
-
-    return decorate
+    return lambda function: Compiled(function, static_argnames)

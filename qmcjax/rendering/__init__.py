@@ -2,7 +2,9 @@
 
 from qmcjax.rendering._adaptive import AdaptiveImage as AdaptiveImage
 from qmcjax.rendering._boundary import boundary_gradient as boundary_gradient
+from qmcjax.rendering._estimated_reference import estimated_reference as estimated_reference
 from qmcjax.rendering._layers import render_layers as render_layers
 from qmcjax.rendering._passes import Passes as Passes
 from qmcjax.rendering._passes import render_passes as render_passes
 from qmcjax.rendering._render import render as render
+from qmcjax.rendering._render_adaptive import render_adaptive as render_adaptive

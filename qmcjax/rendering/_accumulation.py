@@ -1,6 +1,5 @@
 """Sums of samples over pixels: all of an image, or a list of them."""
 
-from functools import partial
 from typing import Any
 
 import jax
@@ -10,13 +9,14 @@ from jax import Array
 from numpy.typing import DTypeLike
 
 from qmcjax.core import summation
+from qmcjax.core.pytrees import jit
 from qmcjax.core.summation import State
 
 Pixels = tuple[Array, Array]
 """Columns and rows."""
 
 
-@partial(jax.jit, static_argnames=("width", "height", "batch", "dims", "classes"))
+@jit("width", "height", "batch", "dims")
 def accumulate(
     pair: tuple[Any, Any],
     pixels: Pixels | None,
@@ -27,15 +27,11 @@ def accumulate(
     height: int,
     batch: int,
     dims: tuple[int, ...],
-    classes: str,
 ) -> State:
     """Add ``batches`` times ``batch`` samples of every pixel.
 
     ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first two).
-    ``classes`` is the structure of the pair in words, part of the cache's key: plug-ins may be dataclasses
-    that JAX takes for one another, see `qmcjax.core.pytrees`.
     """
-    del classes
     scene, sampler = pair
     prepared = sampler.prepare(*(pixels or of_image(width, height)), dims)
 
@@ -44,7 +40,7 @@ def accumulate(
         x, y = pixels or of_image(width, height)
         block = jnp.broadcast_to(k, x.shape)
         points = sampler.consecutive(prepared, block, batch, dims, state[0].dtype)
-        points = [completed(point, dims, len(scene.needs)) for point in points]
+        points = [with_all_dims(point, dims, len(scene.needs)) for point in points]
         return summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
 
     return summation.add_terms(batch_sum, True, (scene, sampler, prepared, pixels), state, first, batches)
@@ -63,7 +59,7 @@ def of_image(width: int, height: int) -> Pixels:
     return jax.lax.broadcasted_iota(jnp.uint32, shape, 1), jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
 
 
-def completed(point: Array, dims: tuple[int, ...], count: int) -> Array:
+def with_all_dims(point: Array, dims: tuple[int, ...], count: int) -> Array:
     """Return points of ``count`` coordinates of which ``dims`` are given."""
     if dims == tuple(range(count)):
         return point
@@ -84,10 +80,9 @@ def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Arra
     return jnp.stack([*screen, *(point[..., j] for j in range(2, point.shape[-1]))], axis=-1)
 
 
-@partial(jax.jit, static_argnames=("shape", "dtype", "classes"))
-def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike, classes: str) -> State:
+@jit("shape", "dtype")
+def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike) -> State:
     """Return the empty sum of values of a scene at pixels of a shape."""
-    del classes
     point = jax.ShapeDtypeStruct((*shape, len(scene.needs)), dtype)
     values = jax.eval_shape(scene, point)
     if values.dtype != dtype or values.shape[: len(shape)] != shape or len(values.shape) > len(shape) + 1:

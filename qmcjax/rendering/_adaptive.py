@@ -2,24 +2,20 @@
 
 import math
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
-from qmcjax.samplers import as_sampler
+from qmcjax.rendering._task import Task
 
 _SIZES = (16384, 4096, 1024, 256)
 """Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
-
-_SEARCHED = 2**16
-"""Samples of a pixel that are looked through at a time for the one that is not finite."""
 
 Group = tuple[tuple[int, ...], NDArray[np.intp]]
 """Coordinates that vary, and the pixels in which they and no others do."""
@@ -34,17 +30,6 @@ class AdaptiveImage(NamedTuple):
     """Shape (height, width): samples taken in each pixel."""
     saving: float
     """The part of all width * height * spp samples that was not taken."""
-
-
-class Task(NamedTuple):
-    """What is rendered."""
-
-    scene: Any
-    sampler: Any
-    width: int
-    height: int
-    spp: int
-    dtype: np.dtype
 
 
 def skipping(task: Task, progress: Callable[[float], None]) -> AdaptiveImage:
@@ -68,14 +53,11 @@ def plan(task: Task) -> tuple[NDArray, list[Group]]:
     varies = getattr(task.scene, "varies", None)
     every = tuple(range(len(task.scene.needs)))
     with checks.precision(task.dtype):
-        classes = str(jax.tree.structure(task.scene))
-        centre, vary, codes = _centres(
-            task.scene, task.width, task.height, task.dtype, varies is not None, classes
-        )
+        centre, vary, codes = _centres(task.scene, task.width, task.height, task.dtype, varies is not None)
         image = np.array(centre)
     if varies is None:
         return image, [(every, np.arange(task.width * task.height))]
-    rest = np.flatnonzero(vary)
+    rest = np.flatnonzero(np.asarray(vary))
     codes = np.asarray(codes).ravel()[rest]
     groups = []
     while len(rest):
@@ -92,12 +74,11 @@ def _bit(dim: int) -> int:
     return min(max(dim - 1, 0), 31)
 
 
-@partial(jax.jit, static_argnames=("width", "height", "dtype", "varies", "classes"))
+@jit("width", "height", "dtype", "varies")
 def _centres(
-    scene: Any, width: int, height: int, dtype: np.dtype, varies: bool, classes: str
+    scene: Any, width: int, height: int, dtype: np.dtype, varies: bool
 ) -> tuple[Array, Array | None, Array | None]:
     """Return the values at the centres of all pixels, whether they vary, and a word of bits for what does."""
-    del classes
     x, y = _accumulation.of_image(width, height)
     count = len(scene.needs)
     half = jnp.full((*x.shape, count), 0.5, dtype)
@@ -128,20 +109,19 @@ def _centres(
 
 def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray, NDArray]]:
     """Yield the means of all samples, for one part of the pixels after the other."""
-    sampler = as_sampler("sampler", task.sampler).up_to(task.spp)
+    sampler = task.sampler.up_to(task.spp)
     batch = math.gcd(task.spp, sampler.unrolled(dims))
     pair, size = (task.scene, sampler), (task.width, task.height)
-    classes = str(jax.tree.structure(pair))
     with checks.precision(task.dtype):
         begun = [
-            (part, _means(pair, padded, np.uint32(task.spp), *size, batch, dims, task.dtype, classes))
+            (part, _means(pair, padded, np.uint32(task.spp), *size, batch, dims, task.dtype))
             for part, padded in _parts(pixels)
         ]
         for part, values in begun:
             yield part, np.asarray(values)[: len(part)]
 
 
-@partial(jax.jit, static_argnames=("width", "height", "batch", "dims", "dtype", "classes"))
+@jit("width", "height", "batch", "dims", "dtype")
 def _means(
     pair: tuple[Any, Any],
     numbers: Array,
@@ -151,15 +131,12 @@ def _means(
     batch: int,
     dims: tuple[int, ...],
     dtype: np.dtype,
-    classes: str,
 ) -> Array:
     """Return the means over pixels by their numbers."""
     pixels = numbers % np.uint32(width), numbers // np.uint32(width)
-    state = _accumulation.zeros(pair[0], numbers.shape, dtype, classes)
+    state = _accumulation.zeros(pair[0], numbers.shape, dtype)
     batches = spp // np.uint32(batch)
-    state = _accumulation.accumulate(
-        pair, pixels, state, jnp.uint32(0), batches, width, height, batch, dims, classes
-    )
+    state = _accumulation.accumulate(pair, pixels, state, jnp.uint32(0), batches, width, height, batch, dims)
     return _accumulation.mean(state, spp)[0]
 
 
@@ -183,26 +160,3 @@ def result(task: Task, image: NDArray, counts: NDArray[np.uint32]) -> AdaptiveIm
     every = task.width * task.height * task.spp
     with checks.precision(task.dtype):
         return AdaptiveImage(jnp.asarray(image), counts, 1 - int(counts.sum(dtype=np.uint64)) / every)
-
-
-def refuse(task: Task, image: Array | NDArray) -> None:
-    """Raise a ValueError that names the first sample whose value is not finite."""
-    with checks.precision(task.dtype):
-        flat = np.asarray(image).reshape(task.width * task.height, -1)
-        pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
-        x, y, dims = pixel % task.width, pixel // task.width, tuple(range(len(task.scene.needs)))
-        for first in range(0, task.spp, _SEARCHED):
-            samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
-            points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
-            where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
-            points = _accumulation.on_screen(points, *where, task.width, task.height)
-            values = np.asarray(task.scene(points)).reshape(len(samples), -1)
-            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-            if len(bad):
-                raise ValueError(
-                    f"scene must return finite values, got {values[bad[0]].squeeze()} in pixel ({x}, {y}), "
-                    f"sample {first + bad[0]}, point {np.asarray(points[bad[0]]).tolist()}"
-                )
-        raise ValueError(
-            f"scene must return finite values, got {flat[pixel]} as the mean of pixel ({x}, {y})"
-        )

@@ -1,6 +1,5 @@
 """Derivatives of pixel means with respect to what moves the edges of a scene."""
 
-from functools import partial
 from typing import Any
 
 import jax
@@ -11,6 +10,8 @@ from jax.flatten_util import ravel_pytree
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, summation
+from qmcjax.core.pytrees import jit
+from qmcjax.scenes import as_scene
 from qmcjax.sequences import Sequence
 
 __all__ = ["boundary_gradient"]
@@ -73,9 +74,11 @@ def boundary_gradient(
 
     Raises
     ------
+    TypeError
+        If an argument is not what it is named for, or the scene has no ``boundary`` or no parameters.
     ValueError
-        If the scene has no ``boundary`` or infinitely many edges, the sequence has too few dimensions or
-        points, or a size is out of range.
+        If the scene has infinitely many edges, the sequence has too few dimensions or points, or a size is
+        out of range.
 
     Notes
     -----
@@ -95,17 +98,24 @@ def boundary_gradient(
     >>> print(boundary_gradient(scene, sequences.van_der_corput(), 2, 1, 256).offset.round(3))
     [[2. 0.]]
     """
-    width = checks.integer("width", width, 1, 65536)
-    height = checks.integer("height", height, 1, 65536)
+    scene = as_scene("scene", scene)
+    width, height = checks.image_size(width, height)
     dtype = checks.floating(dtype)
     if not hasattr(scene, "boundary"):
-        raise ValueError(
-            f"scene must have boundary(u), got {scene!r}: without edges, jax.grad of a mean is right"
+        raise TypeError(
+            f"scene must have boundary(u), got {checks.shown(scene)}: without edges, jax.grad of a mean is "
+            "right"
+        )
+    if not jax.tree.leaves(scene):
+        raise TypeError(
+            "scene must be a pytree, whose arrays are the parameters that gradients are wanted of, got "
+            f"{checks.shown(scene)} without any"
         )
     free = len(scene.needs) - 1
     if sequence.dims < free:
         raise ValueError(
-            f"sequence must have the {free} dimensions of the edges of {scene!r}, got {sequence.dims}"
+            f"sequence must have the {free} dimensions of the edges of {checks.shown(scene)}, got "
+            f"{sequence.dims}"
         )
     n = checks.integer("n", n, 1, min(sequence.limit, 2**31))
     if width * height >= 2**31:
@@ -116,15 +126,11 @@ def boundary_gradient(
     rows = min(max(width * height, least), max(largest * 16 // max(numbers, 16), least))
     with checks.precision(dtype):
         scene = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
-        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.core.pytrees.
-        classes = str(jax.tree.structure((scene, sequence)))
         blocks = -(-n // rows)
-        return _gradient(
-            scene, sequence, np.uint32(n), np.uint32(blocks), width, height, rows, dtype, classes
-        )
+        return _gradient(scene, sequence, np.uint32(n), np.uint32(blocks), width, height, rows, dtype)
 
 
-@partial(jax.jit, static_argnames=("width", "height", "rows", "dtype", "classes"))
+@jit("width", "height", "rows", "dtype")
 def _gradient(
     scene: Any,
     sequence: Sequence,
@@ -134,9 +140,7 @@ def _gradient(
     height: int,
     rows: int,
     dtype: DTypeLike,
-    classes: str,
 ) -> Any:
-    del classes  # Part of the cache's key.
     leaves, tree = jax.tree.flatten(scene)
 
     def block(parameters: Any, k: Array) -> Array:

@@ -8,7 +8,8 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.rendering._adaptive import AdaptiveImage
-from qmcjax.rendering._render import render
+from qmcjax.rendering._render_adaptive import render_adaptive
+from qmcjax.scenes import as_scene
 
 __all__ = ["render_layers"]
 
@@ -57,8 +58,8 @@ def render_layers(
 
     Raises
     ------
-    ValueError
-        As :func:`qmcjax.render` does, for each layer, or if ``shade`` is not finite.
+    TypeError, ValueError
+        As :func:`qmcjax.render_adaptive` does, for each layer, or if ``shade`` is not a finite number.
 
     Notes
     -----
@@ -80,11 +81,13 @@ def render_layers(
     >>> print(result.image.shape, int(result.counts.min()), int(result.counts.max()))
     (32, 32) 2 68
     """
-    if isinstance(shade, bool) or not isinstance(shade, int | float | np.floating) or not np.isfinite(shade):
-        raise ValueError(f"shade must be finite, got {shade!r}")
-    options: dict[str, Any] = {"dtype": dtype, "adaptive": True}
-    cover = render(moving, sampler, width, height, spp, **options)
-    behind = render(still, sampler, width, height, still_spp, **options)
+    moving, still = as_scene("moving", moving), as_scene("still", still)
+    if isinstance(shade, bool) or not isinstance(shade, int | float | np.integer | np.floating):
+        raise TypeError(f"shade must be a finite number, got {checks.shown(shade)}")
+    if not np.isfinite(shade):
+        raise ValueError(f"shade must be a finite number, got {shade!r}")
+    cover = render_adaptive(moving, sampler, width, height, spp, dtype=dtype)
+    behind = render_adaptive(still, sampler, width, height, still_spp, dtype=dtype)
     counts = cover.counts + behind.counts
     every = width * height * (spp + still_spp)
     with checks.precision(checks.floating(dtype)):

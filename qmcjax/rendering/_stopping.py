@@ -8,7 +8,8 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.rendering._adaptive import AdaptiveImage, Group, Task, flat, means, plan, refuse, result
+from qmcjax.rendering._adaptive import AdaptiveImage, Group, flat, means, plan, result
+from qmcjax.rendering._task import Task, refuse
 
 PILOT = 4
 """Passes before the first decision."""

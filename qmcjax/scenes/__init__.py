@@ -29,6 +29,8 @@ from qmcjax.scenes._moving_edge import MovingEdge as MovingEdge
 from qmcjax.scenes._moving_edge import moving_edge as moving_edge
 from qmcjax.scenes._path_toy import PathToy as PathToy
 from qmcjax.scenes._path_toy import path_toy as path_toy
+from qmcjax.scenes._plug_in import as_scene as as_scene
+from qmcjax.scenes._plug_in import function as function
 from qmcjax.scenes._product import Product as Product
 from qmcjax.scenes._product import product as product
 from qmcjax.scenes._ramp import Ramp as Ramp

@@ -78,8 +78,7 @@ class ExactScene(abc.ABC):
         ValueError
             If the resolution is out of range.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+        width, height = checks.image_size(width, height)
         return self._pixel_means(width, height)
 
     @abc.abstractmethod

@@ -89,8 +89,7 @@ class Disc(ExactScene):
         A moved circle sweeps the integral of its normal (cos, sin) over the arcs in a pixel, a growing one
         their length.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+        width, height = checks.image_size(width, height)
         scene = in_float64(self)
         radius = float(scene.radius)
         across = (np.arange(width + 1) / width - scene.centre[0]) / radius

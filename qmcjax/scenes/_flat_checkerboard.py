@@ -91,8 +91,7 @@ class FlatCheckerboard(ExactScene):
 
     def reference_gradient(self, width: int, height: int) -> tuple["FlatCheckerboard", float]:
         """Return the exact derivatives of the pixel means; see `Scene`."""
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+        width, height = checks.image_size(width, height)
         squares, angle, bound = _flat_checkerboard_reference.pixel_gradients(
             float(self.squares), float(self.angle), width, height
         )

@@ -84,8 +84,7 @@ class HalfPlanes(ExactScene):
         An edge that its offset moves sweeps its length; turned about the origin, a point at ``s`` along the
         edge moves across it by ``-s``: the mean over a piece is that of its middle.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+        width, height = checks.image_size(width, height)
         scene = in_float64(self)
         normal = np.array([np.cos(scene.angle), np.sin(scene.angle)])
         tangent = np.array([-normal[1], normal[0]])

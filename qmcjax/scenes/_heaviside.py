@@ -83,8 +83,7 @@ class Heaviside(ExactScene):
         Within a pixel the density of ``x + y`` is a trapezoid: Gauss-Legendre quadrature between its corners
         and the integers is exact, and adds nothing but positive terms.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+        width, height = checks.image_size(width, height)
         small, large = sorted((1 / width, 1 / height))
         column, row = np.arange(1, width + 1), np.arange(1, height + 1)[:, None]
         # Pixels with the same sum of coordinates are the same.

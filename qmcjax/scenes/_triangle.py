@@ -82,8 +82,7 @@ class Triangle(ExactScene):
         Where a corner moves, the point at ``t`` on the side from it moves ``1 - t`` times as far, and the
         point at ``t`` on the side to it ``t`` times: the mean over a piece is that of its middle.
         """
-        width = checks.integer("width", width, 1, 65536)
-        height = checks.integer("height", height, 1, 65536)
+        width, height = checks.image_size(width, height)
         vertices = in_float64(self).vertices
         ends = np.roll(vertices, -1, axis=0)
         pieces = split_segments(vertices, ends, width, height)

@@ -1,0 +1,128 @@
+"""From a scene and a sampler to an image, without the samples that it does not need."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.rendering._adaptive import AdaptiveImage, skipping
+from qmcjax.rendering._stopping import PILOT, until
+from qmcjax.rendering._task import Task, check_progress, refuse, task
+from qmcjax.samplers import Randomized
+
+__all__ = ["render_adaptive"]
+
+
+def render_adaptive(
+    scene: Any,
+    sampler: Any,
+    width: int,
+    height: int,
+    spp: int,
+    *,
+    dtype: DTypeLike = jnp.float32,
+    progress: Callable[[float], None] | None = None,
+    tolerance: float | None = None,
+    unbiased: bool = False,
+) -> AdaptiveImage:
+    """Average the samples of each pixel that the scene needs.
+
+    Where ``scene.varies`` proves that the scene is constant in a pixel, one sample is taken; where it proves
+    that it does not depend on time, the lens or any other coordinate, that coordinate is not sampled. All
+    other samples are those of :func:`qmcjax.render`, and so are the means but for rounding. Scenes without
+    ``varies`` are sampled everywhere.
+
+    Parameters
+    ----------
+    scene : Scene
+    sampler : Sampler
+        With ``tolerance`` made by :func:`qmcjax.samplers.randomized`.
+    width, height : int
+        In [1, 65536].
+    spp : int
+        Samples per pixel, or the most of them.
+    dtype : float32 or float64
+    progress : callable, optional
+        Called with the finished part in (0, 1], several times in a long run.
+    tolerance : float, optional
+        Take passes in each pixel until the standard error of it and its neighbours is at most this, or until
+        it has ``spp`` samples. At least four passes are taken.
+    unbiased : bool
+        With ``tolerance``: decide the number of passes of each pixel from four passes that are not part of
+        the image. Otherwise a pixel whose first passes happen to agree stops early, and rare bright values
+        are underestimated. ``counts`` has the samples of both. The error is then a prediction from four
+        passes: a few pixels stay above the tolerance.
+
+    Returns
+    -------
+    AdaptiveImage
+        ``image`` as that of :func:`qmcjax.render`, ``counts`` (samples taken in each pixel) and ``saving``
+        (the part of all samples that was not taken).
+
+    Raises
+    ------
+    TypeError
+        If an argument is not what it is named for, or scene or sampler are traced: where to stop is decided
+        on values.
+    ValueError
+        As :func:`qmcjax.render` does, or if ``tolerance`` is not positive, or ``spp`` no multiple of the
+        samples of a pass.
+
+    Notes
+    -----
+    Which pixels are constant is known before any sample is taken, so that this alone adds no bias.
+
+    Examples
+    --------
+    >>> from qmcjax import orders, render_adaptive, samplers, scenes, sequences
+    >>> sampler = samplers.contiguous(orders.hilbert(64, 64), sequences.sobol(2), spp=16)
+    >>> result = render_adaptive(scenes.disc(), sampler, 64, 64, spp=16)
+    >>> print(result.image.shape, result.counts.min(), result.counts.max(), result.saving > 0.8)
+    (64, 64) 1 16 True
+    """
+    wanted = task(scene, sampler, width, height, spp, dtype)
+    if wanted.traced:
+        raise TypeError(
+            "scene and sampler must be known, since render_adaptive decides on values: it is not for "
+            "jax.jit, jax.vmap or jax.grad, got a tracer"
+        )
+    check_progress(progress, wanted)
+    _check_tolerance(wanted, tolerance, unbiased)
+    report = progress or (lambda part: None)
+    if tolerance is None:
+        result = skipping(wanted, report)
+    else:
+        result = until(wanted, tolerance, unbiased, report)
+    if not np.isfinite(result.image).all():
+        refuse(wanted, result.image)
+    return result
+
+
+def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
+    """Raise for what passes cannot be stopped by."""
+    if not isinstance(unbiased, bool):
+        raise TypeError(f"unbiased must be True or False, got {checks.shown(unbiased)}")
+    if tolerance is None:
+        if unbiased:
+            raise ValueError(
+                "unbiased must be False without a tolerance: then nothing depends on the samples, got True"
+            )
+        return
+    checks.positive("tolerance", tolerance)
+    if np.ndim(tolerance):
+        raise TypeError(f"tolerance must be one number for all pixels, got {checks.shown(tolerance)}")
+    if not isinstance(task.sampler, Randomized):
+        raise TypeError(
+            "sampler must be made by samplers.randomized for a tolerance, since errors are estimated from "
+            f"independent passes, got {checks.shown(task.sampler)}"
+        )
+    of_pass = task.sampler.spp
+    least = (PILOT + unbiased) * of_pass
+    if task.spp % of_pass or task.spp < least:
+        raise ValueError(
+            f"spp must be a multiple of the {of_pass} samples of a pass and at least {least} for a "
+            f"tolerance, got {task.spp}"
+        )

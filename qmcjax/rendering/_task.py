@@ -1,0 +1,87 @@
+"""What is rendered, and errors for what cannot be."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.rendering import _accumulation
+from qmcjax.samplers import as_sampler
+from qmcjax.scenes import as_scene
+
+_SEARCHED = 2**16
+"""Samples of a pixel that are looked through at a time for the one that is not finite."""
+
+
+class Task(NamedTuple):
+    """A scene and a sampler that fit each other and the image."""
+
+    scene: Any
+    sampler: Any
+    width: int
+    height: int
+    spp: int
+    dtype: np.dtype
+
+    @property
+    def traced(self) -> bool:
+        """Whether values are not known yet: inside ``jax.jit`` not even those of new arrays are."""
+        arrays = (self.scene, self.sampler, jnp.zeros(()))
+        return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arrays))
+
+
+def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any) -> Task:
+    """Check the arguments of a rendering."""
+    scene = as_scene("scene", scene)
+    sampler = as_sampler("sampler", sampler)
+    width, height = checks.image_size(width, height)
+    spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
+    dtype = checks.floating(dtype)
+    if sampler.dims < len(scene.needs):
+        raise ValueError(
+            f"sampler must have the {len(scene.needs)} dimensions that the scene needs {scene.needs}, got "
+            f"{sampler.dims}: {scene.needs[sampler.dims :]} are missing"
+        )
+    sampler.check(width, height, spp)
+    return Task(scene, sampler, width, height, spp, dtype)
+
+
+def refuse(task: Task, image: Array | NDArray) -> None:
+    """Raise a ValueError that names the first sample whose value is not finite."""
+    with checks.precision(task.dtype):
+        flat = np.asarray(image).reshape(task.width * task.height, -1)
+        pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
+        x, y, dims = pixel % task.width, pixel // task.width, tuple(range(len(task.scene.needs)))
+        for first in range(0, task.spp, _SEARCHED):
+            samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
+            points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
+            where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
+            points = _accumulation.on_screen(points, *where, task.width, task.height)
+            values = np.asarray(task.scene(points)).reshape(len(samples), -1)
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+            if len(bad):
+                raise ValueError(
+                    f"scene must return finite values, got {values[bad[0]].squeeze()} in pixel ({x}, {y}), "
+                    f"sample {first + bad[0]}, point {np.asarray(points[bad[0]]).tolist()}"
+                )
+        raise ValueError(
+            f"scene must return finite values, got {flat[pixel]} as the mean of pixel ({x}, {y})"
+        )
+
+
+def check_progress(progress: Any, task: Task) -> None:
+    """Raise unless ``progress`` is None, or a function and there will be something to report."""
+    if progress is None:
+        return
+    if not callable(progress):
+        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    if task.traced:
+        raise TypeError(
+            "progress must be None inside jax.jit and other transformations, which run after the call, got "
+            f"{checks.shown(progress)}"
+        )

@@ -1,0 +1,144 @@
+"""Scenes of users: any object with ``needs`` and a call, or a function."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.pytrees import pytree
+from qmcjax.scenes._base import ExactScene
+
+_OPTIONAL = ("reference", "reference_gradient", "varies", "boundary")
+"""Methods that a scene may have; see `Scene`."""
+
+
+@pytree
+@dataclass(frozen=True)
+class PlugIn:
+    """An object that is no pytree, as a scene: static by identity."""
+
+    held: Any
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension."""
+        return tuple(unheld(self.held).needs)
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
+        return unheld(self.held)(point)
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _OPTIONAL:
+            raise AttributeError(name)
+        return getattr(unheld(self.held), name)
+
+    def __repr__(self) -> str:
+        return repr(unheld(self.held))
+
+
+@pytree
+@dataclass(frozen=True)
+class Function:
+    """A function of points with names for their dimensions; see `function`."""
+
+    held: Any
+    needs: tuple[str, ...] = field(metadata={"static": True})
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
+        return unheld(self.held)(point)
+
+    def __repr__(self) -> str:
+        given = unheld(self.held)
+        return f"function({getattr(given, '__name__', checks.shown(given))}, needs={self.needs})"
+
+
+def as_scene(name: str, value: Any) -> Any:
+    """Return an object as a scene: itself if it is a pytree, else one that is static by identity.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for the message.
+    value : Scene
+        Any object with ``needs`` that can be called with points.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    TypeError
+        If it is no scene, or has an array as attribute without being a pytree.
+    ValueError
+        If ``needs`` does not name two dimensions or more.
+
+    Examples
+    --------
+    >>> class Half:
+    ...     needs = ("x", "y")
+    ...     def __call__(self, point):
+    ...         return 0.5 * point[..., 0]
+    >>> as_scene("scene", Half()).needs
+    ('x', 'y')
+    """
+    if isinstance(value, ExactScene | PlugIn | Function):
+        return value
+    needs = getattr(value, "needs", None)
+    if isinstance(value, type) or not callable(value) or needs is None:
+        raise TypeError(
+            f"{name} must be a scene (an object with needs, the names of its dimensions, that is called with "
+            f"points), got {checks.shown(value)}"
+        )
+    _names(f"{name}.needs", needs)
+    kept = held(name, value)
+    return value if kept is value else PlugIn(kept)
+
+
+def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
+    """Return the scene of a function.
+
+    Parameters
+    ----------
+    f : callable
+        From points, shape (..., len(needs)), to values, shape (...) or (..., 3), in the points' dtype. The
+        same function object compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are
+        parameters: new values compile nothing, and gradients flow to them.
+    needs : tuple of str
+        The name of each dimension; the first two are the position on the screen.
+
+    Returns
+    -------
+    Function
+
+    Raises
+    ------
+    TypeError
+        If ``f`` cannot be called, or ``needs`` is no tuple of names.
+    ValueError
+        If there are fewer than two names.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> scene = function(lambda point: point[..., 0] * point[..., 2], ("x", "y", "time"))
+    >>> scene(jnp.array([0.5, 0.1, 0.5]))
+    Array(0.25, dtype=float32)
+    """
+    if isinstance(f, type) or not callable(f):
+        raise TypeError(f"f must be a function of points, got {checks.shown(f)}")
+    return Function(held("f", f), _names("needs", needs))
+
+
+def _names(name: str, needs: Any) -> tuple[str, ...]:
+    """Return the names of dimensions as a tuple."""
+    if not isinstance(needs, tuple | list) or not all(isinstance(each, str) for each in needs):
+        raise TypeError(f"{name} must be a tuple of names such as ('x', 'y'), got {checks.shown(needs)}")
+    if len(needs) < 2:
+        raise ValueError(f"{name} must name the two dimensions of the screen and any others, got {needs!r}")
+    return tuple(needs)

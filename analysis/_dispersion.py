@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay, KDTree
 
+from analysis import _arguments
+
 __all__ = ["dispersion"]
 
 _ROUNDING = 2.0**-36
@@ -46,8 +48,11 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
 
     Raises
     ------
+    TypeError
+        If the points are not floats, or ``torus`` is no bool.
     ValueError
-        If the points are none, not floats, outside [0, 1)^d, or of more than three dimensions.
+        If the points are none, outside [0, 1)^d, or of more than three dimensions: there, the largest
+        distance of many places to the nearest point, by ``scipy.spatial.KDTree``, is a lower bound.
 
     Notes
     -----
@@ -64,7 +69,8 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     >>> print(round(dispersion([[0.5, 0.5]], torus=False), 9))
     0.707106781
     """
-    array = _checked(points)
+    array = _arguments.points(points, most_dims=3).astype(np.float64)
+    torus = _arguments.flag("torus", torus)
     distinct = np.unique(array, axis=0)
     dims = distinct.shape[1]
     if dims == 1:
@@ -84,23 +90,6 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
         best = max(best, float(np.max(distances)))
         start, count = start + count, 2 * count
     return best
-
-
-def _checked(points: ArrayLike) -> Floats:
-    given = np.asarray(points)
-    if given.ndim != 2 or given.size == 0:
-        raise ValueError(f"points must have shape (n, d) with n, d >= 1, got {given.shape}")
-    if given.shape[1] > 3:
-        raise ValueError(
-            f"points must have at most 3 dimensions, got d={given.shape[1]}: the largest distance of many "
-            "places to the nearest point, by scipy.spatial.KDTree, is a lower bound in any dimension"
-        )
-    if given.dtype not in (np.float16, np.float32, np.float64):
-        raise ValueError(f"points must be float64 or narrower floats, got {given.dtype}: divide by the side")
-    outside = ~((given >= 0) & (given < 1))
-    if outside.any():
-        raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")
-    return given.astype(np.float64)
 
 
 def _line_dispersion(ordered: Floats, torus: bool) -> float:

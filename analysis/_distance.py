@@ -7,11 +7,13 @@ shifted, the points and their copies in the row above.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
+from analysis import _arguments
 from analysis._closest_pair import squared_closest_pair
 from qmcjax.core import checks
 
@@ -39,7 +41,8 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         Whether the unit cube is repeated periodically; otherwise it stands alone.
     shear : float
         Two-dimensional tilings only: each row of tiles is shifted by ``shear`` in x against the row
-        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it.
+        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Whole
+        tiles of it do not matter, they are taken off exactly.
         With 0.25 this is the tiling of the permutation nets for even m, Fig. 5.18 of [1]_.
 
     Returns
@@ -48,12 +51,14 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         Distances of a point to its own copies do not count: the minimum is over pairs i < j.
         Squares are taken on the way: what is below 1e-154 may come out as 0.
         For 64 points or more in at most three dimensions to a few units in the last place, unless there is
-        a shear; otherwise to 2^-52, absolutely.
+        a shear; otherwise to d 2^-51, absolutely.
 
     Raises
     ------
+    TypeError
+        If the points are not floats, or another argument has another type.
     ValueError
-        If the points are fewer than two, not floats, or outside [0, 1)^d, or the shear does not apply.
+        If the points are fewer than two or outside [0, 1)^d, or the shear does not apply.
 
     Notes
     -----
@@ -69,13 +74,13 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     >>> print(round(min_distance([[0.0, 0.0], [0.75, 0.0]]), 9))
     0.25
     """
-    array = checked_tiling(points, torus, shear)
-    square = _sorted_squared_distance(array, 1, torus, float(shear))
+    array, torus, shear = checked_tiling(points, torus, shear)
+    square = _sorted_squared_distance(array, 1, torus, shear)
     if square is not None:
         return math.sqrt(square)
     if _has_duplicates(array):
         return 0.0
-    unfolded, periods = unfold(array, 1, torus, float(shear))
+    unfolded, periods = unfold(array, 1, torus, shear)
     return _nearest(tree(unfolded, periods), len(array))
 
 
@@ -101,8 +106,10 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
 
     Raises
     ------
+    TypeError
+        If the points or another argument are not integers.
     ValueError
-        If the points are fewer than two, not integers, or off the grid, or the shear does not apply.
+        If the points are fewer than two or off the grid, or the shear does not apply.
 
     References
     ----------
@@ -113,11 +120,15 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     >>> squared_min_distance([[0, 0], [3, 1]], side=4)
     2
     """
-    given = np.asarray(points)
-    if not np.issubdtype(given.dtype, np.integer):
-        raise ValueError(f"points must be integers, got {given.dtype}: min_distance measures floats")
+    given = _arguments.array("points", points, "an array of integers")
+    if given.dtype.kind == "f":
+        raise TypeError(f"points must be integers, got {given.dtype}: min_distance measures floats")
     side = checks.integer("side", side, 1, 2**32)
-    array = _checked(given, side).astype(np.int64)
+    outside = ~((given >= 0) & (given < side))
+    if outside.any():
+        raise ValueError(f"points must be in [0, {side}), got {given[outside][0]!r}")
+    array = _arguments.shaped("points", given, least=2).astype(np.int64)
+    torus = _arguments.flag("torus", torus)
     shear = checks.integer("shear", shear, -side, side)
     _check_tiling(array.shape[1], torus, shear)
     square = _sorted_squared_distance(array.astype(np.float64), side, torus, shear)
@@ -135,19 +146,13 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     return int((delta * delta).sum(axis=1).min())
 
 
-def checked_tiling(points: ArrayLike, torus: bool, shear: float) -> NDArray[np.float64]:
-    """Return float points in [0, 1)^d as float64, or raise a ValueError unless the tiling applies to them."""
-    given = np.asarray(points)
-    if given.dtype not in (np.float16, np.float32, np.float64):
-        raise ValueError(
-            f"points must be float64 or narrower floats, got {given.dtype}: "
-            "squared_min_distance measures integer coordinates"
-        )
-    array = _checked(given, 1).astype(np.float64)
-    if not isinstance(shear, int | float | np.floating) or not math.isfinite(shear):
-        raise ValueError(f"shear must be a finite number, got {shear!r}")
-    _check_tiling(array.shape[1], torus, float(shear))
-    return array
+def checked_tiling(points: Any, torus: Any, shear: Any) -> tuple[NDArray[np.float64], bool, float]:
+    """Return points as float64, torus and shear in [-1/2, 1/2], or raise unless they fit together."""
+    array = _arguments.points(points, least=2).astype(np.float64)
+    torus = _arguments.flag("torus", torus)
+    shear = _arguments.real("shear", shear, "a finite number", math.isfinite)
+    _check_tiling(array.shape[1], torus, shear)
+    return array, torus, math.remainder(shear, 1.0)  # exact
 
 
 def packing_distance(n: int, dims: int) -> float:
@@ -185,16 +190,6 @@ def _sorted_squared_distance(
     return squared_closest_pair(columns, bound)
 
 
-def _checked(points: NDArray, side: int) -> NDArray:
-    """Return the points, or raise a ValueError unless they are two or more in [0, side)^d."""
-    if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] < 1:
-        raise ValueError(f"points must have shape (n, d) with n >= 2 and d >= 1, got {points.shape}")
-    outside = ~((points >= 0) & (points < side))
-    if outside.any():
-        raise ValueError(f"points must be in [0, {side}), got {points[outside][0]!r}")
-    return points
-
-
 def _check_tiling(dims: int, torus: bool, shear: float) -> None:
     if shear != 0 and (dims != 2 or not torus):
         raise ValueError(
@@ -218,7 +213,9 @@ def unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDArr
     dims = points.shape[1]
     if shear == 0:
         return points, np.full(dims, side if torus else 2 * side, points.dtype)
-    above = np.stack([(points[:, 0] + shear) % side, points[:, 1] + side], axis=1)
+    x = (points[:, 0] + shear) % side
+    # Of a tiny negative float the remainder is rounded to the side.
+    above = np.stack([np.where(x < side, x, 0), points[:, 1] + side], axis=1)
     return np.concatenate([points, above]), np.array([side, 4 * side], points.dtype)
 
 

@@ -13,14 +13,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jax.core import Tracer
 from jax.scipy.special import logsumexp
 from jax.typing import ArrayLike
+
+from analysis import _arguments
+from qmcjax.core import checks
 
 __all__ = ["riesz_energy", "soft_min_distance"]
 
 _PAIRS = 2**19
 """Pairs in one batch of rows, as long as there is more than one row."""
+
+_LEAST = float(np.finfo(np.float32).tiny)
+"""Smaller exponents have no inverse in float32."""
 
 
 def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -> Array:
@@ -29,7 +34,8 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
     Parameters
     ----------
     points : float32 or float64 ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. The precision of the points is that of the sum.
+        At least two points in [0, 1)^d. The precision of the points is that of the sum,
+        whatever the global flag.
     exponent : float
         s, at least 0; 0 stands for the logarithmic energy, the sum of -log d_ij.
     torus : bool
@@ -43,10 +49,10 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
 
     Raises
     ------
+    TypeError
+        If the points are not float32 or float64, or another argument has another type.
     ValueError
-        If the points are fewer than two, not float32 or float64, or, where they are known, not in
-        [0, 1)^d; if they are float64 and JAX would make them float32; if the exponent is not a number
-        of at least 0.
+        If points are fewer than two or, where they are known, not in [0, 1)^d, or the exponent is below 0.
 
     Notes
     -----
@@ -59,9 +65,11 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
     >>> print(riesz_energy(jnp.array([[0.0], [0.5], [0.75]])))
     10.0
     """
-    array, exponent = _checked(points, exponent, 0.0)
-    measure = _POWERS if exponent > 0 else _LOGARITHMS
-    return _measured(array, jnp.asarray(exponent, array.dtype), measure, bool(torus))
+    given, torus = _checked(points, torus)
+    exponent = _arguments.real("exponent", exponent, "finite and at least 0", lambda s: 0 <= s < np.inf)
+    with checks.precision(given.dtype):
+        scale = jnp.asarray(exponent, given.dtype)
+        return _measured(jnp.asarray(given), scale, _POWERS if exponent > 0 else _LOGARITHMS, torus)
 
 
 def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = True) -> Array:
@@ -70,7 +78,8 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
     Parameters
     ----------
     points : float32 or float64 ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. The precision of the points is that of the sum.
+        At least two points in [0, 1)^d. The precision of the points is that of the sum,
+        whatever the global flag.
     exponent : float
         s, positive. The larger, the closer to the minimum distance: it is at most (n (n - 1) / 2)^(1/s)
         times as large, and if k pairs are much closer than all others, about k^(1/s) times.
@@ -85,7 +94,7 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         As :func:`riesz_energy`, and if the exponent is 0.
 
     Notes
@@ -98,83 +107,85 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
     >>> print(soft_min_distance(jnp.array([[0.0], [0.5]]), exponent=2.0))
     0.5
     """
-    array, exponent = _checked(points, exponent, float(np.finfo(np.float32).tiny))
-    scale = jnp.asarray(exponent, array.dtype)
-    return jnp.exp(-_measured(array, scale, _LOG_OF_POWERS, bool(torus)) / scale)
+    given, torus = _checked(points, torus)
+    exponent = _arguments.real("exponent", exponent, "finite and positive", lambda s: _LEAST <= s < np.inf)
+    with checks.precision(given.dtype):
+        scale = jnp.asarray(exponent, given.dtype)
+        return jnp.exp(-_measured(jnp.asarray(given), scale, _LOG_OF_POWERS, torus) / scale)
 
 
-def _checked(points: ArrayLike, exponent: Any, least: float) -> tuple[Array, float]:
-    """Return points and exponent, or raise a ValueError."""
-    dtype = getattr(points, "dtype", None)
-    if dtype == jnp.float64 and not jax.config.read("jax_enable_x64"):
-        raise ValueError(
-            "points are float64, which JAX makes float32 here: cast them, or call within jax.enable_x64(True)"
-        )
-    array = jnp.asarray(points)
-    if array.ndim != 2 or array.shape[0] < 2 or array.shape[1] < 1:
-        raise ValueError(f"points must have shape (n, d) with n >= 2 and d >= 1, got {array.shape}")
-    if array.dtype not in (jnp.float32, jnp.float64):
-        raise ValueError(f"points must be float32 or float64, got {array.dtype}")
-    if not isinstance(array, Tracer):
-        known = np.asarray(array)
-        outside = ~((known >= 0) & (known < 1))
-        if outside.any():
-            raise ValueError(f"points must be in [0, 1), got {known[outside][0]!r}")
-    if isinstance(exponent, bool) or not isinstance(exponent, int | float | np.floating | np.integer):
-        raise ValueError(f"exponent must be a number, got {exponent!r}")
-    if not least <= exponent < np.inf:
-        raise ValueError(f"exponent must be {'at least 0' if least == 0 else 'positive'}, got {exponent!r}")
-    return array, float(exponent)
+def _checked(points: Any, torus: Any) -> tuple[Any, bool]:
+    given = _arguments.points(points, least=2, traced=True, dtypes=(np.float32, np.float64))
+    return given, _arguments.flag("torus", torus)
 
 
 class _Measure(NamedTuple):
-    row: Callable[[Array, Array], Array]
-    """From the squared distances of a point to all, itself at infinity, and s, to a sum."""
+    row: Callable[[Array, Array], tuple[Array, Array]]
+    """From squared distances of a point to all, itself at infinity, and s, to a sum and its derivatives."""
 
     combine: Callable[[Array], Array]
     """From all these sums, in which each pair occurs twice, to the measure."""
+
+
+def _power_row(squares: Array, s: Array) -> tuple[Array, Array]:
+    powers = jnp.exp(-s / 2 * jnp.log(squares))
+    return jnp.sum(powers), -s / 2 * (powers / squares)
+
+
+def _logarithm_row(squares: Array, s: Array) -> tuple[Array, Array]:
+    del s
+    return -jnp.sum(jnp.where(jnp.isinf(squares), 0, jnp.log(squares))) / 2, -1 / (2 * squares)
+
+
+def _log_of_powers_row(squares: Array, s: Array) -> tuple[Array, Array]:
+    logarithms = -s / 2 * jnp.log(squares)
+    total = logsumexp(logarithms)
+    return total, -s / 2 * (jnp.exp(logarithms - total) / squares)
 
 
 def _half_sum(sums: Array) -> Array:
     return jnp.sum(sums) / 2
 
 
-_POWERS = _Measure(lambda squares, s: jnp.sum(jnp.exp(-s / 2 * jnp.log(squares))), _half_sum)
-_LOGARITHMS = _Measure(
-    lambda squares, s: -jnp.sum(jnp.where(jnp.isinf(squares), 0, jnp.log(squares))) / 2, _half_sum
-)
-_LOG_OF_POWERS = _Measure(
-    lambda squares, s: logsumexp(-s / 2 * jnp.log(squares)), lambda sums: logsumexp(sums) - np.log(2)
-)
+_POWERS = _Measure(_power_row, _half_sum)
+_LOGARITHMS = _Measure(_logarithm_row, _half_sum)
+_LOG_OF_POWERS = _Measure(_log_of_powers_row, lambda sums: logsumexp(sums) - np.log(2))
 
 
 def _row(
     point: Array, index: Array, columns: Array, exponent: Array, measure: _Measure, torus: bool
-) -> Array:
+) -> tuple[Array, Array]:
+    """Return a sum over a row of pairs, and its gradient with respect to the row's own point."""
     difference = point[:, None] - columns
     if torus:
         difference = difference - jnp.round(difference)
     squares = jnp.sum(jnp.square(difference), axis=0)
     itself = jnp.arange(columns.shape[1], dtype=jnp.int32) == index
-    return measure.row(jnp.where(itself, jnp.inf, squares), exponent)
+    total, derivatives = measure.row(jnp.where(itself, jnp.inf, squares), exponent)
+    return total, 2 * jnp.matmul(difference, derivatives, precision=lax.Precision.HIGHEST)
 
 
-def _rows(function: Callable[..., Any], points: Array, *rest: Any) -> Any:
-    """Return what the function gives for each row of pairs."""
+def _rows(points: Array, exponent: Array, measure: _Measure, torus: bool, gradient: bool) -> Any:
+    """Return the sums of all rows, with their gradients if wanted."""
     n = len(points)
+
+    def row(at: tuple[Array, Array]) -> Any:
+        found = _row(*at, points.T, exponent, measure, torus)
+        return found if gradient else found[0]
+
     rows = (points, jnp.arange(n, dtype=jnp.int32))
-    return lax.map(lambda row: function(*row, points.T, *rest), rows, batch_size=max(1, min(n, _PAIRS // n)))
+    return lax.map(row, rows, batch_size=max(1, min(n, _PAIRS // n)))
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(2, 3))
 def _total(points: Array, exponent: Array, measure: _Measure, torus: bool) -> Array:
-    return measure.combine(_rows(_row, points, exponent, measure, torus))
+    return measure.combine(_rows(points, exponent, measure, torus, False))
 
 
 def _total_and_gradient(
     points: Array, exponent: Array, measure: _Measure, torus: bool
 ) -> tuple[Array, tuple[Array, Array]]:
-    sums, own = _rows(jax.value_and_grad(_row), points, exponent, measure, torus)
+    sums, own = _rows(points, exponent, measure, torus, True)
     total, weights = jax.value_and_grad(measure.combine)(sums)
     gradient = jnp.where(jnp.isfinite(total), 2 * weights[:, None] * own, 0)
     return total, (gradient, exponent)

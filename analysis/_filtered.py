@@ -1,12 +1,18 @@
 """What is left of an image's error to an eye that does not tell pixels apart."""
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.ndimage import gaussian_filter
+from numpy.typing import ArrayLike, NDArray
 
-from analysis._spectra import checked_error, error_spectrum, radial_average
+from analysis import _arguments
+from analysis._spectra import error_spectrum, radial_average
 
 __all__ = ["filtered_error", "low_frequency_power"]
+
+_WIDE = 0.4
+"""About 1 / sqrt(2 pi): the Gaussian that is its own transform."""
+
+_TERMS = 8
+"""Both sums are over fewer than so many terms on each side: beyond, terms are below 1e-60."""
 
 
 def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float:
@@ -22,22 +28,52 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     Returns
     -------
     float
+        At most the root mean square error.
 
     Raises
     ------
+    TypeError
+        If an image is none of real numbers, or ``sigma`` no number.
     ValueError
         If the shapes differ, a value is not finite, or ``sigma`` is not positive.
+
+    Notes
+    -----
+    Pixels are weighted by exp(-r^2 / (2 sigma^2)) at all distances r between them, the weights divided by
+    their sum: a filter of pixels, as an image is all that there is. It is computed in frequencies, where a
+    filter multiplies, to rounding errors; ``scipy.ndimage.gaussian_filter`` is the same but cut off, which
+    leaves too much of waves of which little is to be left. From ``sigma`` = 1.5 on, what a wave of f cycles
+    per pixel is multiplied by is within 2e-5 of the continuous Gaussian's exp(-2 (pi sigma f)^2).
 
     Examples
     --------
     >>> print(f"{filtered_error([[1.0, -1.0], [-1.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]], 0.5):.4f}")
     0.3297
     """
-    error = checked_error(image, reference)
-    if not 0 < sigma < np.inf:
-        raise ValueError(f"sigma must be positive, got {sigma!r}")
-    left = gaussian_filter(error, sigma, mode="wrap", axes=(0, 1))
-    return float(np.sqrt(np.mean(np.square(left))))
+    error = _arguments.error(image, reference)
+    sigma = _arguments.positive("sigma", sigma)
+    height, width = error.shape[:2]
+    transfer = _transfer(height, sigma)[:, None] * _transfer(width, sigma)
+    power = np.square(np.abs(np.fft.fft2(error, axes=(0, 1)))).sum(axis=2)
+    return float(np.sqrt(np.sum(np.square(transfer) * power) / (height * width * error.size)))
+
+
+def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
+    """Return by what a sampled Gaussian of sum 1 multiplies the waves of one axis.
+
+    The weights exp(-k^2 / (2 sigma^2)) of all integers k, or by Poisson's formula a sum of Gaussians of the
+    frequency: of both sums the one that is short, whose terms hardly cancel.
+    """
+    frequency = np.fft.fftfreq(size)
+    k = np.arange(1, _TERMS)
+    with np.errstate(over="ignore", under="ignore"):
+        if sigma < _WIDE:
+            weights = np.exp(-np.square(k / sigma) / 2)
+            waves = np.cos(2 * np.pi * np.outer(frequency, k))
+            return (1 + 2 * waves @ weights) / (1 + 2 * weights.sum())
+        whole = np.arange(-_TERMS, _TERMS + 1)
+        copies = np.exp(-2 * np.square(np.pi * sigma * (frequency[:, None] + whole))).sum(axis=1)
+        return copies / copies[0]
 
 
 def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
@@ -63,10 +99,9 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
     ----------
     .. [1] R. Ulichney, "Digital Halftoning", 1987: the radially averaged power spectrum.
     """
+    cutoff = _arguments.real("cutoff", cutoff, "in (0, 0.5]", lambda f: 0 < f <= 0.5)
     frequency, power = radial_average(error_spectrum(image, reference))
     below = frequency < cutoff * max(np.shape(image)[:2])
-    if not 0 < cutoff <= 0.5 or not below.any():
-        raise ValueError(
-            f"cutoff must be in (0, 0.5] and above one cycle per image, got {cutoff!r} for {np.shape(image)}"
-        )
+    if not below.any():
+        raise ValueError(f"cutoff must be above one cycle per image, got {cutoff!r} for {np.shape(image)}")
     return float(power[below].mean())

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import _arguments
 from qmcjax.core import checks, finite_field
 
 __all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
@@ -111,18 +112,9 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
     return all((np.bincount(column) == 1).all() for column in cells(given, n).T)
 
 
-def fractions(points: ArrayLike) -> NDArray:
-    """Return the points, or raise a ValueError unless they are fractions in [0, 1)^s."""
-    array = np.asarray(points)
-    if array.ndim != 2 or 0 in array.shape:
-        raise ValueError(f"points must have shape (n, s) with n >= 1 and s >= 1, got {array.shape}")
-    if array.dtype not in _RESOLUTION:
-        raise ValueError(f"points must be float32, float64 or uint32, got {array.dtype}")
-    if array.dtype.kind == "f":
-        outside = ~((array >= 0) & (array < 1))
-        if outside.any():
-            raise ValueError(f"points must be in [0, 1), got {array[outside][0]!r}")
-    return array
+def fractions(points: ArrayLike, name: str = "points") -> NDArray:
+    """Return the points, or raise unless they are fractions in [0, 1)^s."""
+    return _arguments.points(points, name, dtypes=(np.float32, np.float64, np.uint32))
 
 
 def cells(points: NDArray, count: int) -> NDArray[np.int64]:
@@ -146,8 +138,10 @@ def cells(points: NDArray, count: int) -> NDArray[np.int64]:
 def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
     """Return into how many intervals each axis is divided."""
     base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
-    if np.ndim(digits) != 1 or len(digits) != dims:
-        raise ValueError(f"digits must be {dims} integers, one a coordinate, got {digits!r}")
+    if not isinstance(digits, Sequence | np.ndarray) or isinstance(digits, str):
+        raise TypeError(f"digits must be {dims} integers, one a coordinate, got {checks.shown(digits)}")
+    if np.ndim(digits) > 1 or len(digits) != dims:
+        raise ValueError(f"digits must be {dims} integers, one a coordinate, got {checks.shown(digits)}")
     numbers = [checks.integer(f"digits[{j}]", d, 0, _LOG_COUNTS) for j, d in enumerate(digits)]
     if base ** sum(numbers) > 2**_LOG_COUNTS:
         raise ValueError(

@@ -10,10 +10,10 @@ from jax import Array, lax
 from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
+from analysis import _arguments
 from analysis._l2_double_double import add, constant, multiply, total
 from analysis._l2_kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, WRAPAROUND, Kernel
 from analysis._l2_pairs import pair_sum
-from analysis._star_discrepancy import checked_points
 
 __all__ = [
     "centered_discrepancy",
@@ -236,27 +236,14 @@ def mixture_discrepancy(points: ArrayLike) -> Array:
 
 
 def _discrepancy(points: ArrayLike, kernel: Kernel) -> Array:
-    traced = isinstance(points, Tracer)
-    given = _checked_tracer(points) if traced else checked_points(np.asarray(points))
+    given = _arguments.points(points, most_dims=_DIMS, vector=True, traced=True)
+    traced = isinstance(given, Tracer)
     n, dims = given.shape
     if n > _POINTS:
         raise ValueError(f"points must be at most {_POINTS}, got n={n}: measure a part of them")
-    if dims > _DIMS:
-        raise ValueError(f"points must have at most {_DIMS} dimensions, got d={dims}: measure projections")
     dtype = jax.dtypes.canonicalize_dtype(np.float64) if traced else np.dtype(np.float64)
     with jax.enable_x64(True):
         return _measure(given, kernel, _strips(n, dims), dtype)
-
-
-def _checked_tracer(points: Array) -> Array:
-    """Check what is known of traced points, as `checked_points` does."""
-    if points.ndim == 1:
-        points = points[:, None]
-    if points.ndim != 2 or points.size == 0:
-        raise ValueError(f"points must have shape (n, d) or (n,) with n, d >= 1, got {points.shape}")
-    if points.dtype not in (np.float16, np.float32, np.float64):
-        raise ValueError(f"points must be float64 or narrower floats, got {points.dtype}")
-    return points
 
 
 def _strips(n: int, dims: int) -> int:

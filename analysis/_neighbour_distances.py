@@ -59,24 +59,26 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
     -------
     float64 array, shape (n,)
         In the order of the points. A point's own copies do not count, another point in the same place does.
-        Where a pair wraps around, coordinates are rounded once more: to 2^-52, absolutely.
+        To d 2^-51, absolutely: where a pair wraps around, coordinates are rounded once more.
 
     Raises
     ------
+    TypeError
+        If the points are not floats, or another argument has another type.
     ValueError
-        If the points are fewer than two, not floats, or outside [0, 1)^d, or the shear does not apply.
+        If the points are fewer than two or outside [0, 1)^d, or the shear does not apply.
 
     Examples
     --------
     >>> print(nearest_distances([[0.0, 0.0], [0.75, 0.0], [0.5, 0.5]]))
     [0.25       0.25       0.55901699]
     """
-    array = checked_tiling(points, torus, shear)
+    array, torus, shear = checked_tiling(points, torus, shear)
     distinct, place, count = np.unique(array, axis=0, return_inverse=True, return_counts=True)
     nearest = np.zeros(len(distinct))
     if len(distinct) > 1:
         # Where rows are shifted, the points see the row above, their copies in it the row below.
-        unfolded, periods = unfold(distinct, 1, torus, float(shear))
+        unfolded, periods = unfold(distinct, 1, torus, shear)
         distances, _ = tree(unfolded, periods).query(unfolded, k=2, workers=-1)
         nearest = np.asarray(distances)[:, 1].reshape(-1, len(distinct)).min(axis=0)
     return np.where(count > 1, 0.0, nearest)[place.ravel()]
@@ -98,7 +100,7 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         As :func:`nearest_distances`.
 
     Examples

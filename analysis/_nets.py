@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import _arguments
 from analysis._intervals import cells, fractions
 from analysis._net_matrices import matrix_net
 from qmcjax.core import checks, finite_field
@@ -128,10 +129,11 @@ class _Net(Protocol):
 
 
 def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
-    given = np.asarray(points_or_matrices)
+    name = "points_or_matrices"
+    given = _arguments.array(name, points_or_matrices, "an array of points or of matrices")
     if m is not None or given.ndim == 3:
         return matrix_net(given, base, m)
-    return _PointNet(fractions(given), checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1))
+    return _PointNet(fractions(given, name), checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1))
 
 
 def _strength(net: _Net, axes: Sequence[int]) -> int:

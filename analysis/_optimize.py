@@ -9,6 +9,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from analysis import _arguments
 from qmcjax.core import checks
 
 __all__ = ["OptimizedPoints", "optimize_points"]
@@ -77,14 +78,10 @@ def optimize_points(
     """
     from scipy.optimize import minimize
 
-    start = np.asarray(points)
-    if start.ndim != 2 or 0 in start.shape:
-        raise ValueError(f"points must have shape (n, d) with n and d at least 1, got {start.shape}")
-    if not np.issubdtype(start.dtype, np.floating):
-        raise ValueError(f"points must be floats, got {start.dtype}")
-    outside = ~((start >= 0) & (start < 1))
-    if outside.any():
-        raise ValueError(f"points must be in [0, 1), got {float(start[outside][0])}")
+    start = _arguments.points(points).astype(np.float64)
+    if not callable(measure):
+        raise TypeError(f"measure must be a function of points, got {checks.shown(measure)}")
+    torus = _arguments.flag("torus", torus)
     steps = checks.integer("steps", steps, 1, 2**31 - 1)
     differentiated = jax.jit(jax.value_and_grad(measure))
 
@@ -102,7 +99,7 @@ def optimize_points(
         # A finite wall: the search along a line goes back from it, but would end at infinity.
         return (values[-1] + max(1.0, abs(values[-1])) if values else np.inf), np.zeros(start.size)
 
-    flat = start.astype(np.float64).ravel()
+    flat = start.ravel()
     with jax.enable_x64(True):
         like = jax.eval_shape(measure, jax.ShapeDtypeStruct(start.shape, np.float64))
     if getattr(like, "shape", None) != () or not np.issubdtype(like.dtype, np.floating):

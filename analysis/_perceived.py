@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis._spectra import checked_error
+from analysis import _arguments
 
 __all__ = ["perceived_error"]
 
@@ -47,9 +47,8 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     >>> print(f"{perceived_error(checks, [[0.0, 0.0], [0.0, 0.0]], distance=2000):.4f}")
     0.3313
     """
-    error = checked_error(image, reference)
-    if not 0 < distance < np.inf:
-        raise ValueError(f"distance must be positive, got {distance!r}")
+    error = _arguments.error(image, reference)
+    distance = _arguments.positive("distance", distance)
     height, width = error.shape[:2]
     per_pixel = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.fftfreq(width)[None, :])
     weight = _sensitivity(per_pixel * distance * np.tan(np.radians(1)))

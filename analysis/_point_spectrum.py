@@ -10,6 +10,7 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
+from analysis import _arguments
 from analysis._fourier_sums import direct_slopes, direct_sums, fast_sums
 from qmcjax.core import checks
 
@@ -51,9 +52,11 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
 
     Raises
     ------
+    TypeError
+        If the points are not floats, or another argument has another type.
     ValueError
-        If the points are none, not in two or three dimensions, not floats, or outside of [0, 1)^d (not
-        checked if traced); if ``resolution`` is out of range, or ``method`` unknown.
+        If the points are none, not in two or three dimensions, or outside of [0, 1)^d (not checked if
+        traced); if ``resolution`` is out of range, or ``method`` unknown.
 
     Notes
     -----
@@ -74,18 +77,12 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
     .. [2] T. Schlömer, O. Deussen, "Accurate spectral analysis of two-dimensional point sets", Journal of
        Graphics, GPU, and Game Tools 15(3), 2011: at integer frequencies, with no window and no pixels.
     """
-    traced = isinstance(points, Tracer)
-    given = points if isinstance(points, Tracer) else np.asarray(points)
-    if given.ndim != 2 or given.shape[0] < 1 or given.shape[1] not in (2, 3):
-        raise ValueError(f"points must have shape (n, 2) or (n, 3) with n >= 1, got {given.shape}")
-    if given.dtype not in (np.float16, np.float32, np.float64):
-        raise ValueError(f"points must be float64 or narrower floats, got {given.dtype}")
-    if not isinstance(given, Tracer):
-        outside = ~((given >= 0) & (given < 1))
-        if outside.any():
-            raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")
+    given = _arguments.points(points, least_dims=2, most_dims=3, traced=True)
+    traced = isinstance(given, Tracer)
     n, dims = given.shape
     resolution = checks.integer("resolution", resolution, 2, round(_FREQUENCIES ** (1 / dims)))
+    if not (method is None or isinstance(method, str)):
+        raise TypeError(f'method must be "direct", "fft" or None, got {checks.shown(method)}')
     if method not in (None, "direct", "fft"):
         raise ValueError(f'method must be "direct", "fft" or None, got {method!r}')
     fast = _fft_is_cheaper(n, dims, resolution) if method is None else method == "fft"

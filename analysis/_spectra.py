@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import _arguments
+from qmcjax.core import checks
+
 __all__ = ["error_spectrum", "mean_spectrum", "radial_anisotropy", "radial_average"]
 
 
@@ -36,26 +39,13 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     [[0. 4.]
      [0. 0.]]
     """
-    channels = checked_error(image, reference)
+    channels = _arguments.error(image, reference)
     if (channels == channels[0, 0]).all():
         raise ValueError(f"image must differ from reference by more than a constant, got {channels[0, 0]}")
     channels = channels - channels.mean(axis=(0, 1))
     power = np.square(np.abs(np.fft.fft2(channels, axes=(0, 1)))).sum(axis=2)
     power[0, 0] = 0.0
     return power / np.square(channels).sum()
-
-
-def checked_error(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
-    """Return the error, shape (height, width, channels), or raise a ValueError."""
-    given, exact = np.asarray(image, np.float64), np.asarray(reference, np.float64)
-    if given.shape != exact.shape:
-        raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
-    if given.ndim not in (2, 3) or given.size == 0:
-        raise ValueError(f"image must have shape (height, width) or (height, width, 3), got {given.shape}")
-    error = (given - exact).reshape(*given.shape[:2], -1)
-    if not np.isfinite(error).all():
-        raise ValueError("image and reference must be finite")
-    return error
 
 
 def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -179,9 +169,14 @@ def mean_spectrum(
     >>> print(mean, error)
     [2. 4.] [1. 2.]
     """
+    if not callable(make):
+        raise TypeError(f"make must be a function from a key to an array, got {checks.shown(make)}")
+    if not isinstance(keys, Iterable):
+        raise TypeError(f"keys must be an iterable of keys, got {checks.shown(keys)}")
     count, mean, squares = 0, np.zeros(()), np.zeros(())
     for key in keys:
-        spectrum = np.asarray(make(key), np.float64)
+        made = make(key)
+        spectrum = _arguments.array("make(key)", made, "an array of real numbers").astype(np.float64)
         if count and spectrum.shape != mean.shape:
             raise ValueError(
                 f"make must return one shape for all keys, got {mean.shape} and {spectrum.shape}"
@@ -196,7 +191,7 @@ def mean_spectrum(
 
 
 def _checked(spectrum: ArrayLike) -> NDArray[np.float64]:
-    array = np.asarray(spectrum, np.float64)
+    array = _arguments.array("spectrum", spectrum, "an array of real numbers").astype(np.float64)
     if array.ndim != 2 or array.size < 2:
         raise ValueError(f"spectrum must have shape (height, width), more than one value, got {array.shape}")
     return array

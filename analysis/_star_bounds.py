@@ -5,8 +5,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike
 
+from analysis import _arguments
 from analysis._critical_grid import critical_grid, rounding
-from analysis._star_discrepancy import checked_points, star_discrepancy
+from analysis._star_discrepancy import star_discrepancy
 from analysis._star_regions import refine
 from analysis._threshold_accepting import threshold_accepting
 from qmcjax.core import checks
@@ -83,7 +84,7 @@ def star_discrepancy_bounds(
     >>> print(round(lower, 9), round(upper, 9))
     0.875 0.875
     """
-    array = checked_points(points)
+    array = _arguments.points(points, vector=True).astype(np.float64)
     dims = array.shape[1]
     if regions is None:
         regions = max(1, min(2**18, _COMPARISONS // array.size))

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import _arguments
 from analysis._critical_grid import critical_grid
 from analysis._star_plane import plane_star_discrepancy
 from analysis._star_regions import refine
@@ -66,7 +67,7 @@ def star_discrepancy(points: ArrayLike) -> float:
     >>> star_discrepancy([[0.5, 0.5]])
     0.75
     """
-    array = checked_points(points)
+    array = _arguments.points(points, vector=True).astype(np.float64)
     n, dims = array.shape
     if dims == 1:
         return _line_star_discrepancy(array[:, 0])
@@ -88,21 +89,6 @@ def star_discrepancy(points: ArrayLike) -> float:
             f"known to be in [{lower:.6g}, {upper:.6g}] after {regions} regions; use star_discrepancy_bounds"
         )
     return lower
-
-
-def checked_points(points: ArrayLike) -> NDArray[np.float64]:
-    """Return points in [0, 1)^d as float64, shape (n, d), or raise a ValueError."""
-    given = np.asarray(points)
-    if given.ndim == 1:
-        given = given[:, None]
-    if given.ndim != 2 or given.size == 0:
-        raise ValueError(f"points must have shape (n, d) or (n,) with n, d >= 1, got {np.shape(points)}")
-    if given.dtype not in (np.float16, np.float32, np.float64):
-        raise ValueError(f"points must be float64 or narrower floats, got {given.dtype}")
-    outside = ~((given >= 0) & (given < 1))
-    if outside.any():
-        raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")
-    return given.astype(np.float64)
 
 
 def _line_star_discrepancy(points: NDArray[np.float64]) -> float:

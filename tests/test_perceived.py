@@ -46,10 +46,10 @@ def test_from_nearby_the_whole_error_is_seen_and_from_afar_its_mean():
     [
         (np.zeros((4, 5)), 2000.0, r"one shape, got \(4, 5\) and \(64, 64\)"),
         (ZERO + np.nan, 2000.0, "must be finite"),
-        (ZERO, 0.0, "distance must be positive, got 0.0"),
-        (ZERO, np.inf, "distance must be positive, got inf"),
+        (ZERO, 0.0, "distance must be positive and finite, got 0.0"),
+        (ZERO, np.inf, "distance must be positive and finite, got inf"),
     ],
 )
 def test_bad_input_is_named(image, distance, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         analysis.perceived_error(image, ZERO, distance)

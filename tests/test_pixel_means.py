@@ -1,5 +1,7 @@
 """Errors of one integrand in every pixel, and what an eye sees of them."""
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -121,6 +123,28 @@ def test_methods_that_do_not(make, spp):
     np.testing.assert_allclose(measured[:, 2] / measured[:, 0], 0.5 / np.sqrt(np.pi) / 1.5, rtol=0.05)
 
 
+@pytest.mark.parametrize("sigma", [0.1, 0.39, 0.41, 1.5, 4.0, 1000.0])
+@pytest.mark.parametrize(("across", "down"), [(0, 0), (1, 0), (8, 0), (16, 16), (3, 5)])
+def test_a_wave_is_weighted_by_the_filters_transfer(across, down, sigma):
+    """Against the sum over the weights of all pixels, in as many digits as their rounding leaves."""
+    y, x = np.mgrid[:32, :32]
+    wave = np.cos(2 * np.pi * (across * x + down * y) / 32)
+    pixels = np.arange(-(2**14), 2**14 + 1)
+    weights = np.exp(-((pixels / sigma) ** 2) / 2)
+    weights /= weights.sum()
+    transfer = [weights @ np.cos(2 * np.pi * f / 32 * pixels) for f in (across, down)]
+    expected = math.prod(transfer) * np.sqrt(np.mean(wave**2))
+    assert analysis.filtered_error(wave, zeros(32), sigma) == pytest.approx(expected, rel=1e-12, abs=1e-15)
+
+
+def test_little_is_left_of_fast_waves():
+    """A period of 4 pixels at sigma 4: exp(-2 pi^2), where a filter cut off at 4 sigma leaves 5e-6."""
+    wave = np.cos(np.pi / 2 * np.arange(64)) + zeros(64)
+    expected = np.exp(-2 * np.pi**2) / np.sqrt(2)
+    assert analysis.filtered_error(wave, zeros(64), 4.0) == pytest.approx(expected, rel=1e-6)
+    assert expected < 2e-9
+
+
 SAMPLER = samplers.independent(sequences.sobol(2), key=1)
 
 
@@ -137,10 +161,13 @@ SAMPLER = samplers.independent(sequences.sobol(2), key=1)
         (lambda: analysis.pixel_means(product, SAMPLER, 4, 4, 1, dtype=jnp.int32), "dtype must be .*int32"),
         (lambda: analysis.filtered_error(zeros(4), zeros(5)), r"one shape, got \(4, 4\) and \(5, 5\)"),
         (lambda: analysis.filtered_error(zeros(4) + np.nan, zeros(4)), "must be finite"),
-        (lambda: analysis.filtered_error(zeros(4), zeros(4), 0.0), "sigma must be positive, got 0.0"),
+        (
+            lambda: analysis.filtered_error(zeros(4), zeros(4), 0.0),
+            "sigma must be positive and finite, got 0.0",
+        ),
         (lambda: analysis.low_frequency_power(np.eye(8), zeros(8), 0.05), "cutoff must be .* got 0.05"),
     ],
 )
 def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         call()

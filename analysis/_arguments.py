@@ -1,0 +1,128 @@
+"""Checks of what measures are given: points, images, numbers. Each error names the argument and what came.
+
+A wrong type is a TypeError, a wrong value a ValueError, as in :mod:`qmcjax.core.checks`.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from jax.core import Tracer
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+
+__all__ = ["FLOATS", "array", "error", "flag", "points", "positive", "real", "shaped"]
+
+FLOATS = (np.float16, np.float32, np.float64)
+"""Types of coordinates that float64 holds exactly."""
+
+
+def array(name: str, value: Any, wanted: str) -> NDArray[Any]:
+    """Return an array of numbers, or raise a TypeError if there is none to see."""
+    if isinstance(value, Tracer):
+        raise TypeError(f"{name} must be {wanted}, known and not traced by JAX, got {value}")
+    try:
+        given = np.asarray(value)
+    except (TypeError, ValueError):
+        given = np.asarray(None)
+    if given.dtype.kind not in "iuf":
+        raise TypeError(f"{name} must be {wanted}, got {checks.shown(value)}")
+    return given
+
+
+def shaped(name: str, given: Any, least: int = 1, most_dims: int | None = None, least_dims: int = 1) -> Any:
+    """Return points, traced or not, or raise a ValueError unless there are enough, in these dimensions."""
+    if given.ndim != 2 or given.shape[0] < least or not least_dims <= given.shape[1]:
+        at_least = f"n >= {least} and d >= {least_dims}"
+        raise ValueError(f"{name} must have shape (n, d) with {at_least}, got {given.shape}")
+    if most_dims is not None and given.shape[1] > most_dims:
+        raise ValueError(f"{name} must have at most {most_dims} dimensions, got d={given.shape[1]}")
+    return given
+
+
+def points(
+    value: Any,
+    name: str = "points",
+    *,
+    least: int = 1,
+    least_dims: int = 1,
+    most_dims: int | None = None,
+    vector: bool = False,
+    traced: bool = False,
+    dtypes: tuple[Any, ...] = FLOATS,
+) -> Any:
+    """Return points of their own type, or raise unless they are in [0, 1)^d.
+
+    Parameters
+    ----------
+    value : ArrayLike
+        Of NumPy, of JAX, or nested lists.
+    name : str
+        Of the argument, for messages.
+    least, least_dims, most_dims : int
+        How many points and dimensions there must be.
+    vector : bool
+        Whether an array of one axis is a set in one dimension.
+    traced : bool
+        Whether JAX may trace them; their values are not checked then.
+    dtypes : tuple
+        What coordinates may be: floats in [0, 1), or uint32 fractions of 2**32.
+
+    Returns
+    -------
+    array, shape (n, d), or a Tracer of this shape
+    """
+    wanted = f"an array of {', '.join([np.dtype(dtype).name for dtype in dtypes])}"
+    given: Any = value if traced and isinstance(value, Tracer) else array(name, value, wanted)
+    if given.dtype not in dtypes:
+        raise TypeError(f"{name} must be {wanted}, got {given.dtype} {given.shape}")
+    if vector and given.ndim == 1:
+        given = given[:, None]
+    shaped(name, given, least, most_dims, least_dims)
+    if not isinstance(given, Tracer) and given.dtype.kind == "f":
+        outside = ~((given >= 0) & (given < 1))
+        if outside.any():
+            raise ValueError(f"{name} must be in [0, 1), got {given[outside][0].item()!r}")
+    return given
+
+
+def error(image: Any, reference: Any) -> NDArray[np.float64]:
+    """Return the error of an image, shape (height, width, channels), or raise."""
+    given, exact = (
+        array(name, value, "an array of real numbers").astype(np.float64)
+        for name, value in (("image", image), ("reference", reference))
+    )
+    if given.shape != exact.shape:
+        raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
+    if given.ndim not in (2, 3) or given.size == 0:
+        raise ValueError(f"image must have shape (height, width) or (height, width, 3), got {given.shape}")
+    for name, values in (("image", given), ("reference", exact)):
+        infinite = ~np.isfinite(values)
+        if infinite.any():
+            at = tuple(int(k) for k in np.argwhere(infinite)[0])
+            raise ValueError(f"{name} must be finite, got {values[at]} at {at}")
+    return (given - exact).reshape(*given.shape[:2], -1)
+
+
+def real(name: str, value: Any, wanted: str, holds: Callable[[float], bool]) -> float:
+    """Return a number as a float, or raise unless it is one that the condition holds for."""
+    given = array(name, value, wanted)
+    if given.ndim:
+        raise TypeError(f"{name} must be {wanted}, got {checks.shown(value)}")
+    if not holds(number := float(given)):
+        raise ValueError(f"{name} must be {wanted}, got {checks.shown(value)}")
+    return number
+
+
+def positive(name: str, value: Any) -> float:
+    """Return a positive finite number as a float."""
+    return real(name, value, "positive and finite", lambda x: 0 < x < math.inf)
+
+
+def flag(name: str, value: Any) -> bool:
+    """Return True or False, or raise a TypeError."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} must be True or False, got {checks.shown(value)}")
+    return bool(value)

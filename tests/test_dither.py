@@ -287,10 +287,9 @@ GOOD = np.zeros((2, 2))
             "spp must be at most 8 .* got 9",
         ),
         (lambda: samplers.ranked(5, 0), r"dims must be an integer in \[2, 4\], got 5"),
-        (lambda: samplers.ranked(2, None), "key must be one .* got None"),
         (
             lambda: samplers.ranked(2, 0).check(8, 8, 2**32 + 1),
-            "spp must be at most 4294967296 .* got 4294967297",
+            "spp must be .* 4294967296.* got 4294967297",
         ),
         (lambda: samplers.independent(7, 0, "shift"), "sequence must be a Sequence, got 7"),
         (

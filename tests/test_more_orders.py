@@ -462,7 +462,6 @@ def test_vmap_over_keys_equals_a_loop(make):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"key": 1.5}, "key must be .* got 1.5"),
         ({"key": -1}, "key .* got -1"),
         ({"key": 2**32, "variant": "multiplicative"}, "key .* got 4294967296"),
         ({"key": 1, "variant": "z"}, r"variant must be one of \('hash', .*\), got 'z'"),
@@ -480,5 +479,5 @@ def test_bad_codes_are_named():
     order = orders.scrambled_morton(4, 4, 1)
     with pytest.raises(ValueError, match=r"digits must be an integer in \[0, 16\], got 17"):
         order.scrambled(0, 17)
-    with pytest.raises(ValueError, match=r"code must be an integer .* got 64"):
+    with pytest.raises(ValueError, match=r"code must be integers .* got 64"):
         order.scrambled(64, 3)

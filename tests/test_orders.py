@@ -112,7 +112,6 @@ def test_any_shape_broadcasts_and_jit_and_vmap_agree(make):
         ((0, 4), r"width must be an integer in \[1, (65536|59049)\], got 0"),
         ((4, -1), "height .* got -1"),
         ((65537, 4), "width .* got 65537"),
-        ((4.0, 4), "width .* got 4.0"),
     ],
 )
 def test_bad_sizes_are_named(make, size, message):
@@ -123,11 +122,10 @@ def test_bad_sizes_are_named(make, size, message):
 @each_order
 def test_bad_pixels_and_positions_are_named(make):
     order = make(3, 3)  # padded to 3 or 4 pixels a side
-    with pytest.raises(ValueError, match=r"x must be an integer .* got 4"):
+    with pytest.raises(ValueError, match=r"x must be integers in \[0, [23]\], got 4"):
         order.position(4, 0)
-    with pytest.raises(ValueError, match=r"y must be below [34], got 9"):
+    with pytest.raises(ValueError, match=r"y must be integers in \[0, [23]\], got 9"):
         order.position(0, np.array([1, 9], np.uint32))
-    with pytest.raises(ValueError, match=r"position must be an integer .* got 16"):
+    with pytest.raises(ValueError, match=r"position must be integers in \[0, (8|15)\], got 16"):
         order.pixel(16)
-    with pytest.raises(ValueError, match="position must be uint32, got int64"):
-        order.pixel(np.arange(3))
+    assert order.pixel(np.arange(3))[0].dtype == np.uint32

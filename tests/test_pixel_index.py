@@ -413,7 +413,7 @@ def test_check_knows_the_image_and_the_last_sample(make, limit):
     sampler.check(12, 9, limit)
     with pytest.raises(ValueError, match=r"width, height must be .* 12 x 9, got 9 x 12"):
         sampler.check(9, 12, 1)
-    with pytest.raises(ValueError, match=rf"spp must be at most {limit} .* got {limit + 1}"):
+    with pytest.raises(ValueError, match=rf"spp must be .*{limit}.* got {limit + 1}"):
         sampler.check(12, 9, limit + 1)
 
 
@@ -451,7 +451,6 @@ def padded(net, offsets, side=SIDE, jitter=True):
         (lambda: padded(sequences.halton(2), 1), "net must be invertible .* got RadicalInverses"),
         (lambda: padded(NET, 1, side=0), "width must .* got 0"),
         (lambda: padded(sequences.hammersley_net(6), -1), "offsets must be .* got -1"),
-        (lambda: padded(sequences.hammersley_net(6), 0.5), "offsets must be .* got 0.5"),
         (
             lambda: padded(sequences.hammersley_net(6), sequences.sobol(3)),
             "offsets must have 4 dimensions, for 2 shifts and 2 of jitter, got 3",

@@ -259,11 +259,8 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
             lambda: samplers.independent(SOBOL, 0, "scramble"),
             r"randomize must be one of \['owen', 'shift', 'xor'\], got 'scramble'",
         ),
-        (lambda: samplers.independent(SOBOL, None), "key must be one .* got None"),
-        (lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)), r"dims must be .* got \[2\]"),
-        (lambda: samplers.independent(SOBOL, 0)(0, 0, np.arange(3)), "sample must be uint32, got int64"),
-        (lambda: samplers.independent(SOBOL, 0)(0.5, 0, 0), "x must be uint32, got float"),
-        (lambda: samplers.independent(SOBOL, 0)(0, -1, 0), "y must be an integer .* got -1"),
+        (lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)), "dims must be .* got 2"),
+        (lambda: samplers.independent(SOBOL, 0)(0, -1, 0), "y must be integers .* got -1"),
     ],
 )
 def test_bad_input_is_named(call, message):

@@ -129,3 +129,72 @@ def test_bad_pixels_and_positions_are_named(make):
     with pytest.raises(ValueError, match=r"position must be integers in \[0, (8|15)\], got 16"):
         order.pixel(16)
     assert order.pixel(np.arange(3))[0].dtype == np.uint32
+
+
+class Columns:
+    """Column by column: an order of a user, without decorator, base class or inverse."""
+
+    width, height, length = 5, 3, 15
+
+    def position(self, x, y):
+        return x * np.uint32(3) + y
+
+
+def test_any_object_with_the_protocol_is_an_order():
+    order = orders.as_order("order", Columns())
+    x, y = jnp.meshgrid(jnp.arange(5, dtype=jnp.uint32), jnp.arange(3, dtype=jnp.uint32))
+    assert np.array_equal(jax.jit(lambda o: o.position(x, y))(order), np.arange(15).reshape(5, 3).T)
+    assert (order.raster, order.length) == ((5, 3), 15)
+    assert orders.as_order("order", order) is order
+    with pytest.raises(TypeError, match=r"order must have a method pixel\(position\), got .*Columns"):
+        order.pixel(0)
+
+
+@pytest.mark.parametrize(
+    ("position", "message"),
+    [
+        (
+            lambda x, y: x * 1.0,
+            r"order must have position return integers of shape \(3,\), got float32 \(3,\)",
+        ),
+        (lambda x, y: x[:1], r"order must have position return integers of shape \(3,\), got uint32 \(1,\)"),
+        (lambda x, y: 3, "order must have position return integers .* got 3"),
+        (lambda x, y: x + np.uint32(13), r"order must have positions in \[0, length=15\), got 15"),
+    ],
+)
+def test_positions_of_a_user_are_checked(position, message):
+    value = Columns()
+    value.position = position
+    with pytest.raises(ValueError, match=message):
+        orders.as_order("order", value).position(first(3), 0)
+
+
+def test_a_permutation_is_looked_up_and_inverted():
+    image = np.random.default_rng(3).permutation(35).reshape(5, 7)
+    order = orders.permutation(image)
+    y, x = np.mgrid[:5, :7]
+    assert (order.width, order.height, order.length) == (7, 5, 35)
+    assert np.array_equal(order.position(x, y), image)
+    assert np.array_equal(np.stack(order.pixel(image)), [x, y])
+    # What a curve does with a table of its positions, it does without.
+    hilbert = orders.hilbert(8, 8)
+    y, x = np.mgrid[:8, :8]
+    assert np.array_equal(orders.permutation(hilbert.position(x, y)).pixel(9), hilbert.pixel(9))
+
+
+@pytest.mark.parametrize(
+    ("image", "error", "message"),
+    [
+        ([[0, 1], [1, 2]], ValueError, "image must be a permutation .* got none that is 3"),
+        ([[0, 1], [4, 2]], ValueError, "image must be .* got 4 among 4"),
+        ([[0, 1], [-1, 2]], ValueError, "image must be .* got -1 among 4"),
+        ([0, 1], ValueError, r"image must be .* got \(2,\)"),
+        (np.zeros((0, 3), int), ValueError, r"image must be .* got \(0, 3\)"),
+        ([[0.0, 1.0]], TypeError, r"image must be .* got an array of float64 \(1, 2\)"),
+        ([[0, 1], [2]], TypeError, "image must be .* got"),
+        (None, TypeError, "image must be .* got None"),
+    ],
+)
+def test_what_is_no_permutation_is_refused(image, error, message):
+    with pytest.raises(error, match=message):
+        orders.permutation(image)

@@ -98,7 +98,7 @@ def recursive_indices(order, where, log_side, spp):
 
 
 def order_of(sampler, constituent):
-    return sampler.orders[constituent] if sampler.orders else None
+    return None if sampler.orders is None else sampler.orders.member(constituent)
 
 
 # Variants and numbers of samples: even and odd powers of two.
@@ -137,10 +137,10 @@ def test_a_joint_sequence_has_one_order_for_all_dimensions():
     sequence = sequences.digital_shift(sequences.sobol(5), 4)
     sampler = samplers.z(5, 8, 4, 2, sequence=sequence)
     where = everywhere(sampler)
-    index = recursive_indices(sampler.orders[0], where, 3, 4)
+    index = recursive_indices(sampler.orders.member(0), where, 3, 4)
     points = np.asarray(sequence.points(256, dtype=jnp.float64))
     assert np.array_equal(bits(sampler, *where), points[index] * 2.0**32)
-    assert len(sampler.orders) == 1
+    assert sampler.orders.seed.shape == (1,)
 
 
 @pytest.mark.parametrize(
@@ -228,7 +228,7 @@ def test_constituents_have_independent_orders(variant):
 def test_trees_share_the_production_and_not_the_permutations():
     """Sect. 4.4: one production, and permutations for each constituent."""
     sampler = samplers.z(8, 8, 1, 6, "tree", dims=5, alphabet=300)
-    tables = [(np.asarray(o.production), np.asarray(o.permutations)) for o in sampler.orders]
+    tables = [(np.asarray(sampler.orders.production), row) for row in np.asarray(sampler.orders.permutations)]
     assert tables[0][0].shape == (300, 4)
     for production, numbers in tables[1:]:
         assert np.array_equal(production, tables[0][0])
@@ -316,7 +316,7 @@ def test_only_constituents_of_wanted_dimensions_are_computed(variant):
         return len(jaxpr.eqns)
 
     make = lambda *constituents: samplers.z(8, 8, 8, 1, variant, constituents=constituents)  # noqa: E731
-    assert operations(make(*(2,) * 16), (0, 1)) == operations(make(2), (0, 1))
+    assert operations(make(*(2,) * 16), (0, 1)) == operations(make(2, 1), (0, 1))
     assert operations(make(2, 2, 1, 2), (2, 3, 4)) == operations(make(2, 1), (0, 1, 2))
 
 
@@ -371,11 +371,11 @@ SMALL = samplers.z(5, 3, 4, 0)
         (lambda: samplers.z(8, 8, 1, 0, alphabet=9), "alphabet must be given for variant='tree' only, got 9"),
         (lambda: samplers.z(8, 8, 1, 0, "plain", alphabet=9), "alphabet must be given for .* got 9"),
         (lambda: samplers.z(8, 8, 1, 0, dims=0), "dims must be an integer .* got 0"),
-        (lambda: samplers.z(8, 8, 1, 0, constituents=(2, 3)), r"constituents .* 1s and 2s, got \(2, 3\)"),
+        (lambda: samplers.z(8, 8, 1, 0, constituents=(2, 3)), r"constituents must be .* \[1, 2\], got 3"),
         (lambda: samplers.z(8, 8, 1, 0, constituents=()), r"constituents must be .* got \(\)"),
-        (lambda: samplers.z(8, 8, 1, 0, constituents=2), "constituents must be a tuple .* got 2"),
+        (lambda: samplers.z(8, 8, 1, 0, dims=65537), r"dims must be .* \[1, 65536\], got 65537"),
         (lambda: samplers.z(8, 8, 1, 0, dims=3, constituents=(2, 1)), r"at most one .* dims=3, .*\(2, 1\)"),
-        (lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)), "at most one .* sequence=Dig"),
+        (lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)), "at most one .* sequence=.*Dig"),
         (lambda: samplers.z(8, 8, 1, 0, sequence=sequences.halton(2)), "sequence must be .* base 2 .* got"),
         (
             lambda: samplers.z(8192, 8192, 128, 0, sequence=sequences.faure(2)),

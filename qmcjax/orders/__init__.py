@@ -13,5 +13,8 @@ from qmcjax.orders._moore import moore as moore
 from qmcjax.orders._morton import morton as morton
 from qmcjax.orders._peano import PEANO_SIDE as PEANO_SIDE
 from qmcjax.orders._peano import peano as peano
+from qmcjax.orders._plug_in import as_order as as_order
+from qmcjax.orders._plug_in import permutation as permutation
 from qmcjax.orders._raster import raster as raster
+from qmcjax.orders._scrambled_morton import VARIANTS as VARIANTS
 from qmcjax.orders._scrambled_morton import scrambled_morton as scrambled_morton

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jax import Array
 
+from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders._base import SquareOrder, size
+from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 
 
@@ -80,4 +81,4 @@ def accordion(width: int, height: int) -> Accordion:
     >>> print([tuple(int(v) for v in order.pixel(i)) for i in range(4)])
     [(0, 0), (0, 1), (1, 1), (1, 0)]
     """
-    return Accordion(*size(width, height))
+    return Accordion(*checks.image_size(width, height))

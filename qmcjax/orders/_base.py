@@ -8,7 +8,7 @@ from jax import Array
 
 from qmcjax.core import checks
 
-MAX_SIDE = 2**16
+MAX_SIDE = checks.MAX_SIDE
 """Resolution up to which positions fit a uint32."""
 
 
@@ -40,8 +40,8 @@ class Order(abc.ABC):
 
         Parameters
         ----------
-        x, y : uint32 Array, broadcastable, or int
-            Column and row of the pixel, within the padded raster.
+        x, y : integer Array, broadcastable, or int
+            Column and row of the pixel, within the padded raster. Traced ones are not checked.
 
         Returns
         -------
@@ -49,10 +49,13 @@ class Order(abc.ABC):
 
         Raises
         ------
+        TypeError
+            If a coordinate is no integer.
         ValueError
-            If a coordinate is not uint32 or known to be off the raster.
+            If it is known to be off the raster.
         """
-        x, y = self._checked(x, y)
+        columns, rows = self.raster
+        x, y = jnp.broadcast_arrays(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
         return self._position(x, y)
 
     def pixel(self, position: Array | int) -> tuple[Array, Array]:
@@ -60,7 +63,7 @@ class Order(abc.ABC):
 
         Parameters
         ----------
-        position : uint32 Array, shape (...), or int
+        position : integer Array, shape (...), or int
             Below ``length``.
 
         Returns
@@ -70,15 +73,12 @@ class Order(abc.ABC):
 
         Raises
         ------
+        TypeError
+            If ``position`` is no integer.
         ValueError
-            If ``position`` is not uint32 or known to be beyond the curve.
+            If it is known to be beyond the curve.
         """
         return self._pixel(checks.unsigned("position", position, self.length))
-
-    def _checked(self, x: Array | int, y: Array | int) -> tuple[Array, Array]:
-        columns, rows = self.raster
-        x, y = jnp.broadcast_arrays(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
-        return x, y
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,3 @@ class SquareOrder(Order):
 def log_side(width: int, height: int) -> int:
     """Return the binary logarithm of the smallest power of two that covers both."""
     return (max(width, height) - 1).bit_length()
-
-
-def size(width: int, height: int) -> tuple[int, int]:
-    """Return width and height, or raise a ValueError unless both are in [1, 65536]."""
-    return checks.integer("width", width, 1, MAX_SIDE), checks.integer("height", height, 1, MAX_SIDE)

@@ -1,7 +1,8 @@
 """Scrambled Morton orders without tables: the permutation of a node is a hash of its digits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -12,6 +13,11 @@ from qmcjax.orders._hierarchy import ScrambledMorton, permutation_number
 
 GOLDEN = np.uint32(0x9E3779B9)
 """The fractional part of the golden ratio, as a 32-bit fraction rounded down."""
+
+
+def with_random_words(first: Array, keys: Array) -> Array:
+    """Return a word, and one drawn with each key: uint32 (len(keys) + 1,)."""
+    return jnp.concatenate([first[None], jax.vmap(lambda key: jax.random.bits(key, (), jnp.uint32))(keys)])
 
 
 @pytree
@@ -30,6 +36,14 @@ class Hashed(ScrambledMorton):
     def root(self) -> Array:
         """The seed."""
         return self.seed
+
+    def family(self, keys: Array) -> "Hashed":
+        """Return independent orders as one object."""
+        return replace(self, seed=with_random_words(self.seed, keys))
+
+    def member(self, number: int) -> "Hashed":
+        """Return one order of a family."""
+        return replace(self, seed=self.seed[number])
 
     def _permutation(self, node: Array) -> Array:
         return permutation_number(node)
@@ -51,6 +65,14 @@ class Multiplicative(ScrambledMorton):
     def root(self) -> Array:
         """The empty prefix, 0."""
         return jnp.uint32(0)
+
+    def family(self, keys: Array) -> "Multiplicative":
+        """Return independent orders as one object."""
+        return replace(self, dim=with_random_words(self.dim, keys))
+
+    def member(self, number: int) -> "Multiplicative":
+        """Return one order of a family."""
+        return replace(self, dim=self.dim[number])
 
     def _permutation(self, node: Array) -> Array:
         return permutation_number((node ^ (np.uint32(0x55555555) * self.dim)) * GOLDEN)

@@ -80,6 +80,24 @@ class ScrambledMorton(SquareOrder):
     def _child(self, node: Array, digit: Array) -> Array:
         """Return the words of children, by their digit in the Morton code."""
 
+    @abc.abstractmethod
+    def family(self, keys: Array) -> "ScrambledMorton":
+        """Return independent orders of the same variant as one object, for :meth:`member`.
+
+        Parameters
+        ----------
+        keys : jax.random.key Array, shape (n,)
+
+        Returns
+        -------
+        ScrambledMorton
+            Of n + 1 members: this order, and one for each key. Its arrays have a further axis in front.
+        """
+
+    @abc.abstractmethod
+    def member(self, number: int) -> "ScrambledMorton":
+        """Return one order of a :meth:`family`; member 0 is the one that it was made of."""
+
     def scrambled(self, code: Array | int, digits: int, node: Array | None = None) -> tuple[Array, Array]:
         """Permute the base 4 digits of Morton codes, from the first to the last.
 

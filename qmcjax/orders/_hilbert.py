@@ -6,8 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders._base import SquareOrder, size
+from qmcjax.orders._base import SquareOrder
 
 
 @pytree
@@ -75,4 +76,4 @@ def hilbert(width: int, height: int) -> Hilbert:
     >>> print([tuple(int(v) for v in order.pixel(i)) for i in range(4)])
     [(0, 0), (1, 0), (1, 1), (0, 1)]
     """
-    return Hilbert(*size(width, height))
+    return Hilbert(*checks.image_size(width, height))

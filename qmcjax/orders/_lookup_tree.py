@@ -1,6 +1,6 @@
 """Scrambled Morton orders by a self-similar tree: a grammar whose letters carry permutations."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -29,6 +29,15 @@ class LookupTree(ScrambledMorton):
     def root(self) -> Array:
         """Letter 0."""
         return jnp.uint32(0)
+
+    def family(self, keys: Array) -> "LookupTree":
+        """Return independent orders with one production as one object (Eq. 13 to 18)."""
+        others = jax.vmap(lambda key: random_permutations(self.permutations.shape[0], key))(keys)
+        return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
+
+    def member(self, number: int) -> "LookupTree":
+        """Return one order of a family."""
+        return replace(self, permutations=self.permutations[number])
 
     def _permutation(self, node: Array) -> Array:
         return self.permutations.at[node].get(mode="promise_in_bounds").astype(jnp.uint32)

@@ -6,8 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders._base import SquareOrder, size
+from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hilbert import Hilbert
 
 
@@ -77,4 +78,4 @@ def moore(width: int, height: int) -> Moore:
     >>> print([tuple(int(v) for v in order.pixel(i)) for i in (0, 1, 14, 15)])
     [(1, 0), (0, 0), (3, 0), (2, 0)]
     """
-    return Moore(*size(width, height))
+    return Moore(*checks.image_size(width, height))

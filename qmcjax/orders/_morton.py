@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jax import Array
 
+from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders._base import SquareOrder, size
+from qmcjax.orders._base import SquareOrder
 
 _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
 _GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))
@@ -65,4 +66,4 @@ def morton(width: int, height: int) -> Morton:
     >>> print(morton(4, 4).position(2, 1), morton(4, 4).length)
     6 16
     """
-    return Morton(*size(width, height))
+    return Morton(*checks.image_size(width, height))

@@ -101,5 +101,4 @@ def peano(width: int, height: int) -> Peano:
     >>> print([tuple(int(v) for v in order.pixel(i)) for i in range(5)])
     [(0, 0), (0, 1), (0, 2), (1, 2), (1, 1)]
     """
-    sides = (checks.integer(name, v, 1, PEANO_SIDE) for name, v in (("width", width), ("height", height)))
-    return Peano(*sides)
+    return Peano(*checks.image_size(width, height, PEANO_SIDE))

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jax import Array
 
+from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders._base import Order, size
+from qmcjax.orders._base import Order
 
 
 @pytree
@@ -53,4 +54,4 @@ def raster(width: int, height: int) -> Raster:
     >>> print(raster(5, 3).position(1, 2))
     11
     """
-    return Raster(*size(width, height))
+    return Raster(*checks.image_size(width, height))

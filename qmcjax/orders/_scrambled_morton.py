@@ -5,7 +5,6 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.orders._base import size
 from qmcjax.orders._hashed import Hashed, Multiplicative
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._lookup_tree import LookupTree, art_production, random_permutations, random_production
@@ -69,7 +68,7 @@ def scrambled_morton(
     >>> print(sorted(int(order.position(x, y)) // 4 for x in (0, 1) for y in (2, 3)))
     [3, 3, 3, 3]
     """
-    width, height = size(width, height)
+    width, height = checks.image_size(width, height)
     if variant not in VARIANTS:
         raise ValueError(f"variant must be one of {VARIANTS}, got {variant!r}")
     if alphabet is not None and variant != "tree":

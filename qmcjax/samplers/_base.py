@@ -160,8 +160,7 @@ class Sampler(abc.ABC):
         Parameters
         ----------
         x, y, sample : integer Array, broadcastable, or int
-            Column, row, and number of the sample in the pixel. Those that are being traced are not checked,
-            and taken modulo 2**32.
+            Column, row, and number of the sample in the pixel. Traced ones are not checked.
         dims : tuple of int
             The wanted coordinates, static; only these are computed.
         dtype : float32 or float64

@@ -1,20 +1,17 @@
 """The Z-sampler: contiguous blocks of a sequence along hierarchically scrambled Morton orders."""
 
-from dataclasses import replace
-
 import jax
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.orders import log_side
-from qmcjax.orders._hierarchy import ScrambledMorton
-from qmcjax.orders._lookup_tree import LookupTree, random_permutations
-from qmcjax.orders._scrambled_morton import VARIANTS, scrambled_morton
+from qmcjax.orders import VARIANTS, ScrambledMorton, log_side, scrambled_morton
 from qmcjax.samplers._z_blocks import Z
 from qmcjax.sequences import BinarySequence, sobol
 from qmcjax.sequences._base import binary
 
 PLAIN = "plain"
+
+MAX_DIMS = 2**16
 
 MAX_SPP = 2**31
 """Most samples of a pixel: so many fit a shift in words of 32 bits."""
@@ -53,7 +50,7 @@ def z(
         :func:`orders.scrambled_morton`. "tree" and "art" have one production for all constituents, with
         permutations for each (Eq. 13 to 18).
     dims : int, optional
-        Number of coordinates, by default 2, in pairs; if it is odd, the last one is single.
+        Number of coordinates, in [1, 65536], by default 2, in pairs; if it is odd, the last one is single.
     constituents : tuple of int, optional
         Instead: the sizes of the constituents, each 1 or 2, for coordinates 0, 1, ... from left to right.
     sequence : sequence in base 2, optional
@@ -106,8 +103,8 @@ def z(
         raise ValueError(f"spp must be a power of two, got {spp}")
     if sum(given is not None for given in (dims, constituents, sequence)) > 1:
         raise ValueError(
-            f"dims, constituents, sequence: at most one must be given, got dims={dims}, "
-            f"constituents={constituents}, sequence={sequence}"
+            f"dims, constituents, sequence: at most one must be given, got dims={checks.shown(dims)}, "
+            f"constituents={checks.shown(constituents)}, sequence={checks.shown(sequence)}"
         )
     if sequence is None:
         sizes, sequence = _padded(2 if dims is None else dims, constituents), sobol(2)
@@ -125,29 +122,26 @@ def z(
 
 def _padded(dims: int, constituents: tuple[int, ...] | None) -> tuple[int, ...]:
     if constituents is None:
-        pairs, single = divmod(checks.integer("dims", dims, 1, checks.INDEX_LIMIT - 1), 2)
+        pairs, single = divmod(checks.integer("dims", dims, 1, MAX_DIMS), 2)
         return (2,) * pairs + (1,) * single
-    if not isinstance(constituents, tuple) or not constituents or set(constituents) - {1, 2}:
-        raise ValueError(f"constituents must be a tuple of 1s and 2s, got {constituents!r}")
-    return tuple(map(int, constituents))
+    wanted = f"constituents must be a tuple of 1s and 2s, at most {MAX_DIMS} together"
+    if not isinstance(constituents, tuple | list):
+        raise TypeError(f"{wanted}, got {checks.shown(constituents)}")
+    sizes = tuple(checks.integer("constituents", size, 1, 2) for size in constituents)
+    if not 1 <= sum(sizes) <= MAX_DIMS:
+        raise ValueError(f"{wanted}, got {checks.shown(constituents)}")
+    return sizes
 
 
 def _orders(
     width: int, height: int, key: Array | int | None, variant: str, alphabet: int | None, count: int
-) -> tuple[ScrambledMorton, ...]:
+) -> ScrambledMorton | None:
     if variant == PLAIN:
         if alphabet is not None:
             raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
-        return ()
+        return None
     if variant not in VARIANTS:
-        raise ValueError(f"variant must be one of {(PLAIN, *VARIANTS)}, got {variant!r}")
-    random = checks.prng_key("key", key)
-    of_first, of_others = jax.random.split(random)
+        raise ValueError(f"variant must be one of {(PLAIN, *VARIANTS)}, got {checks.shown(variant)}")
+    of_first, of_others = jax.random.split(checks.prng_key("key", key))
     order = scrambled_morton(width, height, of_first, variant, alphabet)
-    keys = jax.random.split(of_others, count - 1) if count > 1 else ()
-    if isinstance(order, LookupTree):
-        letters = order.permutations.shape[0]
-        others = [replace(order, permutations=random_permutations(letters, k)) for k in keys]
-    else:
-        others = [scrambled_morton(width, height, k, variant) for k in keys]
-    return (order, *others)
+    return order.family(jax.random.split(of_others, count - 1))

@@ -12,9 +12,7 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import log_side
-from qmcjax.orders._hierarchy import ScrambledMorton
-from qmcjax.orders._morton import Morton
+from qmcjax.orders import ScrambledMorton, log_side, morton
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import Index
 from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
@@ -26,8 +24,8 @@ from qmcjax.sequences import BinarySequence
 class Z(Sampler):
     """Pixel p of a constituent's order takes the points spp * p, ..., in an order of its own."""
 
-    orders: tuple[ScrambledMorton, ...]
-    """One for each constituent; none for Z0, whose order is Morton's for all."""
+    orders: ScrambledMorton | None
+    """A family of one for each constituent; None for Z0, whose order is Morton's for all."""
 
     sequence: BinarySequence
     """Each constituent has its first coordinates."""
@@ -141,11 +139,11 @@ class Z(Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the positions and nodes of pixels in each order that is wanted, by its number."""
-        code = Morton(self.width, self.height).position(x, y)
-        if not self.orders:
+        code = morton(self.width, self.height).position(x, y)
+        if self.orders is None:
             return code
         wanted = sorted({self._places[j][0] for j in dims})
-        return {c: self.orders[c].scrambled(code, self.log_side) for c in wanted}
+        return {c: self.orders.member(c).scrambled(code, self.log_side) for c in wanted}
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return points of the pixels' blocks."""
@@ -185,8 +183,8 @@ class Z(Sampler):
         if self.rounds > 1:
             passed = number.word >> log_count
             number = Number(number.word ^ (passed << log_count))
-        if self.orders:
-            order = self.orders[constituent]
+        if self.orders is not None:
+            order = self.orders.member(constituent)
             position, node = state[constituent]
             if isinstance(log_count, int):
                 place = scrambled_number(order, number, log_count, node)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.orders._hierarchy import ScrambledMorton
+from qmcjax.orders import ScrambledMorton
 from qmcjax.samplers._index_64 import Index
 
 

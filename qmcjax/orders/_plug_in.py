@@ -1,0 +1,182 @@
+"""Orders of users: any object with the protocol's methods, and any permutation of an image's pixels."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.pytrees import pytree
+from qmcjax.orders._base import Order
+
+
+@pytree
+@dataclass(frozen=True)
+class PlugIn(Order):
+    """An object that has the protocol's methods but no checks."""
+
+    held: Any
+    positions: int = field(metadata={"static": True})
+    """How many there are."""
+
+    @property
+    def length(self) -> int:
+        """Number of positions."""
+        return self.positions
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        """The object's, if it has one, else width and height."""
+        return getattr(unheld(self.held), "raster", (self.width, self.height))
+
+    def _position(self, x: Array, y: Array) -> Array:
+        position = _integers("position", unheld(self.held).position(x, y), x.shape)
+        if not isinstance(position, Tracer) and position.size:
+            most = int(np.max(np.asarray(position)))
+            if most >= self.length:
+                raise ValueError(f"order must have positions in [0, length={self.length}), got {most}")
+        return position
+
+    def _pixel(self, position: Array) -> tuple[Array, Array]:
+        inverse: Any = getattr(unheld(self.held), "pixel", None)
+        if inverse is None:
+            raise TypeError(
+                f"order must have a method pixel(position), got {checks.shown(unheld(self.held))}"
+            )
+        x, y = inverse(position)
+        return _integers("pixel", x, position.shape), _integers("pixel", y, position.shape)
+
+
+@pytree
+@dataclass(frozen=True)
+class Permutation(Order):
+    """Positions looked up in a table, and pixels in that of the inverse."""
+
+    table: Array
+    """uint32 (height, width)."""
+    inverse: Array
+    """uint32 (length,): numbers of pixels, row by row."""
+
+    @property
+    def length(self) -> int:
+        """Number of pixels."""
+        return self.width * self.height
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        """Width and height: nothing is padded."""
+        return self.width, self.height
+
+    def _position(self, x: Array, y: Array) -> Array:
+        return self.table.at[y, x].get(mode="promise_in_bounds")
+
+    def _pixel(self, position: Array) -> tuple[Array, Array]:
+        number = self.inverse.at[position].get(mode="promise_in_bounds")
+        return number % np.uint32(self.width), number // np.uint32(self.width)
+
+
+def permutation(image: ArrayLike) -> Permutation:
+    """Make an order of a table of positions.
+
+    Parameters
+    ----------
+    image : integer ArrayLike, shape (height, width)
+        The position of pixel (x, y) in ``image[y, x]``: each of 0, 1, ..., height * width - 1 once.
+
+    Returns
+    -------
+    Permutation
+        A new table of the same shape compiles nothing anew.
+
+    Raises
+    ------
+    TypeError
+        If ``image`` has no integers.
+    ValueError
+        If it has another shape, or is no permutation.
+
+    Examples
+    --------
+    >>> order = permutation([[0, 1], [3, 2]])
+    >>> print(order.position(0, 1), [int(v) for v in order.pixel(2)])
+    3 [1, 1]
+    """
+    wanted = "a permutation of 0, ..., height * width - 1 in an integer array of shape (height, width)"
+    try:
+        if isinstance(image, Tracer):
+            raise TypeError
+        table = np.asarray(image)
+    except (TypeError, ValueError):
+        raise TypeError(f"image must be {wanted}, got {checks.shown(image)}") from None
+    if not np.issubdtype(table.dtype, np.integer):
+        raise TypeError(f"image must be {wanted}, got {checks.shown(table if table.ndim else image)}")
+    if table.ndim != 2 or not table.size or max(table.shape) > checks.MAX_SIDE:
+        raise ValueError(
+            f"image must be {wanted}, with sides of at most {checks.MAX_SIDE}, got {table.shape}"
+        )
+    flat = table.ravel()
+    inside = (flat >= 0) & (flat < flat.size)
+    if not inside.all():
+        raise ValueError(f"image must be {wanted}, got {int(flat[~inside][0])} among {flat.size}")
+    inverse = np.full(flat.size, flat.size, np.int64)
+    inverse[flat] = np.arange(flat.size)
+    if (inverse == flat.size).any():
+        raise ValueError(f"image must be {wanted}, got none that is {int(np.argmax(inverse == flat.size))}")
+    height, width = table.shape
+    return Permutation(
+        width, height, jnp.asarray(table.astype(np.uint32)), jnp.asarray(inverse.astype(np.uint32))
+    )
+
+
+def as_order(name: str, value: Any) -> Order:
+    """Return an order with all methods that have defaults, of any object that is one.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    value : Order, or object
+        One that has ``width`` and ``height`` of its image, ``length``, the number of positions, and
+        ``position(x, y)``, which takes uint32 Arrays of one shape to integers below ``length``. A method
+        ``pixel(position)``, the inverse, is optional.
+
+    Returns
+    -------
+    Order
+        ``value`` itself, if it is one.
+
+    Raises
+    ------
+    TypeError
+        If it is none.
+    ValueError
+        If a number is out of range.
+    """
+    if isinstance(value, Order):
+        return value
+    if isinstance(value, type) or not callable(getattr(value, "position", None)):
+        raise TypeError(_message(name, value))
+    numbers = [getattr(value, attribute, None) for attribute in ("width", "height", "length")]
+    if not all(isinstance(n, int | np.integer) and not isinstance(n, bool) for n in numbers):
+        raise TypeError(_message(name, value))
+    width, height = checks.image_size(value.width, value.height)
+    length = checks.integer(f"{name}.length", value.length, width * height, checks.INDEX_LIMIT)
+    return PlugIn(width, height, held(name, value), length)
+
+
+def _message(name: str, value: Any) -> str:
+    return f"{name} must be an order (width, height, length and position(x, y)), got {checks.shown(value)}"
+
+
+def _integers(method: str, value: Any, shape: tuple[int, ...]) -> Array:
+    """Return integers that a user's method made, as uint32."""
+    dtype = getattr(value, "dtype", np.dtype(bool))
+    if not jnp.issubdtype(dtype, jnp.integer) or value.shape != shape:
+        what = f"{dtype} {value.shape}" if hasattr(value, "dtype") else checks.shown(value)
+        raise ValueError(f"order must have {method} return integers of shape {shape}, got {what}")
+    return jnp.asarray(value).astype(jnp.uint32)

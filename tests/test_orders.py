@@ -154,7 +154,7 @@ def test_any_object_with_the_protocol_is_an_order():
     ("position", "message"),
     [
         (
-            lambda x, y: x * 1.0,
+            lambda x, y: x.astype(np.float32),
             r"order must have position return integers of shape \(3,\), got float32 \(3,\)",
         ),
         (lambda x, y: x[:1], r"order must have position return integers of shape \(3,\), got uint32 \(1,\)"),

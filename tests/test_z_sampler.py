@@ -375,7 +375,10 @@ SMALL = samplers.z(5, 3, 4, 0)
         (lambda: samplers.z(8, 8, 1, 0, constituents=()), r"constituents must be .* got \(\)"),
         (lambda: samplers.z(8, 8, 1, 0, dims=65537), r"dims must be .* \[1, 65536\], got 65537"),
         (lambda: samplers.z(8, 8, 1, 0, dims=3, constituents=(2, 1)), r"at most one .* dims=3, .*\(2, 1\)"),
-        (lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)), "at most one .* sequence=.*Dig"),
+        (
+            lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)),
+            "at most one .* sequence=.*Dig",
+        ),
         (lambda: samplers.z(8, 8, 1, 0, sequence=sequences.halton(2)), "sequence must be .* base 2 .* got"),
         (
             lambda: samplers.z(8192, 8192, 128, 0, sequence=sequences.faure(2)),

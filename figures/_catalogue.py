@@ -53,7 +53,7 @@ CATALOGUE = {
     "z-5": Entry("figures.z_5", "The permutations of a scrambled Morton order"),
     "z-6": Entry("figures.z_6", "The samples of 128 x 128 pixels and their star discrepancies"),
     "z-8": Entry("figures.z_8", "Dimension 5 of the global Sobol' sequence"),
-    "z-table-1": Entry("figures.z_table_1", "Run times of frames by sampler, Table 1"),
+    "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1"),
     "screen-space-1": Entry("figures.screen_space_1", "All screen-space methods at 1 sample a pixel"),
     "screen-space-4": Entry("figures.screen_space_4", "All screen-space methods at 4 samples a pixel"),
     "screen-space-16": Entry("figures.screen_space_16", "All screen-space methods at 16 samples a pixel"),

@@ -36,7 +36,7 @@ DPI = 150
 
 
 @dataclass(frozen=True)
-class Table:
+class Curve:
     """An order that fills a square, given by its positions, [y, x]."""
 
     positions: NDArray[np.int64]
@@ -61,20 +61,20 @@ class Table:
         return x, y
 
 
-def tabulated(order: orders.Order) -> Table:
+def curve_of(order: orders.Order) -> Curve:
     """Evaluate an order whose image is its whole raster."""
     x = jnp.arange(order.width, dtype=jnp.uint32)[None, :]
     y = jnp.arange(order.height, dtype=jnp.uint32)[:, None]
-    return Table(np.asarray(jax.jit(lambda: order.position(x, y))()).astype(np.int64))
+    return Curve(np.asarray(jax.jit(lambda: order.position(x, y))()).astype(np.int64))
 
 
-def square(name: str, binary: int, ternary: int) -> Table:
+def square(name: str, binary: int, ternary: int) -> Curve:
     """Make one of the curves to fill a square, whose side is a power of the curve's base."""
     side = ternary if name == "Peano" else binary
-    return tabulated(CURVES[name](side, side))
+    return curve_of(CURVES[name](side, side))
 
 
-def enumerated(curve: Table, sequence: sequences.Sequence, dim: int = 0) -> NDArray[np.float64]:
+def enumerated(curve: Curve, sequence: sequences.Sequence, dim: int = 0) -> NDArray[np.float64]:
     """Return the image of one coordinate of a sequence whose points go along the curve, one a pixel."""
     points = sequence.points(curve.positions.size, dtype=jnp.float64)
     return np.asarray(points)[curve.positions, dim]

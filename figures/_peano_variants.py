@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from figures._curves import Table
+from figures._curves import Curve
 
 VARIANTS = 2**9
 
@@ -36,7 +36,7 @@ MEANDER = (
 """From one corner to the next one, as Hilbert's curve."""
 
 
-def peano_variants(digits: int) -> Iterator[Table]:
+def peano_variants(digits: int) -> Iterator[Curve]:
     """Make every curve of side ``3**digits`` whose nine parts lie as Peano's: his own is the first.
 
     Each part is a smaller curve between the same corners, or that curve transposed: the same parts are
@@ -51,16 +51,16 @@ def peano_variants(digits: int) -> Iterator[Table]:
         yield _curve(tuple(parts), digits)
 
 
-def meander(digits: int) -> Table:
+def meander(digits: int) -> Curve:
     """Make Wunderlich's meander of side ``3**digits``."""
     return _curve(MEANDER, digits)
 
 
-def _curve(parts: tuple[Part, ...], digits: int) -> Table:
+def _curve(parts: tuple[Part, ...], digits: int) -> Curve:
     positions = np.zeros((1, 1), np.int64)
     for _ in range(digits):
         positions = _larger(positions, parts)
-    return Table(positions)
+    return Curve(positions)
 
 
 def _larger(curve: NDArray[np.int64], parts: tuple[Part, ...]) -> NDArray[np.int64]:

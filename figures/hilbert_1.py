@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 import analysis
-from figures._curves import CURVES, Table, square
+from figures._curves import CURVES, Curve, square
 from figures._peano_variants import VARIANTS, meander, peano_variants
 
 SHOWN = (16, 27)
@@ -74,7 +74,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
 
 
-def _measure(curve: Table) -> dict:
+def _measure(curve: Curve) -> dict:
     counts = analysis.segment_counts(curve)
     interior = counts[1:-1, 1:-1]
     values, numbers = np.unique(interior, return_counts=True)
@@ -89,19 +89,19 @@ def _measure(curve: Table) -> dict:
     }
 
 
-def _around(curve: Table, position: int) -> NDArray[np.bool_]:
+def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
     """Tell which neighbourhoods hold the pixel at a position."""
     x, y = (int(c[position]) for c in curve.path())
     rows, columns = np.indices(curve.positions.shape)
     return np.maximum(np.abs(columns - x), np.abs(rows - y)) <= 1
 
 
-def _entering(curve: Table, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _entering(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Leave out the segment that starts the curve: it enters no neighbourhood."""
     return counts - _around(curve, 0)
 
 
-def _joined(curve: Table, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Count the first and the last segment as one where they meet."""
     x, y = curve.path()
     is_closed = abs(x[0] - x[-1]) + abs(y[0] - y[-1]) == 1
@@ -119,7 +119,7 @@ def _claims(measured: dict) -> dict[str, bool]:
     }
 
 
-def _draw_curve(axes: Axes, curve: Table, name: str) -> None:
+def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
     counts = analysis.segment_counts(curve)
     axes.imshow(counts, cmap="Greens", vmin=0, vmax=8, alpha=0.6)
     x, y = curve.path()

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures._curves import CURVES, Table, enumerated, square
+from figures._curves import CURVES, Curve, enumerated, square
 from qmcjax import sequences
 
 SHOWN = (8, 9)
@@ -54,7 +54,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
 
 
-def _draw(axes: Axes, curve: Table, base: int) -> None:
+def _draw(axes: Axes, curve: Curve, base: int) -> None:
     axes.imshow(enumerated(curve, sequences.van_der_corput(base)), cmap="gray", vmin=-0.3, vmax=1)
     axes.set(xticks=[], yticks=[])
     axes.plot(*curve.path(), color="tab:blue", lw=1.5, alpha=0.6)
@@ -74,7 +74,7 @@ def _draw(axes: Axes, curve: Table, base: int) -> None:
             )
 
 
-def _measure(curve: Table) -> dict:
+def _measure(curve: Curve) -> dict:
     differences = _all_differences(curve.positions)
     others = differences[differences > 1]
     values, numbers = np.unique(others, return_counts=True)
@@ -102,7 +102,7 @@ def _measure(curve: Table) -> dict:
 
 
 def _all_differences(positions: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.concatenate([d.ravel() for d in analysis.neighbour_differences(Table(positions))])
+    return np.concatenate([d.ravel() for d in analysis.neighbour_differences(Curve(positions))])
 
 
 def _moved(positions: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:

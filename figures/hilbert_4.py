@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures._curves import CURVES, EXPLAINED, Table, enumerated, image_sheet, square, structure
+from figures._curves import CURVES, EXPLAINED, Curve, enumerated, image_sheet, square, structure
 from qmcjax import sequences
 
 SIDES = (64, 81)
@@ -53,7 +53,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
 
 
-def _halves(curve: Table, image: NDArray[np.float64]) -> dict[str, bool]:
+def _halves(curve: Curve, image: NDArray[np.float64]) -> dict[str, bool]:
     """Tell how the leading bit goes along columns and along the curve."""
     upper = image >= 0.5
     x, y = curve.path()

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures._curves import tabulated
+from figures._curves import curve_of
 from qmcjax import orders
 
 BITS = 3
@@ -17,7 +17,7 @@ SIDE = 2**BITS
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Write the index into each pixel, y upward, over a gradient from the first to the last."""
     del quality, progress
-    index = tabulated(orders.morton(SIDE, SIDE)).positions
+    index = curve_of(orders.morton(SIDE, SIDE)).positions
     binary = np.vectorize(lambda i: format(i, f"0{2 * BITS}b"))(index)
     quaternary = np.vectorize(lambda i: np.base_repr(i, 4).zfill(BITS))(index)
 

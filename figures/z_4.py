@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 import analysis
-from figures._curves import Table, tabulated
+from figures._curves import Curve, curve_of
 from qmcjax import orders
 
 SHOWN, CUT, COUNTED = 16, 8, 256
@@ -37,14 +37,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure.suptitle("Morton and accordion order (Z paper, Fig. 4)")
     grid = figure.add_gridspec(2, 3, height_ratios=(1.45, 1))
     panels = [figure.add_subplot(grid[0, k]) for k in range(3)]
-    _draw(panels[0], tabulated(orders.morton(SHOWN, SHOWN)), "Morton order")
-    _draw(panels[1], tabulated(orders.accordion(SHOWN, SHOWN)), "accordion order")
+    _draw(panels[0], curve_of(orders.morton(SHOWN, SHOWN)), "Morton order")
+    _draw(panels[1], curve_of(orders.accordion(SHOWN, SHOWN)), "accordion order")
     reversed_cuts = _rolled(unfolded(4, [True])[-1])
     _draw(panels[2], reversed_cuts, "two steps, the second one's cuts reversed: Moore")
     strips = unfolded(CUT, [step % 2 == 1 for step in range(CUT.bit_length() - 2)])
     _draw_strips(figure.add_subplot(grid[1, :]), strips)
 
-    accordion = tabulated(orders.accordion(CUT, CUT))
+    accordion = curve_of(orders.accordion(CUT, CUT))
     chosen = [_rolled(unfolded(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
     measured = {
         "the strip's pixels are in the accordion order": np.array_equal(
@@ -59,8 +59,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "of these, the path is closed": sum(map(_is_closed, chosen)),
         "16 blocks with reversed cuts are a Moore curve": _is_moore(reversed_cuts),
         f"{COUNTED} x {COUNTED} pixels": {
-            "Morton": _adjacency(tabulated(orders.morton(COUNTED, COUNTED))),
-            "accordion": _adjacency(tabulated(orders.accordion(COUNTED, COUNTED))),
+            "Morton": _adjacency(curve_of(orders.morton(COUNTED, COUNTED))),
+            "accordion": _adjacency(curve_of(orders.accordion(COUNTED, COUNTED))),
         },
     }
     printed = {
@@ -89,10 +89,10 @@ def unfolded(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
     return strips
 
 
-def _rolled(strip: NDArray[np.int64]) -> Table:
+def _rolled(strip: NDArray[np.int64]) -> Curve:
     """Return the order of the square's pixels along a strip that is one pixel wide."""
     side = round(strip.size**0.5)
-    return Table(np.argsort(strip, axis=None).reshape(side, side))
+    return Curve(np.argsort(strip, axis=None).reshape(side, side))
 
 
 def _choices(side: int) -> list[list[bool]]:
@@ -100,38 +100,38 @@ def _choices(side: int) -> list[list[bool]]:
     return [[bool(k >> step & 1) for step in range(steps)] for k in range(2**steps)]
 
 
-def _quadrants(curve: Table) -> list[int]:
+def _quadrants(curve: Curve) -> list[int]:
     """Return which quadrant holds each quarter of the curve, by Morton's numbers."""
     x, y = curve.path()
     half = curve.width // 2
     return (x // half + 2 * (y // half))[:: half**2].tolist()
 
 
-def _jump(curve: Table) -> list[list[int]]:
+def _jump(curve: Curve) -> list[list[int]]:
     """Return the pixels before and after the middle of the curve."""
     middle = curve.positions.size // 2
     return np.transpose(curve.path())[middle - 1 : middle + 1].tolist()
 
 
-def _is_closed(curve: Table) -> bool:
+def _is_closed(curve: Curve) -> bool:
     x, y = curve.path()
     return bool(np.all(abs(x - np.roll(x, 1)) + abs(y - np.roll(y, 1)) == 1))
 
 
-def _is_moore(curve: Table) -> bool:
+def _is_moore(curve: Curve) -> bool:
     """Tell whether a closed path is Moore's, turned and mirrored, in either sense and from any start."""
-    found, moore = curve.positions, tabulated(orders.moore(curve.width, curve.height)).positions
+    found, moore = curve.positions, curve_of(orders.moore(curve.width, curve.height)).positions
     views = [np.rot90(a, turn) for a in (found, found.T) for turn in range(4)]
     shifts = [(sign * view - moore) % moore.size for view in views for sign in (1, -1)]
     return any(np.unique(shift).size == 1 for shift in shifts)
 
 
-def _steps(curve: Table) -> NDArray[np.float64]:
+def _steps(curve: Curve) -> NDArray[np.float64]:
     """Return the lengths of the steps of the curve."""
     return np.hypot(*(np.diff(c) for c in curve.path()))
 
 
-def _adjacency(curve: Table) -> dict[str, float]:
+def _adjacency(curve: Curve) -> dict[str, float]:
     steps = _steps(curve)
     return {
         "share of the steps to a pixel that shares an edge": float(np.mean(steps == 1)),
@@ -146,7 +146,7 @@ def _colour(x: int, y: int, side: int) -> tuple[float, float, float]:
     return to_rgb(COLOURS[x // (side // 2) + 2 * (y // (side // 2))])
 
 
-def _draw(axes: Axes, curve: Table, title: str) -> None:
+def _draw(axes: Axes, curve: Curve, title: str) -> None:
     side = curve.width
     axes.imshow([[_colour(x, y, side) for x in range(side)] for y in range(side)], alpha=0.5, origin="lower")
     x, y = curve.path()

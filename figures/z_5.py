@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures._curves import tabulated
+from figures._curves import curve_of
 from figures.z_2 import write
 from qmcjax import orders
 
@@ -32,8 +32,8 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the names and values of the permutations, and the order that they make."""
     del quality, progress
-    code = tabulated(orders.morton(SIDE, SIDE)).positions
-    scrambled = tabulated(orders.scrambled_morton(SIDE, SIDE, KEY)).positions
+    code = curve_of(orders.morton(SIDE, SIDE)).positions
+    scrambled = curve_of(orders.scrambled_morton(SIDE, SIDE, KEY)).positions
     permutations = _permutations(code, scrambled)
     example = int("321", 4)
 

@@ -1,4 +1,4 @@
-"""Z paper Table 1: run times of frames by sampler and number of samples, and rates of generation alone."""
+"""Z paper Table 1: run times of images by sampler and number of samples, and rates of generation alone."""
 
 import time
 from collections.abc import Callable
@@ -33,8 +33,8 @@ NOTE = (
     "that ratios between samplers compare, not seconds; what a sample costs beyond its point is little "
     "here, and the samplers' own costs show more than in a path tracer. (0,2) is the Sobol' sequence "
     "xor-scrambled in each pixel, its four dimensions not padded. Right: the mean of x y at {spp} samples a "
-    "pixel, which is generation and little else. Medians of {calls} frames after the first, each with a new "
-    "key, the samplers taking turns. Where all pixels have one sequence but for an xor, a frame computes "
+    "pixel, which is generation and little else. Medians of {calls} images after the first, each with a new "
+    "key, the samplers taking turns. Where all pixels have one sequence but for an xor, an image computes "
     "its points once. Heitz stands for our ranked sampler. Drafts are small and say little."
 )
 
@@ -84,7 +84,7 @@ def rate_samplers(width: int, height: int, spp: int, key: int) -> dict[str, Any]
 def seconds(
     scene: Any, make: Callable[..., dict[str, Any]], width: int, height: int, spp: int, calls: int
 ) -> dict[str, float]:
-    """Return the median time of a frame by sampler; they take turns, so that noise hits all."""
+    """Return the median time of an image by sampler; they take turns, so that noise hits all."""
     times: dict[str, list[float]] = {}
     for key in range(calls + 1):
         for name, sampler in jax.block_until_ready(make(width, height, spp, key)).items():
@@ -95,43 +95,43 @@ def seconds(
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Time frames, and draw times over samples and rates of generation."""
+    """Time images, and draw times over samples and rates of generation."""
     (width, height), counts = SIZE[quality], COUNTS[quality]
     calls = CALLS if quality == "paper" else 2
     shadow = SoftShadow(0.5, 0.2)
-    frames: dict[str, dict[str, float]] = {}
+    images: dict[str, dict[str, float]] = {}
     for done, spp in enumerate(counts, start=1):
         measured = seconds(shadow, shadow_samplers, width, height, spp, calls)
         for name, time_taken in measured.items():
-            frames.setdefault(name, {})[str(spp)] = time_taken
+            images.setdefault(name, {})[str(spp)] = time_taken
         progress(done / (len(counts) + 1))
     measured = seconds(Product(), rate_samplers, width, height, RATE_SPP, calls)
     rates = {name: width * height * RATE_SPP / taken / 1e6 for name, taken in measured.items()}
     numbers = {
         "measured": {
-            "seconds a frame": frames,
-            "time of Z / time of (0,2)": {s: frames["Z"][s] / frames["(0,2)"][s] for s in frames["Z"]},
-            "time of Sobol' / time of Z": {s: frames["Sobol'"][s] / frames["Z"][s] for s in frames["Z"]},
+            "seconds an image": images,
+            "time of Z / time of (0,2)": {s: images["Z"][s] / images["(0,2)"][s] for s in images["Z"]},
+            "time of Sobol' / time of Z": {s: images["Sobol'"][s] / images["Z"][s] for s in images["Z"]},
             "million samples a second": rates,
             "rate / rate of raster order": {name: r / rates["raster order"] for name, r in rates.items()},
         },
         "printed": {"seconds": PRINTED},
         "note": NOTE.format(width=width, height=height, spp=RATE_SPP, calls=calls),
     }
-    return _draw(frames, rates), numbers
+    return _draw(images, rates), numbers
 
 
-def _draw(frames: dict[str, dict[str, float]], rates: dict[str, float]) -> Figure:
+def _draw(images: dict[str, dict[str, float]], rates: dict[str, float]) -> Figure:
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     times, bars = figure.subplots(1, 2)
-    for name, column in frames.items():
+    for name, column in images.items():
         spp = [int(s) for s in column]
         (line,) = times.loglog(spp, list(column.values()), "o-", label=name)
         scale = column["16"] / PRINTED[name]["16"]
         printed = [scale * PRINTED[name][s] for s in column]
         times.loglog(spp, printed, ":", color=line.get_color())
     times.set(
-        xlabel="samples a pixel", ylabel="seconds a frame", title="A soft shadow; dotted: printed, scaled"
+        xlabel="samples a pixel", ylabel="seconds an image", title="A soft shadow; dotted: printed, scaled"
     )
     times.legend()
     bars.barh(list(rates), list(rates.values()), color="tab:blue")

@@ -23,7 +23,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     titles = [entry["case"] for entry in first["cases"]]
 
     figure = Figure(figsize=(12, 1.2 + 1.05 * len(titles)), layout="constrained")
-    figure.suptitle("Points made, median of calls after the first (bars: higher is better)")
+    figure.suptitle("Points made, median of calls after others (bars: higher is better)")
     for axes, (name, result) in zip(
         figure.subplots(1, 2, sharey=True, sharex=True), measured.items(), strict=True
     ):

@@ -1,5 +1,7 @@
 """Strict promotion everywhere and two CPU devices, so that sharding can be tested without an accelerator."""
 
+from pathlib import Path
+
 import jax
 import pytest
 from hypothesis import settings
@@ -20,6 +22,17 @@ def made(request):
 sampler = pytest.fixture(made, name="sampler")
 seq = pytest.fixture(made, name="seq")
 value = pytest.fixture(made, name="value")
+
+
+def pytest_addoption(parser):
+    parser.addoption("--drafts", help="folder with drafts of the figures (default: one in pytest's cache)")
+
+
+@pytest.fixture
+def drafts(request):
+    """Return the folder where a test brings drafts of figures up to date."""
+    folder = request.config.getoption("drafts")
+    return Path(folder).resolve() if folder else request.config.cache.mkdir("figures")
 
 
 def pytest_configure(config):

@@ -1,4 +1,4 @@
-"""Frames by us and by what a user would take instead: ``python -m figures._peers draft``.
+"""Images by us and by what a user would take instead: ``python -m figures._peers draft``.
 
 The checkerboard and the zone plate, with one scrambled Sobol' sequence in contiguous blocks of pixels. Prints
 JSON: times of the calls after the first, each with a new key, that of the first, and errors.
@@ -31,33 +31,34 @@ SCENES = {"checkerboard": scenes.checkerboard(), "zone_plate": scenes.zone_plate
 ROWS = 16
 """Of pixels that NumPy and torch hold the samples of at a time: more do not fit into the cache."""
 
-Frame = Callable[[int], NDArray[np.float32]]
+Render = Callable[[int], NDArray[np.float32]]
+"""Makes an image, by key."""
 
 
-def ours(name: str, side: int, spp: int) -> Frame:
-    """Return our frame by key, along the Hilbert curve."""
+def ours(name: str, side: int, spp: int) -> Render:
+    """Return our rendering along the Hilbert curve."""
     order, sobol = orders.hilbert(side, side), sequences.sobol(2)
 
-    def frame(key: int) -> NDArray[np.float32]:
+    def render(key: int) -> NDArray[np.float32]:
         sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
         return np.asarray(qj.render(SCENES[name], sampler, side, side, spp))
 
-    return frame
+    return render
 
 
-def adaptive(name: str, side: int, spp: int) -> Frame:
-    """Return our frame where constant pixels are skipped."""
+def adaptive(name: str, side: int, spp: int) -> Render:
+    """Return our rendering where constant pixels are skipped."""
     order, sobol = orders.hilbert(side, side), sequences.sobol(2)
 
-    def frame(key: int) -> NDArray[np.float32]:
+    def render(key: int) -> NDArray[np.float32]:
         sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
         return np.asarray(qj.render_adaptive(SCENES[name], sampler, side, side, spp).image)
 
-    return frame
+    return render
 
 
 def in_rows(xp: Any, draw: Callable[[int], Any], name: str, side: int, spp: int) -> NDArray[np.float32]:
-    """Return a frame, some rows at a time, by the functions of NumPy or torch."""
+    """Return an image, some rows at a time, by the functions of NumPy or torch."""
     image = np.empty((side, side), np.float32)
     columns = xp.arange(side)[None, :, None]
     for y in range(0, side, ROWS):
@@ -78,32 +79,32 @@ def value(xp: Any, name: str, x: Any, y: Any) -> Any:
     return 1.0 - 2.0 * (half - xp.floor(half))
 
 
-def numpy_and_scipy(name: str, side: int, spp: int) -> Frame:
-    """Return a frame of NumPy with scipy's engine."""
+def numpy_and_scipy(name: str, side: int, spp: int) -> Render:
+    """Return the rendering of NumPy with scipy's engine."""
     from scipy.stats import qmc
 
-    def frame(key: int) -> NDArray[np.float32]:
+    def render(key: int) -> NDArray[np.float32]:
         engine = qmc.Sobol(2, scramble=True, rng=key)
         return in_rows(np, engine.random, name, side, spp)
 
-    return frame
+    return render
 
 
-def torch_frame(name: str, side: int, spp: int) -> Frame | None:
-    """Return a frame of torch on the CPU, if it is installed."""
+def torch_engine(name: str, side: int, spp: int) -> Render | None:
+    """Return the rendering of torch on the CPU, if it is installed."""
     with contextlib.suppress(ImportError):
         import torch  # pyright: ignore[reportMissingImports]
 
-        def frame(key: int) -> NDArray[np.float32]:
+        def render(key: int) -> NDArray[np.float32]:
             engine = torch.quasirandom.SobolEngine(2, scramble=True, seed=key)
             return in_rows(torch, engine.draw, name, side, spp)
 
-        return frame
+        return render
     return None
 
 
 def cpp(program: Path, name: str, side: int, spp: int) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
-    """Return a frame of the C++ reference, which takes its own time, also after another frame."""
+    """Return the rendering of the C++ reference, which takes its own time, also after another image."""
     path = program.with_name("image.raw")
 
     def timed(key: int) -> tuple[float, NDArray[np.float32]]:
@@ -114,17 +115,17 @@ def cpp(program: Path, name: str, side: int, spp: int) -> Callable[[int], tuple[
     return timed
 
 
-def timed(frame: Frame) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
-    """Return a frame with the time it takes, after one that wakes its threads and fills the caches.
+def timed(render: Render) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
+    """Return an image with the time it takes, after one that wakes its threads and fills the caches.
 
     The first turn's only call compiles.
     """
 
     def run(key: int) -> tuple[float, NDArray[np.float32]]:
         if key > 0:
-            frame(-key % 2**32)
+            render(-key % 2**32)
         start = time.perf_counter()
-        image = frame(key)
+        image = render(key)
         return time.perf_counter() - start, image
 
     return run
@@ -151,20 +152,20 @@ def main(quality: str) -> None:
         program = compiled(Path(folder))
         for name in SCENES:
             for spp in counts:
-                frames = {
+                programs = {
                     "qmcjax": timed(ours(name, side, spp)),
                     "qmcjax, adaptive": timed(adaptive(name, side, spp)),
                     "NumPy + scipy": timed(numpy_and_scipy(name, side, spp)),
                 }
-                torch = torch_frame(name, side, spp)
+                torch = torch_engine(name, side, spp)
                 if torch is not None:
-                    frames["torch"] = timed(torch)
+                    programs["torch"] = timed(torch)
                 if program is not None:
-                    frames["C++, OpenMP"] = cpp(program, name, side, spp)
-                turns = {who: [frame(0)] for who, frame in frames.items()}
+                    programs["C++, OpenMP"] = cpp(program, name, side, spp)
+                turns = {who: [run(0)] for who, run in programs.items()}
                 for key in range(1, calls + 1):
-                    for who, frame in frames.items():
-                        turns[who].append(frame(key))
+                    for who, run in programs.items():
+                        turns[who].append(run(key))
                 for who, results in turns.items():
                     seconds = [result[0] for result in results]
                     squares = [error(name, image) ** 2 for _, image in results]

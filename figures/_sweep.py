@@ -1,4 +1,4 @@
-"""Run time and error of frames by scene, sampler and number of samples: ``python -m figures._sweep draft``.
+"""Run time and error of images by scene, sampler and number of samples: ``python -m figures._sweep draft``.
 
 Prints JSON. Samplers take turns, each call with a new key, so that noise hits all; what a call compiles is
 in the first one.
@@ -58,8 +58,8 @@ ADAPTIVE = "Hilbert, Owen"
 """Also measured where constant pixels are skipped."""
 
 
-def frame(scene: Any, make: Make, side: int, spp: int, key: int, adaptive: bool) -> tuple[float, Any]:
-    """Return the time and the image of one frame."""
+def timed(scene: Any, make: Make, side: int, spp: int, key: int, adaptive: bool) -> tuple[float, Any]:
+    """Return the time that an image takes, and the image."""
     sampler = make(side, spp, len(scene.needs), key)
     start = time.perf_counter()
     if adaptive:
@@ -81,7 +81,7 @@ def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
     errors: dict[str, list[float]] = {who: [] for who in entries}
     for key in range(calls + 1):
         for who, (make, adaptive) in entries.items():
-            seconds, image = frame(scene, make, side, spp, key, adaptive)
+            seconds, image = timed(scene, make, side, spp, key, adaptive)
             times[who].append(seconds)
             errors[who].append(float(np.sqrt(np.mean((image - exact) ** 2))))
     rows = []

@@ -1,4 +1,4 @@
-"""Run time against error: samplers on scenes with exact answers, and frames by other programs."""
+"""Run time against error: samplers on scenes with exact answers, and images by other programs."""
 
 from collections.abc import Callable
 
@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from figures import _peers, _process, _sweep
 
 NOTE = (
-    "Frames of {side} x {side} pixels, box filter, medians of calls after the first, each with a new key; "
+    "Images of {side} x {side} pixels, box filter, medians of calls after the first, each with a new key; "
     "errors are against exact pixel means. 'best' has, for each time, the sampler of the least error among "
-    "those that took no longer. Peers: frames of {peer_side} x {peer_side} pixels, all by one scrambled "
+    "those that took no longer. Peers: images of {peer_side} x {peer_side} pixels, all by one scrambled "
     "Sobol' sequence in contiguous blocks, ours and the C++ reference's Owen-scrambled along the Hilbert "
-    "curve, the others' linearly scrambled in raster order, each after a frame that is not counted. The "
+    "curve, the others' linearly scrambled in raster order, each after an image that is not counted. The "
     "programs take turns. The ratio at equal error is the time that the "
     "peer's line over the number of samples, prolonged where it ends, needs for our error, over ours. Peers "
     "that are not installed are left out (pip install -e '.[bench]' brings torch; the C++ reference needs a "
@@ -74,7 +74,7 @@ def _lines(axes: Axes, rows: list[dict], by: str) -> None:
         axes.errorbar(
             seconds, errors, xerr=spread, fmt=f"o{style}", ms=3, lw=1, color=f"C{k % 10}", label=name
         )
-    axes.set(xscale="log", yscale="log", xlabel="seconds a frame", ylabel="RMS error")
+    axes.set(xscale="log", yscale="log", xlabel="seconds an image", ylabel="RMS error")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=7)
 

@@ -112,7 +112,7 @@ def _compared(scene: Any, size: Size, spp: int) -> dict[str, float]:
     squares: dict[bool, list[float]] = {True: [], False: []}
     for key in range(size.calls + 1):
         for adaptive in (False, True):
-            taken, image = _sweep.frame(scene, along, size.side, spp, key, adaptive)
+            taken, image = _sweep.timed(scene, along, size.side, spp, key, adaptive)
             seconds[adaptive].append(taken)
             squares[adaptive].append(float(np.mean((image - exact) ** 2)))
     with_, without = (float(np.median(seconds[adaptive][1:])) for adaptive in (True, False))

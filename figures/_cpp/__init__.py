@@ -1,4 +1,4 @@
-"""The frame of the benchmark in C++."""
+"""The image of the benchmark in C++."""
 
 import shutil
 import subprocess
@@ -11,9 +11,9 @@ def compiled(folder: Path) -> Path | None:
     compiler = shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
         return None
-    program = folder / "frame"
+    program = folder / "render"
     options = ["-O3", "-march=native", "-ffast-math", "-fopenmp"]
-    source = Path(__file__).with_name("frame.cpp")
+    source = Path(__file__).with_name("render.cpp")
     done = subprocess.run(
         [compiler, *options, str(source), "-o", str(program)], capture_output=True, text=True
     )

@@ -1,6 +1,6 @@
-// The frame of the benchmark as a C++ programmer would write it: pixels along the Hilbert curve take contiguous
+// The image of the benchmark as a C++ programmer would write it: pixels along the Hilbert curve take contiguous
 // blocks of the Owen-scrambled Sobol' (0,2)-sequence. Prints the seconds of a second call.
-// usage: frame scene side spp key image.raw
+// usage: render scene side spp key image.raw
 #include <chrono>
 #include <cmath>
 #include <cstdint>

@@ -13,8 +13,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks, summation
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences import BinarySequence, Sequence
-from qmcjax.sequences._blocks import tabulated
+from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
 __all__ = ["integrate"]
 
@@ -56,6 +55,7 @@ def integrate(
         function object compiles once. If it is a pytree, like a scene or ``jax.tree_util.Partial``, its
         arrays are parameters: new values compile nothing, and reverse-mode gradients flow to them.
     sequence : Sequence
+        Or any object with its protocol, see :func:`qmcjax.sequences.as_sequence`.
     n : int
         Number of points, at least 1. A new n compiles anew.
     start : int
@@ -78,6 +78,7 @@ def integrate(
     >>> print(integrate(lambda points: points[:, 0] * points[:, 1], sequences.sobol(2), 2**16))
     0.24999237
     """
+    sequence = as_sequence("sequence", sequence)
     n = checks.integer("n", n, 1, sequence.limit)
     start = checks.integer("start", start, 0, sequence.limit - 1)
     if start + n > sequence.limit:
@@ -108,29 +109,29 @@ def _mean(
         made = function(points.reshape(-1, sequence.dims))
         return made if jnp.issubdtype(made.dtype, jnp.floating) else made.astype(dtype)
 
-    linear = sequence._linear if isinstance(sequence, BinarySequence) and aligned else None
-    size = 1 if linear is None else _BATCH
+    fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
+    size = _BATCH if fast else 1
     batches, rest = divmod(n, _ROWS * size)
-    tables = None if linear is None else tabulated(linear, start, max(batches, 1) * size, _ROWS)
+    blocks = sequence.blocks(start, max(batches, 1) * size, _ROWS) if fast else None  # pyright: ignore[reportAttributeAccessIssue]
 
     def block(parameters: Any, k: Array) -> Array:
-        function, sequence, tables, start = parameters
+        function, sequence, blocks, start = parameters
         row = jax.lax.iota(jnp.uint32, _ROWS)
-        if tables is None:
-            return values(function, sequence._values(start + k * np.uint32(_ROWS) + row, dims, dtype))
-        return values(function, sequence._over(tables.part(k, 1))._all(1, _ROWS, dtype))
+        if blocks is None:
+            return values(function, sequence.coordinates(start + k * np.uint32(_ROWS) + row, dims, dtype))
+        return values(function, sequence.points_of_blocks(blocks.part(k, 1), dtype))
 
     def batch(parameters: Any, k: Array) -> Array:
         first = k * np.uint32(size)
         return summation.pairwise([block(parameters, first + np.uint32(i)) for i in range(size)])
 
-    parameters = (function, sequence, tables, start)
+    parameters = (function, sequence, blocks, start)
     state = summation.zeros(jax.eval_shape(batch, parameters, start))
     state = summation.add_terms(batch, False, parameters, state, jnp.uint32(0), jnp.uint32(batches))
     total = _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
-        total = total + _tree_sum(values(function, sequence._values(index, dims, dtype)))
+        total = total + _tree_sum(values(function, sequence.coordinates(index, dims, dtype)))
     return total / n
 
 

@@ -226,8 +226,7 @@ def test_jit_with_the_net_as_argument_keeps_m_static(net):
         (lambda: sequences.sobol_net_3d(33), r"m must be an integer in \[0, 32\], got 33"),
         (lambda: sequences.larcher_pillichshammer_net_3d(-1), r"m must be an integer in \[0, 32\], got -1"),
         (lambda: sequences.permutation_net_3d(1), r"m must be an integer in \[2, 32\], got 1"),
-        (lambda: sequences.permutation_net_3d(4.0), "m must be an integer .* got 4.0"),
-        (lambda: sequences.permutation_net_3d(6)(64), "index must be an integer .* got 64"),
+        (lambda: sequences.permutation_net_3d(6)(64), "index must be integers .* got 64"),
         (
             lambda: sequences.sobol_net_3d(7).points_per_cell(4),
             "m must be at least 8 for one point in each of 16 x 16 cells, got m=7",
@@ -236,4 +235,15 @@ def test_jit_with_the_net_as_argument_keeps_m_static(net):
 )
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.permutation_net_3d(4.0), "m must be an integer .* got 4.0"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
         call()

@@ -15,8 +15,8 @@ from tables import again, first, is_net, some
 from analysis import squared_min_distance
 from qmcjax import sequences
 from qmcjax.core.bits import reverse
+from qmcjax.core.fractions import plus_modulo_1
 from qmcjax.sequences._linear_matrix_scramble import _triangular
-from qmcjax.sequences._rotation import wrapped
 from qmcjax.sequences._sobol_matrix import _is_primitive
 
 SCRAMBLINGS = {
@@ -240,7 +240,7 @@ def test_all_ways_to_a_coordinate_agree(wrap, dims):
     @jax.jit
     def ways(seq, index):
         one_by_one = {j: (seq.word(index, j), reverse(seq.bit_reversed(index, j))) for j in (0, 1, dims - 1)}
-        return one_by_one, seq.bits(index), reverse(seq._bit_reversed(index, tuple(range(dims))))
+        return one_by_one, seq.bits(index), reverse(seq.fractions(index, tuple(range(dims))).bit_reversed)
 
     one_by_one, words, bit_reversed = ways(wrap(sequences.sobol(dims)), first(40))
     assert np.array_equal(words, bit_reversed)
@@ -356,7 +356,7 @@ def test_shift_never_rounds_to_1(dtype):
         for offset in (0, 1, 2**31, 2**32 - 1):
             value = np.nextafter(1 - offset / 2**32, [0.0, 2.0])
             value = np.append(value[value < 1], [1 - 2.0**-53, 1 - offset / 2**32 if offset else 0.0])
-            moved = np.asarray(wrapped(jnp.asarray(value), jnp.uint32(offset), dtype))
+            moved = np.asarray(plus_modulo_1(jnp.asarray(value), jnp.uint32(offset), dtype))
             assert moved.dtype == dtype
             assert moved.min() >= 0
             assert moved.max() < 1
@@ -440,14 +440,6 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
     ("call", "message"),
     [
         *[
-            (lambda wrap=wrap: wrap(HALTON, 0), "sequence must be a sequence in base 2 .* got Radical")
-            for wrap in (sequences.digital_shift, sequences.linear_matrix_scramble)
-        ],
-        (
-            lambda: sequences.owen_exact(sequences.rotate(HALTON, [0.5, 0.5]), 0),
-            "with digits, .* got Rotated",
-        ),
-        *[
             (lambda wrap=wrap: wrap(SOBOL, -1), "key must be an integer .* got -1")
             for wrap in (
                 sequences.digital_shift,
@@ -456,16 +448,18 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
                 sequences.owen_exact,
             )
         ],
-        (lambda: sequences.owen_exact(SOBOL, "seed"), "key must be one jax.random.key.* got 'seed'"),
-        (lambda: sequences.gray(HALTON), "sequence must be a sequence in base 2 .* got Radical"),
         (lambda: sequences.gray(sequences.jittered(3, 2, 0)), r"sequence must have 2\*\*m points.* size=9"),
-        (lambda: sequences.rotate(np.zeros(3), [0.5]), "sequence must be a Sequence, got array"),
-        (lambda: sequences.rotate(SOBOL, [0.5]), r"offset must be .* of shape \(2,\), got float64 \(1,\)"),
-        (lambda: sequences.rotate(HALTON, 0.5), r"offset must be .* of shape \(2,\), got float64 \(\)"),
-        (lambda: sequences.rotate(SOBOL, [0, 1]), r"offset must be .* got int64 \(2,\)"),
-        (lambda: sequences.rotate(SOBOL, [0.5, 1.0]), r"offset must be in \[0, 1\), got 1.0 in \[0.5, 1.0\]"),
-        (lambda: sequences.rotate(HALTON, [-0.25, 0.0]), r"offset must be in \[0, 1\), got -0.25"),
-        (lambda: sequences.rotate(SOBOL, [np.nan, 0.0]), r"offset must be in \[0, 1\), got nan"),
+        (
+            lambda: sequences.rotate(SOBOL, [0.5]),
+            r"offset_or_key must be .* of shape \(2,\), got float64 of shape \(1,\)",
+        ),
+        (
+            lambda: sequences.rotate(HALTON, 0.5),
+            r"offset_or_key must be .* of shape \(2,\), got float64 of shape \(\)",
+        ),
+        (lambda: sequences.rotate(SOBOL, [0.5, 1.0]), r"offset_or_key must be in \[0, 1\), got 1.0"),
+        (lambda: sequences.rotate(HALTON, [-0.25, 0.0]), r"offset_or_key must be in \[0, 1\), got -0.25"),
+        (lambda: sequences.rotate(SOBOL, [np.nan, 0.0]), r"offset_or_key must be in \[0, 1\), got nan"),
         (lambda: sequences.sobol_matrix(0b101, [1, 1]), "polynomial must be primitive over F2, got 0b101"),
         (lambda: sequences.sobol_matrix(0b10, [1]), "polynomial must be primitive over F2, got 0b10"),
         (
@@ -482,4 +476,26 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
 )
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        *[
+            (lambda wrap=wrap: wrap(HALTON, 0), "sequence must be a sequence in base 2 .* got halton")
+            for wrap in (sequences.digital_shift, sequences.linear_matrix_scramble)
+        ],
+        (
+            lambda: sequences.owen_exact(sequences.rotate(HALTON, [0.5, 0.5]), 0),
+            "with digits, .* got rotate",
+        ),
+        (lambda: sequences.owen_exact(SOBOL, "seed"), "key must be one jax.random.key.* got 'seed'"),
+        (lambda: sequences.gray(HALTON), "sequence must be a sequence in base 2 .* got halton"),
+        (lambda: sequences.rotate(np.zeros(3), [0.5]), "sequence must be a sequence .* got an array"),
+        (lambda: sequences.rotate(SOBOL, [0, 1]), r"offset_or_key must be .* got \[0, 1\]"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
         call()

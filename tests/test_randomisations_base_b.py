@@ -416,13 +416,19 @@ HALTON = sequences.halton(2)
     ("call", "message"),
     [
         *[
-            (lambda scramble=scramble, key=key: scramble(HALTON, key), message)
+            (lambda scramble=scramble: scramble(HALTON, -1), "key must be an integer .* got -1")
             for scramble in SCRAMBLINGS.values()
-            for key, message in [
-                (-1, "key must be an integer .* got -1"),
-                ("seed", "key must be one jax.random.key.* got 'seed'"),
-            ]
         ],
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
         *[
             (
                 lambda scramble=scramble, seq=seq: scramble(seq, 0),
@@ -431,12 +437,19 @@ HALTON = sequences.halton(2)
             for scramble in SCRAMBLINGS.values()
             for seq in (sequences.rotate(HALTON, np.zeros(2)), np.zeros(3), None)
         ],
+        *[
+            (
+                lambda scramble=scramble: scramble(HALTON, "seed"),
+                "key must be one jax.random.key.* got 'seed'",
+            )
+            for scramble in SCRAMBLINGS.values()
+        ],
         (
             lambda: sequences.owen(sequences.owen_exact(HALTON, 1), 1),
-            "sequence with digits.* got OwenExactDigits",
+            "sequence with digits.* got owen_exact",
         ),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
         call()

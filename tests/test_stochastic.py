@@ -173,7 +173,7 @@ each_tabulated = pytest.mark.parametrize("make", TABULATED.values(), ids=TABULAT
 
 @each_tabulated
 def test_one_key_gives_one_point_set(make):
-    a, again, b = (np.asarray(make(key).words) for key in (3, jax.random.key(3), 4))
+    a, again, b = (np.asarray(make(key).table) for key in (3, jax.random.key(3), 4))
     assert np.array_equal(a, again)
     assert not np.intersect1d(a, b).size
 
@@ -191,18 +191,28 @@ def test_traced_keys_are_an_error(make):
         (lambda: sequences.latin_hypercube(2**32 + 1, 2, 0), "n .* got 4294967297"),
         (lambda: sequences.latin_hypercube(4, 0, 0), "dims .* got 0"),
         (lambda: sequences.latin_hypercube(4, 2, -1), "key must be an integer .* got -1"),
-        (lambda: sequences.latin_hypercube(4, 2, "x"), "key must be one jax.random.key.* got 'x'"),
         (lambda: sequences.latin_hypercube(4, 2, 0)(4), "index .* got 4"),
         (lambda: sequences.poisson_disk(0.0, 0), r"radius must be in \[0.001, 1\], got 0.0"),
         (lambda: sequences.poisson_disk(float("nan"), 0), "radius .* got nan"),
-        (lambda: sequences.poisson_disk("wide", 0), "radius .* got 'wide'"),
-        (lambda: sequences.poisson_disk(0.1, 1.5), "key must be one .* got 1.5"),
         (lambda: sequences.lloyd(0, 2, 0), "n .* got 0"),
         (lambda: sequences.lloyd(4, 4, 0), r"dims must be an integer in \[2, 3\], got 4"),
         (lambda: sequences.lloyd(4, 2, 0, -1), "iterations .* got -1"),
-        (lambda: sequences.lloyd(4, 2, None), "key must be one .* got None"),
     ],
 )
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.latin_hypercube(4, 2, "x"), "key must be one jax.random.key.* got 'x'"),
+        (lambda: sequences.poisson_disk("wide", 0), "radius .* got 'wide'"),
+        (lambda: sequences.poisson_disk(0.1, 1.5), "key must be one .* got 1.5"),
+        (lambda: sequences.lloyd(4, 2, None), "key must be one .* got None"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
         call()

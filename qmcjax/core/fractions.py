@@ -7,8 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
+from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+
+_BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0**-53}
 
 
 def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
@@ -59,3 +62,25 @@ def fractions_or_key(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     if typed or isinstance(value, int | np.integer):
         return jax.random.bits(checks.prng_key(name, value), shape, jnp.uint32)
     return fractions(name, value, shape)
+
+
+def plus_modulo_1(value: Array, offset: Array, dtype: DTypeLike) -> Array:
+    """Add 32-bit fractions to float64 values in [0, 1) modulo 1: rounded once, and never to 1.
+
+    Parameters
+    ----------
+    value : float64 Array
+        In [0, 1); within ``jax.enable_x64``.
+    offset : uint32 Array
+        Fractions.
+    dtype : float32 or float64
+
+    Returns
+    -------
+    Array of ``dtype``, the broadcast shape
+    """
+    # The comparison and the complement of the offset are exact.
+    fraction = offset.astype(jnp.float64) * np.float64(2.0**-32)
+    complement = np.float64(1) - fraction
+    total = jnp.where(value < complement, value + fraction, value - complement).astype(dtype)
+    return jnp.minimum(total, jnp.asarray(_BELOW_ONE[np.dtype(dtype)], dtype))

@@ -8,6 +8,8 @@ from typing import Any, Generic, TypeVar
 
 import jax
 
+from qmcjax.core import records
+
 T = TypeVar("T", bound=type)
 R = TypeVar("R")
 
@@ -19,6 +21,11 @@ def pytree(cls: T) -> T:
     compare equal if their static fields do (in jax 0.10: only their hashes differ). A cache whose
     buckets collide then hands out the program of another class: the image of another net. Here the
     class is compared too.
+
+    What ``dataclass`` makes of ``==``, ``hash`` and ``repr`` fails for arrays, or prints them whole. Here
+    objects are equal if their structures are and all arrays hold the same values, the hash is that of the
+    structure, and the repr is one line without arrays (see :mod:`qmcjax.core.records`). With
+    ``dataclass(eq=False)`` and ``repr=False`` a class has its own.
 
     Parameters
     ----------
@@ -50,6 +57,11 @@ def pytree(cls: T) -> T:
         return value
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
+    made: Any = cls
+    if made.__dataclass_params__.eq:
+        made.__eq__, made.__hash__ = records.equal, records.structure_hash
+    if made.__dataclass_params__.repr:
+        made.__repr__ = records.one_line
     return cls
 
 

@@ -12,8 +12,7 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import plus, times
-from qmcjax.samplers._linear_blocks import after, first_words
-from qmcjax.sequences import BinarySequence, Sequence
+from qmcjax.sequences import Sequence
 
 
 @pytree
@@ -36,29 +35,22 @@ class Contiguous(Sampler):
         return (*self.order.raster, self.spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the positions of pixels, or the first points of their blocks."""
+        """Return what the points of a pixel's block have in common; its position, if indices take 64 bits."""
         position = self.order.position(x, y)
-        if self._from_blocks(dims):
-            return first_words(self.sequence, position * np.uint32(self.spp), dims)
-        return position
+        if self._has_64_bits:
+            return position
+        return self.sequence.prepare_block(position * np.uint32(self.spp), self.spp, dims)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return point number ``spp * position + sample`` of the sequence."""
-        if self._from_blocks(dims):
-            return after(self.sequence, state)(sample, dims, dtype)
         if self._has_64_bits:
             high, low = plus(times(state, self.spp), sample)
-            return self.sequence.with_high_word(high)(low, dims, dtype)
-        return self.sequence(state * np.uint32(self.spp) + sample, dims, dtype)
+            return self.sequence.with_high_word(high).coordinates(low, dims, dtype)
+        return self.sequence.block_points(state, sample, self.spp, dims, dtype)
 
     @property
     def _has_64_bits(self) -> bool:
         return self.order.length * self.spp > checks.INDEX_LIMIT
-
-    def _from_blocks(self, dims: tuple[int, ...]) -> bool:
-        # Two components of a (0,2)-sequence cost less than the memory that their first points take.
-        many = len(dims) > 2 and not self._has_64_bits and not self.spp & (self.spp - 1)
-        return many and isinstance(self.sequence, BinarySequence) and self.sequence._linear is not None
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless this is the order's image and no pixel needs more than its block."""

@@ -13,9 +13,7 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen, halton_full_screen
-from qmcjax.sequences import Sequence
-from qmcjax.sequences._cells import Invertible, inverted
-from qmcjax.sequences._halton import RadicalInverses
+from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 
 @pytree

@@ -20,7 +20,7 @@ from qmcjax.core.digits import (
 )
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.sequences._halton import RadicalInverses
+from qmcjax.sequences import RadicalInverses
 
 
 @pytree

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -14,8 +13,7 @@ from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.sequences import BinarySequence, Sequence, uniform
-from qmcjax.sequences._cells import Invertible, inverted
+from qmcjax.sequences import Invertible, Sequence, inverted, uniform
 
 
 @pytree
@@ -73,11 +71,7 @@ class PaddedReplications(Sampler):
 
     def _offset(self, sample: Array, dim: int) -> Array:
         """Return a coordinate of the offsets as a 32-bit fraction, rounded down."""
-        if isinstance(self.offsets, BinarySequence):
-            return self.offsets.word(sample, dim)
-        with jax.enable_x64(True):
-            value = self.offsets.coordinate(sample, dim, jnp.float64)
-            return (value * np.float64(2.0**32)).astype(jnp.uint32)
+        return self.offsets.fixed_point(sample, dim)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless this is the net's image and there is an offset for each sample."""

@@ -15,11 +15,7 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import plus, require, times
-from qmcjax.samplers._radical_base import inverse_permutations, is_identity, radical_bases
-from qmcjax.sequences import Digital, Sequence
-from qmcjax.sequences._components import BinaryComponents, Components
-from qmcjax.sequences._halton import RadicalInverses
-from qmcjax.sequences._prime_digital import PrimeDigital
+from qmcjax.sequences import Sequence
 
 
 @pytree
@@ -186,7 +182,7 @@ def partitioned(
         )
     if wide:
         require(sequence)
-    bases = radical_bases(sequence)
+    bases = sequence.radical_bases()
     counts = [_logarithm(order.length, base) for base in bases]
     if component is None:
         suited = [j for j, count in enumerate(counts) if count is not None]
@@ -209,7 +205,13 @@ def partitioned(
         )
     if not exact:
         return Partitioned(order, sequence, component, wide)
-    inverses = _inverses(sequence, component, count)
+    try:
+        inverses = sequence.index_digits(component, count)
+    except ValueError:
+        raise ValueError(
+            "exact must be False unless the partitioning component is a radical inverse, its digits permuted "
+            f"one by one or not, got exact=True and component={component} of {type(sequence).__name__}"
+        ) from None
     return ExactlyPartitioned(order, sequence, component, wide, base, count, inverses)
 
 
@@ -221,18 +223,3 @@ def _logarithm(number: int, base: int | None) -> int | None:
     while base**count < number:
         count += 1
     return count if base**count == number else None
-
-
-def _inverses(sequence: Sequence, component: int, count: int) -> Array | None:
-    """Return what takes the first digits of a component back to those of the index, None if nothing does."""
-    while isinstance(sequence, (Components, BinaryComponents)):
-        sequence, component = sequence.sequence, sequence.selected[component]
-    if isinstance(sequence, RadicalInverses):
-        plain = sequence.tables is None or count == 0
-        return None if plain else inverse_permutations(sequence, component, count)
-    if isinstance(sequence, (Digital, PrimeDigital)) and is_identity(sequence, component):
-        return None
-    raise ValueError(
-        "exact must be False unless the partitioning component is a radical inverse, its digits permuted one "
-        f"by one or not, got exact=True and component={component} of {type(sequence).__name__}"
-    )

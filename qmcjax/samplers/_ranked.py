@@ -14,8 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
-from qmcjax.sequences import BinarySequence, sobol
-from qmcjax.sequences._owen import Owen
+from qmcjax.sequences import BinarySequence, Owen, sobol
 
 
 @pytree

@@ -17,7 +17,6 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import plus, require, times
-from qmcjax.samplers._radical_base import radical_bases
 from qmcjax.sequences import Sequence
 
 
@@ -166,7 +165,7 @@ def segments(
             f"and the sequence {sampler._limit} indices, got {spp}"
         )
     if not doubling:
-        for component, base in enumerate(radical_bases(sequence)):
+        for component, base in enumerate(sequence.radical_bases()):
             if base is not None and math.gcd(base, order.length) > 1:
                 warnings.warn(
                     f"component {component} of the sequence, a radical inverse in base {base}, and the curve "

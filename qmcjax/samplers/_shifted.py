@@ -9,11 +9,11 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.bits import to_unit
+from qmcjax.core.fractions import plus_modulo_1
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import BinarySequence, Sequence
-from qmcjax.sequences._rotation import wrapped
 
 
 @pytree
@@ -48,7 +48,7 @@ class ShiftedAlong(Sampler):
         if isinstance(self.sequence, BinarySequence):
             return to_unit(self.sequence.bits(sample, dims) + state, dtype)
         with jax.enable_x64(True):
-            return wrapped(self.sequence(sample, dims, jnp.float64), state, dtype)
+            return plus_modulo_1(self.sequence(sample, dims, jnp.float64), state, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless this is the order's image and the sequence has as many points."""

@@ -6,8 +6,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.orders import VARIANTS, ScrambledMorton, log_side, scrambled_morton
 from qmcjax.samplers._z_blocks import Z
-from qmcjax.sequences import BinarySequence, sobol
-from qmcjax.sequences._base import binary
+from qmcjax.sequences import BinarySequence, as_binary, sobol
 
 PLAIN = "plain"
 
@@ -109,7 +108,7 @@ def z(
     if sequence is None:
         sizes, sequence = _padded(2 if dims is None else dims, constituents), sobol(2)
     else:
-        sizes = (binary("sequence", sequence).dims,)
+        sizes = (as_binary("sequence", sequence).dims,)
         pixels = 4 ** log_side(width, height)
         if pixels * spp > sequence.limit_64:
             raise ValueError(

@@ -175,7 +175,7 @@ class Z(Sampler):
         wanted = [self._places[j] for j in dims]
         indices = {c: self._index(c, state, number, log_count) for c in sorted({c for c, _ in wanted})}
         if len(self.constituents) == 1 and not self._has_64_bits:
-            return self.sequence._values(indices[0][1], dims, dtype)
+            return self.sequence.coordinates(indices[0][1], dims, dtype)
         return jnp.stack([self._coordinate(indices[c], j, dtype) for c, j in wanted], axis=-1)
 
     def _index(self, constituent: int, state: Any, number: Number, log_count: int | Array) -> Index:

@@ -1,14 +1,18 @@
 """Low discrepancy sequences and nets: functions from an index to a point, at random access.
 
 Every sequence ``seq`` has ``seq(index)``, ``seq.points(n, start)``, ``seq.dims`` and ``seq.size`` (None when
-unbounded); those in base 2 also have exact fixed-point coordinates, ``seq.bits(index)``. Indices are uint32.
+unbounded); those in base 2 also have exact fixed-point coordinates, ``seq.bits(index)``. Indices are integers
+below 2**32. Those with a size have a length and slices. Any object with ``dims`` and a call is a sequence:
+see :func:`as_sequence`.
 """
 
-from qmcjax.sequences._base import BinarySequence as BinarySequence
 from qmcjax.sequences._base import Sequence as Sequence
+from qmcjax.sequences._binary import BinarySequence as BinarySequence
+from qmcjax.sequences._binary import as_binary as as_binary
+from qmcjax.sequences._blocks import Blocks as Blocks
 from qmcjax.sequences._blue_noise import lloyd as lloyd
 from qmcjax.sequences._blue_noise import poisson_disk as poisson_disk
-from qmcjax.sequences._cells import net_by_frames as net_by_frames
+from qmcjax.sequences._cells import Invertible as Invertible
 from qmcjax.sequences._components import components as components
 from qmcjax.sequences._digit_scramble import digit_scramble as digit_scramble
 from qmcjax.sequences._digital import Digital as Digital
@@ -17,9 +21,13 @@ from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichs
 from qmcjax.sequences._digital import sobol as sobol
 from qmcjax.sequences._digital_shift import digital_shift as digital_shift
 from qmcjax.sequences._faure import faure as faure
+from qmcjax.sequences._fraction import Fraction as Fraction
 from qmcjax.sequences._gray import gray as gray
+from qmcjax.sequences._halton import RadicalInverses as RadicalInverses
 from qmcjax.sequences._halton import halton as halton
 from qmcjax.sequences._halton import van_der_corput as van_der_corput
+from qmcjax.sequences._inversion import inverted as inverted
+from qmcjax.sequences._inversion import net_by_frames as net_by_frames
 from qmcjax.sequences._latin_hypercube import latin_hypercube as latin_hypercube
 from qmcjax.sequences._lattice_sequence import lattice as lattice
 from qmcjax.sequences._linear_matrix_scramble import linear_matrix_scramble as linear_matrix_scramble
@@ -32,8 +40,11 @@ from qmcjax.sequences._nets_3d import larcher_pillichshammer_net_3d as larcher_p
 from qmcjax.sequences._nets_3d import permutation_net_3d as permutation_net_3d
 from qmcjax.sequences._nets_3d import sobol_net_3d as sobol_net_3d
 from qmcjax.sequences._optimized_net import optimized_net as optimized_net
+from qmcjax.sequences._owen import Owen as Owen
 from qmcjax.sequences._owen import owen as owen
 from qmcjax.sequences._owen_exact import owen_exact as owen_exact
+from qmcjax.sequences._plug_in import as_sequence as as_sequence
+from qmcjax.sequences._plug_in import function as function
 from qmcjax.sequences._random import jittered as jittered
 from qmcjax.sequences._random import uniform as uniform
 from qmcjax.sequences._rank1_lattice import korobov as korobov

@@ -58,7 +58,9 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
     """
     from scipy.stats import qmc
 
-    if not isinstance(radius, int | float | np.floating) or not 1e-3 <= radius <= 1:
+    if isinstance(radius, bool) or not isinstance(radius, int | float | np.integer | np.floating):
+        raise TypeError(f"radius must be a number in [0.001, 1], got {checks.shown(radius)}")
+    if not 1e-3 <= radius <= 1:
         raise ValueError(f"radius must be in [0.001, 1], got {radius!r}")
     engine = qmc.PoissonDisk(2, radius=float(radius) + _GRAIN, rng=_generator(key))
     return tabulated_words(np.minimum(engine.fill_space(), 1 - 2.0**-32))

@@ -7,7 +7,7 @@ gives the upper bits of the index, the cell the lower ``2 k``.
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -15,12 +15,9 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import Sequence
-from qmcjax.sequences._digital import Digital, selected
-from qmcjax.sequences._digital_shift import DigitalShift
+from qmcjax.sequences._matrix_products import selected
 
 
 @runtime_checkable
@@ -55,11 +52,15 @@ class Invertible(Protocol):
 class NetByFrames:
     """A (0,2)-sequence cut into frames of one point in each cell of a raster."""
 
-    sequence: Digital
+    sequence: Any
+    """Digital, in base 2."""
     inverse: Array
     """uint32 (2 * log_side,): column i says which lower index bits change with digit i of the cell."""
 
     log_side: int = field(metadata={"static": True})
+
+    called = "net_by_frames"
+    reported = ("dims",)
 
     @property
     def dims(self) -> int:
@@ -119,6 +120,9 @@ class Flipped:
     shifts: Array
     """uint32 (dims,): those of the shift."""
 
+    called = "digital_shift"
+    reported = ("dims", "size")
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""
@@ -144,85 +148,19 @@ class Flipped:
         return self.net.index_in_cell(x ^ moved[0], y ^ moved[1], log_side, sample)
 
 
-def inverted(net: Invertible | Sequence, log_side: int) -> Invertible:
-    """Return an object that finds the points of a net, or of a digital sequence, from their cells.
-
-    Parameters
-    ----------
-    net : sequence in base 2
-        A digital sequence, a net that has ``index_in_cell``, or a digital shift of one of these.
-    log_side : int
-        Binary logarithm of the number of cells a side, in [0, 16].
-
-    Returns
-    -------
-    Invertible
+def net_by_frames_of(sequence: Any, matrices: Array, log_side: int) -> NetByFrames:
+    """Invert the digital sequence in base 2 of some generator matrices, uint32 (dims, 32).
 
     Raises
     ------
     ValueError
-        If the net cannot be inverted, or does not put equally many points into each cell.
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4 with "Scrambling", and 5.2.5.
-
-    Examples
-    --------
-    >>> from qmcjax import sequences
-    >>> net = sequences.digital_shift(sequences.hammersley_net(6), key=1)
-    >>> index = inverted(net, 3).index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
-    >>> print((net(index) * 8).astype(int))
-    [5 2]
+        If the first two coordinates do not fill the cells.
     """
-    if isinstance(net, DigitalShift):
-        return Flipped(inverted(net.sequence, log_side), net.shifts)
-    if isinstance(net, Digital):
-        return net_by_frames(net, log_side)
-    if not isinstance(net, Invertible):
-        raise ValueError(f"net must be invertible (have index_in_cell), got {net!r}")
-    net.points_per_cell(log_side)
-    return net
-
-
-def net_by_frames(sequence: Digital, log_side: int) -> NetByFrames:
-    """Invert a digital (0,2)-sequence, so that its points can be found from the cell they lie in.
-
-    Parameters
-    ----------
-    sequence : Digital
-        At least two dimensions; the first two have to be a (0,2)-sequence, or at least to put one of
-        each ``4**log_side`` points into every cell.
-    log_side : int
-        Binary logarithm of the number of cells a side, in [0, 16].
-
-    Returns
-    -------
-    NetByFrames
-
-    Raises
-    ------
-    ValueError
-        If ``log_side`` is out of range or the first two coordinates do not fill the cells.
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5, without its tables, for any ``log_side``.
-
-    Examples
-    --------
-    >>> from qmcjax import sequences
-    >>> frames = net_by_frames(sequences.sobol(2), 3)
-    >>> index = frames.index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
-    >>> print(sequences.sobol(2)(index) * 8)
-    [5.75 2.75]
-    """
-    log_side = checks.integer("log_side", log_side, 0, 16)
     if sequence.dims < 2:
         raise ValueError(f"sequence must have at least 2 dimensions to fill a raster, got {sequence.dims}")
     if log_side == 0:
         return NetByFrames(sequence, jnp.zeros(0, jnp.uint32), 0)
-    columns, regular = _inverse(sequence.matrices[:2], log_side)
+    columns, regular = _inverse(matrices[:2], log_side)
     if not isinstance(regular, Tracer) and not regular:
         raise ValueError(
             f"sequence must put one of each {4**log_side} points into every cell of a raster of "

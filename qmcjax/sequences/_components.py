@@ -1,22 +1,26 @@
 """A selection of a sequence's components."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, PointByPoint, Sequence
+from qmcjax.sequences._base import PointByPoint, Sequence
+from qmcjax.sequences._binary import BinarySequence
+from qmcjax.sequences._fraction import Fraction
+from qmcjax.sequences._plug_in import as_sequence
 
 
-@pytree
-@dataclass(frozen=True)
-class Components(PointByPoint):
+class Selection(PointByPoint):
     """Coordinate j is the sequence's coordinate ``selected[j]``."""
 
-    sequence: Sequence
-    selected: tuple[int, ...] = field(metadata={"static": True})
+    selected: tuple[int, ...]
+
+    called = "components"
+    reported = ("selected",)
 
     @property
     def dims(self) -> int:
@@ -24,11 +28,21 @@ class Components(PointByPoint):
         return len(self.selected)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of valid indices, in their shape."""
+        """Return one coordinate of the points."""
         return self.sequence.coordinate(index, self.selected[dim], dtype)
 
-    def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        return self.sequence._values(index, self._of(dims), dtype)
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return some coordinates of the points."""
+        return self.sequence.coordinates(index, self._of(dims), dtype)
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return the bases of the selected components."""
+        bases = self.sequence.radical_bases()
+        return tuple(bases[j] for j in self.selected)
+
+    def index_digits(self, component: int, count: int) -> Array | None:
+        """Return what takes the first digits of a component back to those of the index."""
+        return self.sequence.index_digits(self.selected[component], count)
 
     def _of(self, dims: tuple[int, ...]) -> tuple[int, ...]:
         return tuple(self.selected[j] for j in dims)
@@ -36,16 +50,38 @@ class Components(PointByPoint):
 
 @pytree
 @dataclass(frozen=True)
-class BinaryComponents(PointByPoint, BinarySequence):
-    """The same in base 2, with all bits."""
+class Components(Selection):
+    """Some components of any sequence."""
+
+    sequence: Sequence
+    selected: tuple[int, ...] = field(metadata={"static": True})
+
+    def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
+        """Return what the points ``first, ..., first + count - 1`` have in common."""
+        return self.sequence.prepare_block(first, count, self._of(dims))
+
+    def block_points(
+        self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        """Return point ``first + k`` of each block."""
+        return self.sequence.block_points(block, k, count, self._of(dims), dtype)
+
+
+@pytree
+@dataclass(frozen=True)
+class BinaryComponents(Selection, BinarySequence):
+    """Some components of a sequence in base 2, with all bits."""
 
     sequence: BinarySequence
     selected: tuple[int, ...] = field(metadata={"static": True})
 
-    @property
-    def dims(self) -> int:
-        """Number of dimensions."""
-        return len(self.selected)
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        """Return one coordinate."""
+        return self.sequence.fraction(index, self.selected[dim])
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates."""
+        return self.sequence.fractions(index, self._of(dims))
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
@@ -55,14 +91,19 @@ class BinaryComponents(PointByPoint, BinarySequence):
         """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(index, self.selected[dim])
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._bit_reversed(index, self._of(dims))
+    @property
+    def linear(self) -> BinarySequence | None:
+        """The same components of the linear sequence below all scramblings."""
+        linear = self.sequence.linear
+        if linear is None:
+            return None
+        return self if linear is self.sequence else BinaryComponents(linear, self.selected)
 
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._words(index, self._of(dims))
-
-    def _of(self, dims: tuple[int, ...]) -> tuple[int, ...]:
-        return tuple(self.selected[j] for j in dims)
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Return the coordinates of this sequence from those of :attr:`linear`."""
+        return self.sequence.of_linear(
+            fraction, self.selected[dims] if isinstance(dims, int) else self._of(dims)
+        )
 
 
 def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | BinaryComponents:
@@ -83,8 +124,10 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
 
     Raises
     ------
+    TypeError
+        If ``sequence`` is none, or ``dims`` no tuple of integers.
     ValueError
-        If ``sequence`` is none, a component is not there, or it is selected twice.
+        If a component is not there, or it is selected twice.
 
     References
     ----------
@@ -99,9 +142,8 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
      [0.2  0.5 ]
      [0.4  0.25]]
     """
-    if not isinstance(sequence, Sequence):
-        raise ValueError(f"sequence must be a Sequence, got {sequence!r}")
-    selected = checks.dimensions(tuple(dims), sequence.dims)
+    sequence = as_sequence("sequence", sequence)
+    selected = checks.dimensions(dims, sequence.dims)
     if len(set(selected)) < len(selected):
         raise ValueError(f"dims must be different components, got {selected}")
     if isinstance(sequence, BinarySequence):

@@ -11,10 +11,11 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, joined, permuted_spans, table_starts, word
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, DigitSequence
+from qmcjax.sequences._binary import BinarySequence
 from qmcjax.sequences._digit_permutations import random_tables
+from qmcjax.sequences._digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._digital_shift import DigitalShift, digital_shift
-from qmcjax.sequences._scrambled_digits import ScrambledDigits, digital
+from qmcjax.sequences._scrambled_digits import ScrambledDigits
 
 
 @pytree
@@ -27,6 +28,8 @@ class PermutedDigits(ScrambledDigits):
     """uint16: the reflection tables of all coordinates, one after the other."""
     tails: Array
     """uint32 (dims,): what becomes of the zeros, as a fraction in base 2."""
+
+    called = "digit_scramble"
 
     def _scrambled(self, index: Array, dims: np.ndarray | Array, dtype: DTypeLike) -> Array:
         base = base_of(self.sequence.bases, dims)
@@ -63,7 +66,7 @@ def digit_scramble(
 
     Raises
     ------
-    ValueError
+    TypeError
         If ``sequence`` has no digits or ``key`` is no key.
 
     References
@@ -83,7 +86,8 @@ def digit_scramble(
     """
     if isinstance(sequence, BinarySequence):
         return digital_shift(sequence, key)
-    bases = digital("sequence", sequence).bases
+    sequence = with_digits("sequence", sequence)
+    bases = sequence.bases
     tables_key, tails_key = jax.random.split(checks.prng_key("key", key))
     tails = jax.random.bits(tails_key, (len(bases),), jnp.uint32)
     return PermutedDigits(sequence, random_tables(bases, tables_key), tails)

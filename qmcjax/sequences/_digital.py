@@ -1,6 +1,5 @@
 """Digital sequences in base 2: a coordinate is a matrix over F2 times the bits of the index."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -8,18 +7,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
+from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, pascal, reverse
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import FEW, BinarySequence, Sequence
+from qmcjax.sequences._base import FEW, Sequence
+from qmcjax.sequences._binary import BinarySequence
+from qmcjax.sequences._cells import NetByFrames, net_by_frames_of
+from qmcjax.sequences._fraction import Fraction
 from qmcjax.sequences._joe_kuo import columns_beyond, matrices_of
+from qmcjax.sequences._matrix_products import product, selected
 
 SOBOL_DIMS = 21201
 """Number of dimensions of Joe and Kuo's table."""
-
-_TABLE_FROM = 4096
-"""Number of indices from which it pays to tabulate the matrix products of all bytes."""
 
 
 def _identity(reversed_bits: Array) -> Array:
@@ -59,6 +61,9 @@ class Digital(BinarySequence):
     upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
     """Products of matrix ``dim`` with the upper words of indices, if its columns from 32 on are known."""
 
+    called: str = field(default="digital", metadata={"static": True})
+    """What makes such a sequence."""
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""
@@ -66,7 +71,7 @@ class Digital(BinarySequence):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for two words."""
+        """First index that is out of reach for 64-bit indices."""
         return self.limit if self.upper is None else checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> Sequence:
@@ -85,19 +90,42 @@ class Digital(BinarySequence):
             return reverse(self.steps[dim](index))
         return product(self.matrices[dim], index)
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates."""
         if len(dims) <= FEW:
-            return super()._bit_reversed(index, dims)
-        return product(reverse(self._columns(dims)), index)
-
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        if len(dims) <= FEW:
-            return super()._words(index, dims)
-        return product(self._columns(dims), index)
+            return super().fractions(index, dims)
+        columns = self._columns(dims)
+        return Fraction(lambda: product(columns, index), lambda: product(reverse(columns), index))
 
     @property
-    def _linear(self) -> "Digital":
+    def linear(self) -> "Digital":
+        """The sequence itself."""
         return self
+
+    def inverted(self, log_side: int) -> NetByFrames:
+        """Return the sequence by frames, which finds points from their cells."""
+        return net_by_frames_of(self, self.matrices, log_side)
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return 2 for each component whose matrix is lower triangular, or being traced."""
+        leading = self._leading_digits()
+        if leading is None:
+            return (2,) * self.dims
+        return tuple(2 if lower else None for lower in np.all(leading == 1, axis=1))
+
+    def index_digits(self, component: int, count: int) -> None:
+        """Return None if the component's matrix is the identity, or being traced."""
+        if isinstance(self.matrices, Tracer):
+            return None
+        identity = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
+        if np.any(np.asarray(self.matrices[component]) != identity):
+            super().index_digits(component, count)
+
+    def _leading_digits(self) -> NDArray[np.uint32] | None:
+        """Return the rows 0 to k of column k of each matrix as a number whose units are row k."""
+        if isinstance(self.matrices, Tracer):
+            return None
+        return np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
 
     def _columns(self, dims: tuple[int, ...]) -> Array:
         """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
@@ -123,32 +151,6 @@ class Digital64(BinarySequence):
     def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)
-
-
-def product(columns: Array, index: Array) -> Array:
-    """Xor the columns that the bits of the index select: (32[, dims]), (...) -> (...[, dims])."""
-    if math.prod(index.shape) < _TABLE_FROM:
-        return selected(columns, index)
-    byte = jax.lax.iota(jnp.uint32, 256)
-    words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
-    for shift in (0, 8, 16, 24):
-        table = selected(columns[shift : shift + 8], byte)
-        # A byte is within its table: without the promise, every look-up is checked.
-        words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
-    return words
-
-
-def selected(columns: Array | np.ndarray, index: Array) -> Array:
-    """Xor the columns that the bits of the index select, one by one."""
-    words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
-    for k in range(columns.shape[0]):
-        # 0 - 1 wraps to all ones: a mask instead of a comparison and a select.
-        mask = np.uint32(0) - ((index >> k) & np.uint32(1))
-        if columns.ndim == 1:
-            words = words ^ (mask & columns[k])
-        else:
-            words = words ^ (mask[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
-    return words
 
 
 def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:
@@ -196,7 +198,7 @@ def sobol(dims: int = 2) -> Digital:
     matrices = _columns_of(steps)
     if dims > 2:
         matrices = jnp.concatenate([matrices, jnp.asarray(matrices_of(dims)[1:])])
-    return Digital(matrices, steps, _sobol_beyond)
+    return Digital(matrices, steps, _sobol_beyond, "sobol")
 
 
 def larcher_pillichshammer() -> Digital:
@@ -221,7 +223,7 @@ def larcher_pillichshammer() -> Digital:
      [0.25 0.75]]
     """
     steps = (gray_decode, _larcher_sobol)
-    return Digital(_columns_of(steps), steps, _larcher_beyond)
+    return Digital(_columns_of(steps), steps, _larcher_beyond, "larcher_pillichshammer")
 
 
 def digital(matrices: np.ndarray | Array) -> Digital:
@@ -238,8 +240,10 @@ def digital(matrices: np.ndarray | Array) -> Digital:
 
     Raises
     ------
+    TypeError
+        If ``matrices`` is no array of uint32.
     ValueError
-        If ``matrices`` has another shape or dtype.
+        If it has another shape.
 
     References
     ----------
@@ -250,7 +254,8 @@ def digital(matrices: np.ndarray | Array) -> Digital:
     >>> print(digital(sobol(5).matrices).points(2)[1])
     [0.5 0.5 0.5 0.5 0.5]
     """
-    if getattr(matrices, "dtype", None) != jnp.uint32 or matrices.ndim != 2 or matrices.shape[1] != 32:
-        found = f"{getattr(matrices, 'dtype', type(matrices).__name__)} {getattr(matrices, 'shape', '')}"
-        raise ValueError(f"matrices must be uint32 of shape (dims, 32), got {found}")
+    if not isinstance(matrices, np.ndarray | Array) or matrices.dtype != jnp.uint32:
+        raise TypeError(f"matrices must be uint32 of shape (dims, 32), got {checks.shown(matrices)}")
+    if matrices.ndim != 2 or matrices.shape[1] != 32 or not matrices.shape[0]:
+        raise ValueError(f"matrices must be uint32 of shape (dims, 32), got {matrices.shape}")
     return Digital(jnp.asarray(matrices))

@@ -1,6 +1,7 @@
 """The digital shift: every coordinate xor a random word."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,8 +10,10 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, binary
-from qmcjax.sequences._scrambled import Scrambled, along_last
+from qmcjax.sequences._binary import BinarySequence, as_binary
+from qmcjax.sequences._cells import Flipped
+from qmcjax.sequences._fraction import Fraction
+from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
@@ -22,19 +25,24 @@ class DigitalShift(Scrambled):
     shifts: Array
     """uint32 (dims,): fractions, the flip of the first digit in bit 31."""
 
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
-        return self.sequence.bit_reversed(index, dim) ^ reverse(self.shifts[dim])
+    called = "digital_shift"
 
-    def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
-        return self.sequence.word(index, dim) ^ self.shifts[dim]
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Flip the digits."""
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._bit_reversed(index, dims) ^ reverse(along_last(self.shifts, dims, index))
+        def word() -> Array:
+            word = fraction.word
+            return word ^ of_dims(self.shifts, dims, word)
 
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._words(index, dims) ^ along_last(self.shifts, dims, index)
+        def bit_reversed() -> Array:
+            bit_reversed = fraction.bit_reversed
+            return bit_reversed ^ reverse(of_dims(self.shifts, dims, bit_reversed))
+
+        return Fraction(word, bit_reversed)
+
+    def inverted(self, log_side: int) -> Any:
+        """Return an object that finds points from their cells: the shift permutes these."""
+        return Flipped(self.sequence.inverted(log_side), self.shifts)
 
 
 def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
@@ -56,7 +64,7 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
 
     Raises
     ------
-    ValueError
+    TypeError
         If ``sequence`` is not in base 2 or ``key`` is no key.
 
     References
@@ -70,5 +78,5 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     >>> print(bits[0] ^ bits[1])
     [2147483648]
     """
-    binary("sequence", sequence)
+    sequence = as_binary("sequence", sequence)
     return DigitalShift(sequence, jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32))

@@ -1,4 +1,4 @@
-"""A sequence in Gray code order."""
+"""A sequence in Gray code order: a map of the indices."""
 
 from dataclasses import dataclass
 
@@ -6,23 +6,36 @@ from jax import Array
 
 from qmcjax.core.bits import gray_encode
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, Sequence, binary
-from qmcjax.sequences._scrambled import Scrambled
+from qmcjax.sequences._binary import BinarySequence, as_binary
+from qmcjax.sequences._fraction import Fraction
 
 
 @pytree
 @dataclass(frozen=True)
-class Gray(Scrambled):
+class Gray(BinarySequence):
     """Point i is the sequence's point i ^ (i >> 1)."""
 
     sequence: BinarySequence
 
-    @property
-    def limit_64(self) -> int:
-        """The same as ``limit``: the upper word would change the lower one."""
-        return self.limit
+    called = "gray"
 
-    with_high_word = Sequence.with_high_word
+    @property
+    def dims(self) -> int:
+        """Number of dimensions."""
+        return self.sequence.dims
+
+    @property
+    def size(self) -> int | None:
+        """Number of points."""
+        return self.sequence.size
+
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        """Return one coordinate."""
+        return self.sequence.fraction(gray_encode(index), dim)
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates."""
+        return self.sequence.fractions(gray_encode(index), dims)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
@@ -32,16 +45,17 @@ class Gray(Scrambled):
         """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(gray_encode(index), dim)
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._bit_reversed(gray_encode(index), dims)
-
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return self.sequence._words(gray_encode(index), dims)
-
     @property
-    def _linear(self) -> BinarySequence | None:
-        # The code is linear itself, but scrambled points in its order are not.
-        return self if self.sequence._linear is self.sequence else None
+    def linear(self) -> "Gray | None":
+        """The linear sequence below all scramblings in this order: the code is linear itself."""
+        linear = self.sequence.linear
+        if linear is None:
+            return None
+        return self if linear is self.sequence else Gray(linear)
+
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Return the coordinates of this sequence from those of :attr:`linear`."""
+        return self.sequence.of_linear(fraction, dims)
 
 
 def gray(sequence: BinarySequence) -> Gray:
@@ -61,8 +75,10 @@ def gray(sequence: BinarySequence) -> Gray:
 
     Raises
     ------
+    TypeError
+        If ``sequence`` is not in base 2.
     ValueError
-        If ``sequence`` is not in base 2, or its size is no power of two.
+        If its size is no power of two.
 
     References
     ----------
@@ -74,7 +90,7 @@ def gray(sequence: BinarySequence) -> Gray:
     >>> print(gray(sequences.sobol(1)).points(4)[:, 0])
     [0.   0.5  0.75 0.25]
     """
-    size = binary("sequence", sequence).size
+    size = as_binary("sequence", sequence).size
     if size is not None and size & (size - 1):
         raise ValueError(f"sequence must have 2**m points, or no last one, got size={size}")
     return Gray(sequence)

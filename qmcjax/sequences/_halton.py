@@ -1,7 +1,9 @@
 """Radical inverses, with digits permuted or not: the van der Corput and the Halton sequence."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -25,7 +27,8 @@ from qmcjax.core.digits import (
 from qmcjax.core.finite_field import next_prime
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences import _digit_permutations
-from qmcjax.sequences._base import DigitSequence, Sequence
+from qmcjax.sequences._base import Sequence
+from qmcjax.sequences._digit_sequence import DigitSequence
 from qmcjax.sequences._digital import Digital, sobol
 
 HALTON_DIMS = 1024
@@ -45,6 +48,23 @@ class RadicalInverses(DigitSequence):
     tables: Array | None = None
     """uint16: the reflection tables of all bases, one after the other."""
 
+    reported = ("dims", "base", "permuted")
+
+    @property
+    def called(self) -> str:
+        """What makes such a sequence."""
+        return "halton" if self.base is None else "van_der_corput"
+
+    @property
+    def base(self) -> int | None:
+        """The base of the van der Corput sequence in a base other than 2."""
+        return self.bases[0] if self.dims == 1 and self.bases[0] > 2 else None
+
+    @property
+    def permuted(self) -> bool:
+        """Whether digits are permuted."""
+        return self.tables is not None
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""
@@ -52,7 +72,7 @@ class RadicalInverses(DigitSequence):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for two words; permutations have one word's digits."""
+        """First index that is out of reach for 64-bit indices; permutations have the digits of 32 bits."""
         return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
 
     def with_high_word(self, high: Array) -> Sequence:
@@ -79,14 +99,25 @@ class RadicalInverses(DigitSequence):
         )
         return [digit_reversed(n, base, span) for n, span in zip(permuted, digit_spans(base), strict=True)]
 
-    def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return all bases."""
+        return self.bases
+
+    def index_digits(self, component: int, count: int) -> Array | None:
+        """Return the inverse permutations of the first digits of an index."""
+        return None if self.tables is None or count == 0 else _inverse_permutations(self, component, count)
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return some coordinates of the points."""
         if len(dims) < MANY:
-            return super()._values(index, dims, dtype)
+            return super().coordinates(index, dims, dtype)
         parts = []
         for wanted in alike(self.bases, dims):
             together = len(wanted) > 1
             parts.append(
-                self._together(index, wanted, dtype) if together else super()._values(index, wanted, dtype)
+                self._together(index, wanted, dtype)
+                if together
+                else super().coordinates(index, wanted, dtype)
             )
         return jnp.concatenate(parts, axis=-1)
 
@@ -116,6 +147,19 @@ class RadicalInverses64(Sequence):
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         """Return one coordinate of valid indices, in their shape."""
         return radical_inverse_64(self.high, index, self.bases[dim], dtype)
+
+
+@partial(jax.jit, static_argnames=("component", "count"))
+def _inverse_permutations(sequence: RadicalInverses, component: int, count: int) -> Array:
+    base = sequence.bases[component]
+    powers = base ** np.arange(count, dtype=np.uint32)[:, None]
+    numbers = sequence.spans(jnp.asarray(powers * np.arange(base, dtype=np.uint32)), np.array(component))
+    rows, first = [], 0
+    for number, span in zip(numbers, digit_spans(base), strict=True):
+        here = range(min(span, count - first))
+        rows += [number[first + k] // np.uint32(base**k) % np.uint32(base) for k in here]
+        first += span
+    return jnp.argsort(jnp.stack(rows), axis=1).astype(jnp.uint32)
 
 
 def van_der_corput(base: int = 2) -> RadicalInverses | Digital:

@@ -29,6 +29,8 @@ class LatinHypercube(WordFirst):
     seeds: Array
     """uint32 (dims, 2 + rounds): for the position within the interval, and for the permutation."""
 
+    called = "latin_hypercube"
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""

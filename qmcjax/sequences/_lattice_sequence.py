@@ -11,6 +11,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._fraction import Fraction
 from qmcjax.sequences._word_first import WordFirst
 
 LATTICE_DIMS = 250
@@ -25,6 +26,8 @@ class LatticeSequence(WordFirst):
     vector: Array
     """uint32 (dims,): the generating vector z."""
 
+    called = "lattice"
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""
@@ -32,7 +35,7 @@ class LatticeSequence(WordFirst):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for two words."""
+        """First index that is out of reach for 64-bit indices."""
         return checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> "Lattice64":
@@ -43,9 +46,10 @@ class LatticeSequence(WordFirst):
         """Return one coordinate as a 32-bit fraction."""
         return reverse(index) * self.vector[dim]
 
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates."""
         wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
-        return reverse(index)[..., None] * wanted
+        return Fraction(lambda: reverse(index)[..., None] * wanted)
 
 
 @pytree

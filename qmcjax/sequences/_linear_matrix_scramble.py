@@ -10,10 +10,11 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import FEW, BinarySequence, binary
+from qmcjax.sequences._binary import BinarySequence, as_binary
 from qmcjax.sequences._digital import Digital
 from qmcjax.sequences._digital_shift import DigitalShift, digital_shift
-from qmcjax.sequences._scrambled import Scrambled, along_last
+from qmcjax.sequences._fraction import Fraction
+from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
@@ -25,19 +26,26 @@ class Linear(Scrambled):
     columns: Array
     """uint32 (dims, 32): column k of L_j, its first row in bit 0; lower unit-triangular."""
 
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
-        return _product(self.columns[dim], self.sequence.bit_reversed(index, dim))
+    called = "linear_matrix_scramble"
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        if len(dims) <= FEW:
-            return super()._bit_reversed(index, dims)
-        return _product(along_last(self.columns, dims, index), self.sequence._bit_reversed(index, dims))
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Multiply the digits."""
+
+        def bit_reversed() -> Array:
+            bit_reversed = fraction.bit_reversed
+            return _product(of_dims(self.columns, dims, bit_reversed), bit_reversed)
+
+        return Fraction(bit_reversed=bit_reversed)
 
     @property
-    def _linear(self) -> BinarySequence | None:
-        linear = self.sequence._linear
+    def linear(self) -> BinarySequence | None:
+        """The sequence itself, if the one below is linear."""
+        linear = self.sequence.linear
         return self if linear is self.sequence else linear
+
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Return the coordinates of this sequence from those of :attr:`linear`."""
+        return fraction if self.linear is self else super().of_linear(fraction, dims)
 
 
 def _product(columns: Array, reversed_bits: Array) -> Array:
@@ -83,7 +91,7 @@ def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> Digita
 
     Raises
     ------
-    ValueError
+    TypeError
         If ``sequence`` is not in base 2 or ``key`` is no key.
 
     References
@@ -97,7 +105,7 @@ def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> Digita
     >>> print(sorted((points[:, 1] * 4).astype(int).tolist()))
     [0, 1, 2, 3]
     """
-    binary("sequence", sequence)
+    sequence = as_binary("sequence", sequence)
     matrices_key, shift_key = jax.random.split(checks.prng_key("key", key))
     columns = _triangular(matrices_key, sequence.dims)
     if isinstance(sequence, Digital):

@@ -2,6 +2,7 @@
 
 import abc
 from dataclasses import dataclass, field
+from typing import Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,13 +11,15 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode, reverse
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._binary import BinarySequence
 
 
 class Net(BinarySequence):
     """A (0,m,2)-net in base 2: one point in every elementary interval of area 2**-m."""
 
     m: int
+
+    reported = ("m",)
 
     @property
     def dims(self) -> int:
@@ -42,6 +45,11 @@ class Net(BinarySequence):
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
         return reverse(self._second(index)) if dim else _fraction(index, self.m)
+
+    def inverted(self, log_side: int) -> Self:
+        """Return the net itself, which knows the points in its cells."""
+        self.points_per_cell(log_side)
+        return self
 
     def points_per_cell(self, log_side: int) -> int:
         """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side.
@@ -110,6 +118,8 @@ class HammersleyNet(Net):
 
     m: int = field(metadata={"static": True})
 
+    called = "hammersley_net"
+
     def _second(self, index: Array) -> Array:
         return index
 
@@ -123,6 +133,8 @@ class LarcherPillichshammerNet(Net):
     """The points (i / 2**m, C'1 times the bits of i)."""
 
     m: int = field(metadata={"static": True})
+
+    called = "larcher_pillichshammer_net"
 
     def _second(self, index: Array) -> Array:
         return gray_decode(index)
@@ -140,6 +152,8 @@ class PermutationNet(Net):
     """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""
 
     m: int = field(metadata={"static": True})
+
+    called = "permutation_net"
 
     def _second(self, index: Array) -> Array:
         half = self.m // 2

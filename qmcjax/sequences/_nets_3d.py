@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import pascal, reverse
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._binary import BinarySequence
 from qmcjax.sequences._digital import _larcher_sobol
 from qmcjax.sequences._nets import HammersleyNet, LarcherPillichshammerNet, Net
 
@@ -22,6 +22,8 @@ class OverPlane(BinarySequence):
 
     plane: Any
     """The net of the first two coordinates."""
+
+    reported = ("dims",)
 
     @property
     def dims(self) -> int:
@@ -44,6 +46,11 @@ class OverPlane(BinarySequence):
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
         return reverse(self._third(index)) if dim == 2 else self.plane.word(index, dim)
+
+    def inverted(self, log_side: int) -> Self:
+        """Return the net itself, which knows the points in its cells."""
+        self.points_per_cell(log_side)
+        return self
 
     def points_per_cell(self, log_side: int) -> int:
         """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side in the plane.
@@ -68,6 +75,8 @@ class Net3D(OverPlane):
     plane: Net
     third: Callable[[Array], Array] = field(metadata={"static": True})
     """The third coordinate, bit-reversed, from the index."""
+
+    called = "net_3d"
 
     def _third(self, index: Array) -> Array:
         return self.third(index)
@@ -94,6 +103,9 @@ class PermutationNet3D(BinarySequence):
     """One of P_2, ..., P_5, tiled until there are 2**m points (thesis Sect. 5.3.2)."""
 
     m: int = field(metadata={"static": True})
+
+    called = "permutation_net_3d"
+    reported = ("m",)
 
     @property
     def dims(self) -> int:

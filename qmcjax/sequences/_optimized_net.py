@@ -27,6 +27,8 @@ class MatrixNet(Net):
     upper_inverse: Array
     """uint32 (m,): columns of the factors' inverses."""
 
+    called = "optimized_net"
+
     def _second(self, index: Array) -> Array:
         return _product(self.columns, index)
 

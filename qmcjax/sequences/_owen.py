@@ -9,10 +9,11 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import owen_hash
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence, DigitSequence
+from qmcjax.sequences._binary import BinarySequence
+from qmcjax.sequences._digit_sequence import DigitSequence, with_digits
+from qmcjax.sequences._fraction import Fraction
 from qmcjax.sequences._owen_base_b import OwenDigits, owen_digits
-from qmcjax.sequences._scrambled import Scrambled, along_last
-from qmcjax.sequences._scrambled_digits import digital
+from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
@@ -24,12 +25,16 @@ class Owen(Scrambled):
     seeds: Array
     """uint32 (dims,)."""
 
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
-        return owen_hash(self.sequence.bit_reversed(index, dim), self.seeds[dim])
+    called = "owen"
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return owen_hash(self.sequence._bit_reversed(index, dims), along_last(self.seeds, dims, index))
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Scramble the digits."""
+
+        def bit_reversed() -> Array:
+            bit_reversed = fraction.bit_reversed
+            return owen_hash(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
+
+        return Fraction(bit_reversed=bit_reversed)
 
 
 def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | OwenDigits:
@@ -55,7 +60,7 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
 
     Raises
     ------
-    ValueError
+    TypeError
         If ``sequence`` has no digits or ``key`` is no key.
 
     Notes
@@ -85,6 +90,6 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
     [0, 1, 2, 3, 4, 5, 6, 7, 8]
     """
     if not isinstance(sequence, BinarySequence):
-        return owen_digits(digital("sequence", sequence), checks.prng_key("key", key))
+        return owen_digits(with_digits("sequence", sequence), checks.prng_key("key", key))
     seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32)
     return Owen(sequence, seeds)

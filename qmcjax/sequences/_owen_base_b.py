@@ -12,8 +12,8 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import hash_word
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, looked_up, word
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import DigitSequence
 from qmcjax.sequences._digit_permutations import random_permutations
+from qmcjax.sequences._digit_sequence import DigitSequence
 from qmcjax.sequences._scrambled_digits import ScrambledDigits
 
 
@@ -34,6 +34,8 @@ class OwenDigits(ScrambledDigits):
     """uint16: the tables of all coordinates, one after the other."""
     seeds: Array
     """uint32 (dims, spans + 1): one for each digit in base B, and one for the digits behind."""
+
+    called = "owen"
 
     def _scrambled(self, index: Array, dims: np.ndarray | Array, dtype: DTypeLike) -> Array:
         bases = self.sequence.bases

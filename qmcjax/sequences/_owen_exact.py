@@ -10,10 +10,11 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import FEW, BinarySequence, DigitSequence
+from qmcjax.sequences._binary import BinarySequence
+from qmcjax.sequences._digit_sequence import DigitSequence, with_digits
+from qmcjax.sequences._fraction import Fraction
 from qmcjax.sequences._owen_exact_base_b import OwenExactDigits, owen_exact_digits
-from qmcjax.sequences._scrambled import Scrambled, along_last
-from qmcjax.sequences._scrambled_digits import digital
+from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
@@ -25,14 +26,16 @@ class OwenExact(Scrambled):
     seeds: Array
     """uint32 (dims, 2)."""
 
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
-        return _scramble(self.sequence.bit_reversed(index, dim), self.seeds[dim])
+    called = "owen_exact"
 
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        if len(dims) <= FEW:
-            return super()._bit_reversed(index, dims)
-        return _scramble(self.sequence._bit_reversed(index, dims), along_last(self.seeds, dims, index))
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Scramble the digits."""
+
+        def bit_reversed() -> Array:
+            bit_reversed = fraction.bit_reversed
+            return _scramble(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
+
+        return Fraction(bit_reversed=bit_reversed)
 
 
 def _scramble(reversed_bits: Array, seeds: Array) -> Array:
@@ -82,7 +85,7 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
 
     Raises
     ------
-    ValueError
+    TypeError
         If ``sequence`` has no digits or ``key`` is no key.
 
     Notes
@@ -109,6 +112,6 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
     [0, 1, 2, 3, 4, 5, 6, 7, 8]
     """
     if not isinstance(sequence, BinarySequence):
-        return owen_exact_digits(digital("sequence", sequence), checks.prng_key("key", key))
+        return owen_exact_digits(with_digits("sequence", sequence), checks.prng_key("key", key))
     seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
     return OwenExact(sequence, seeds)

@@ -11,7 +11,7 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import hash_word
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import DigitSequence
+from qmcjax.sequences._digit_sequence import DigitSequence
 from qmcjax.sequences._scrambled_digits import ScrambledDigits
 
 _DRAWN = 2**13
@@ -26,6 +26,8 @@ class OwenExactDigits(ScrambledDigits):
     sequence: DigitSequence
     seeds: Array
     """uint32 (dims, 2)."""
+
+    called = "owen_exact"
 
     def _scrambled(self, index: Array, dims: np.ndarray | Array, dtype: DTypeLike) -> Array:
         base = base_of(self.sequence.bases, dims)

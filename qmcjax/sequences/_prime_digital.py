@@ -3,14 +3,18 @@
 from dataclasses import dataclass, field
 from itertools import islice
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import DTypeLike
+from numpy.typing import NDArray
 
 from qmcjax.core.digits import digit_count, digit_spans, exact_fraction
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import FEW, DigitSequence
+from qmcjax.sequences._base import FEW
+from qmcjax.sequences._digit_sequence import DigitSequence
 
 
 @pytree
@@ -18,14 +22,17 @@ from qmcjax.sequences._base import FEW, DigitSequence
 class PrimeDigital(DigitSequence):
     """Coordinate j of point i is C_j times the digits of i, over F_q (thesis Eq. 5.9).
 
-    The products with all numbers of a few digits are tabulated. Each digit of a product has a field of a
-    word, wide enough for the sum of the table entries of an index; at last it is reduced modulo q.
+    There are tables of the products with all numbers of a few digits. Each digit of a product has a field of
+    a word, wide enough for the sum of the table entries of an index; at last it is reduced modulo q.
     """
 
     bases: tuple[int, ...] = field(metadata={"static": True})
     """The same for all coordinates."""
     tables: Array
     """uint32 (dims, words, entries): the tables of all spans of digits, one after the other."""
+
+    called = "faure"
+    reported = ("dims", "base")
 
     @property
     def dims(self) -> int:
@@ -41,9 +48,9 @@ class PrimeDigital(DigitSequence):
         """Return one coordinate of valid indices, in their shape."""
         return self._fractions(index, np.array(dim), dtype)
 
-    def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         if len(dims) <= FEW:
-            return super()._values(index, dims, dtype)
+            return super().coordinates(index, dims, dtype)
         return self._fractions(index[..., None], np.array(dims).reshape((1,) * index.ndim + (-1,)), dtype)
 
     def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
@@ -57,6 +64,28 @@ class PrimeDigital(DigitSequence):
                 number = number * np.uint32(self.base) + digit
             numbers.append(number)
         return numbers
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return the base for each component whose matrix is lower triangular, or being traced."""
+        if isinstance(self.tables, Tracer):
+            return self.bases
+        return tuple(
+            self.base if not np.any(np.triu(matrix, 1)) and np.all(np.diagonal(matrix)) else None
+            for matrix in map(self._matrix, range(self.dims))
+        )
+
+    def index_digits(self, component: int, count: int) -> None:
+        """Return None if the component's matrix is the identity, or being traced."""
+        if isinstance(self.tables, Tracer):
+            return
+        matrix = self._matrix(component)
+        if np.any(matrix != np.eye(len(matrix))):
+            super().index_digits(component, count)
+
+    def _matrix(self, component: int) -> NDArray[np.uint32]:
+        """Return a generator matrix: column k has the digits of point base**k."""
+        powers = np.uint32(self.base) ** np.arange(digit_count(self.base), dtype=np.uint32)
+        return np.asarray(_digits_of(self, jnp.asarray(powers), jnp.uint32(component)))
 
     def _fractions(self, index: Array, dims: np.ndarray, dtype: DTypeLike) -> Array:
         digits = self._digits(index, dims)
@@ -86,6 +115,11 @@ class PrimeDigital(DigitSequence):
             ((sums[k // per_word] >> (k % per_word * width)) & mask) % base
             for k in range(digit_count(self.base))
         ]
+
+
+@jax.jit
+def _digits_of(sequence: PrimeDigital, index: Array, dim: Array) -> Array:
+    return jnp.stack(sequence._digits(index, dim))
 
 
 def prime_digital(matrices: np.ndarray, base: int) -> PrimeDigital:

@@ -1,6 +1,7 @@
 """Random points at random access: uniform, and stratified on a grid."""
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._binary import BinarySequence
 from qmcjax.sequences._word_first import WordFirst
 
 
@@ -26,6 +27,8 @@ class Uniform(BinarySequence):
 
     seeds: Array
     """uint32 (dims, 2)."""
+
+    called = "uniform"
 
     @property
     def dims(self) -> int:
@@ -46,6 +49,9 @@ class Jittered(WordFirst):
     seeds: Array
     """uint32 (dims, 2)."""
 
+    called = "jittered"
+    reported = ("side", "dims")
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""
@@ -60,6 +66,11 @@ class Jittered(WordFirst):
         """Return one coordinate as a 32-bit fraction."""
         cell = index // np.uint32(self.side**dim) % np.uint32(self.side)
         return _divided(cell, _draw(index, self.seeds[dim]), self.side)
+
+    def inverted(self, log_side: int) -> Self:
+        """Return the net itself, which knows the points in its cells."""
+        self.points_per_cell(log_side)
+        return self
 
     def points_per_cell(self, log_side: int) -> int:
         """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side.

@@ -14,6 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.maximin_lattices import best_planar, best_spatial
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._base import Sequence
+from qmcjax.sequences._fraction import Fraction
 from qmcjax.sequences._word_first import WordFirst
 
 _PLANAR_LIMIT = 2**22
@@ -35,6 +36,8 @@ class Rank1Lattice(Sequence):
     n: int = field(metadata={"static": True})
     vector: Array
     """uint32 (dims,): the generating vector g, modulo n."""
+
+    called = "rank1_lattice"
 
     @property
     def dims(self) -> int:
@@ -67,6 +70,8 @@ class BinaryRank1Lattice(WordFirst):
     vector: Array
     """uint32 (dims,): g / 2**m as 32-bit fractions."""
 
+    called = "rank1_lattice"
+
     @property
     def dims(self) -> int:
         """Number of dimensions."""
@@ -81,8 +86,10 @@ class BinaryRank1Lattice(WordFirst):
         """Return one coordinate as a 32-bit fraction."""
         return index * self.vector[dim]
 
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return index[..., None] * self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates."""
+        wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
+        return Fraction(lambda: index[..., None] * wanted)
 
 
 def _rank1(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Lattice:

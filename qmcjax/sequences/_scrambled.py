@@ -1,16 +1,18 @@
 """What the randomisations in base 2 have in common: the sequence they scramble."""
 
-import dataclasses
+import abc
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.sequences._base import BinarySequence, PointByPoint
+from qmcjax.sequences._base import FEW, PointByPoint
+from qmcjax.sequences._binary import BinarySequence
+from qmcjax.sequences._fraction import Fraction
 
 
 class Scrambled(PointByPoint, BinarySequence):
-    """A sequence in base 2 whose coordinates are mapped one by one, in fixed point."""
+    """A sequence in base 2 whose coordinates are mapped one by one: subclasses implement :meth:`mapped`."""
 
     sequence: BinarySequence
 
@@ -19,23 +21,49 @@ class Scrambled(PointByPoint, BinarySequence):
         """Number of dimensions."""
         return self.sequence.dims
 
+    @abc.abstractmethod
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Scramble one coordinate, or some that are stacked last."""
+
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        """Return one coordinate."""
+        return self.mapped(self.sequence.fraction(index, dim), dim)
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates."""
+        if len(dims) <= FEW:
+            return super().fractions(index, dims)
+        return self.mapped(self.sequence.fractions(index, dims), dims)
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        """Return one coordinate with its first digit in bit 0."""
+        return self.fraction(index, dim).bit_reversed
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        return self.fraction(index, dim).word
+
     @property
-    def _linear(self) -> BinarySequence | None:
-        return self.sequence._linear
+    def linear(self) -> BinarySequence | None:
+        """The sequence below all scramblings, if it is linear."""
+        return self.sequence.linear
 
-    def _over(self, blocks: BinarySequence) -> BinarySequence:
-        if self._linear is self:
-            return blocks
-        over = self.sequence._over(blocks)
-        return dataclasses.replace(self, sequence=over)  # pyright: ignore[reportArgumentType]
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Return the coordinates of this sequence from those of :attr:`linear`."""
+        return self.mapped(self.sequence.of_linear(fraction, dims), dims)
 
 
-def along_last(values: Array, dims: tuple[int, ...], index: Array) -> Array:
-    """Return the wanted rows of ``values`` for coordinates that are stacked behind the axes of ``index``."""
-    count = values.shape[0]
+def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) -> Array:
+    """Return the rows of parameters that belong to one coordinate, or to some that are stacked last.
+
+    They have the rank of ``coordinates``, and their own further axes behind.
+    """
+    if isinstance(dims, int):
+        return parameters[dims]
+    count = parameters.shape[0]
     times = len(dims) // count
     if dims == tuple(range(count)) * times:  # no gather, which would be fused into the loop over all points
-        wanted = jnp.tile(values, (times,) + (1,) * (values.ndim - 1))
+        wanted = jnp.tile(parameters, (times,) + (1,) * (parameters.ndim - 1))
     else:
-        wanted = values[np.array(dims)]
-    return wanted.reshape((1,) * index.ndim + wanted.shape)
+        wanted = parameters[np.array(dims)]
+    return wanted.reshape((1,) * (coordinates.ndim - 1) + wanted.shape)

@@ -9,7 +9,8 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.digits import alike
-from qmcjax.sequences._base import FEW, DigitSequence, Sequence
+from qmcjax.sequences._base import FEW, Sequence
+from qmcjax.sequences._digit_sequence import DigitSequence
 
 
 class ScrambledDigits(Sequence):
@@ -27,6 +28,10 @@ class ScrambledDigits(Sequence):
         """Number of points."""
         return self.sequence.size
 
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return the bases of the sequence's components."""
+        return self.sequence.radical_bases()
+
     @abc.abstractmethod
     def _scrambled(self, index: Array, dims: np.ndarray | Array, dtype: DTypeLike) -> Array:
         """Return coordinates ``dims``, broadcast against ``index``, as for ``DigitSequence.spans``."""
@@ -35,24 +40,15 @@ class ScrambledDigits(Sequence):
         """Return one coordinate of valid indices, in their shape."""
         return self._scrambled(index, np.array(dim), dtype)
 
-    def _values(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return some coordinates of the points."""
         bases = self.sequence.bases
         if len(dims) > 1 and len(set(bases)) == 1:
             # A loop: in one program for all coordinates, what they share is computed again and again.
             wanted = jnp.asarray(np.array(dims, np.uint32))
             return jnp.moveaxis(jax.lax.map(lambda dim: self._scrambled(index, dim, dtype), wanted), 0, -1)
         if len(dims) <= FEW:
-            return super()._values(index, dims, dtype)
+            return super().coordinates(index, dims, dtype)
         row = (1,) * index.ndim + (-1,)
         groups = [np.array(group).reshape(row) for group in alike(bases, dims)]
         return jnp.concatenate([self._scrambled(index[..., None], g, dtype) for g in groups], axis=-1)
-
-
-def digital(name: str, sequence: object) -> DigitSequence:
-    """Return ``sequence``, or raise a ValueError if it is not known digit by digit."""
-    if not isinstance(sequence, DigitSequence):
-        raise ValueError(
-            f"{name} must be a sequence with digits, either in base 2 (one that has .bits) "
-            f"or one of halton, faure and van_der_corput, got {sequence!r}"
-        )
-    return sequence

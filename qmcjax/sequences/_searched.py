@@ -25,6 +25,8 @@ class MatrixNet3D(OverPlane):
     columns: Array
     """uint32 (m,): column k of C_2, its first row in bit 0."""
 
+    called = "optimized_net_3d"
+
     def _third(self, index: Array) -> Array:
         return _product(self.columns, index)
 

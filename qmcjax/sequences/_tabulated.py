@@ -9,6 +9,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._word_first import WordFirst
 
@@ -18,22 +19,24 @@ from qmcjax.sequences._word_first import WordFirst
 class Tabulated(WordFirst):
     """A table of points."""
 
-    words: Array
+    table: Array
     """uint32 (size, dims): 32-bit fractions."""
+
+    called = "tabulated"
 
     @property
     def dims(self) -> int:
         """Number of dimensions."""
-        return self.words.shape[1]
+        return self.table.shape[1]
 
     @property
     def size(self) -> int:
         """Number of points."""
-        return self.words.shape[0]
+        return self.table.shape[0]
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
-        return self.words[index, dim]
+        return self.table[index, dim]
 
 
 def tabulated_words(points: NDArray[np.float64]) -> Tabulated:
@@ -60,8 +63,10 @@ def tabulated(points: ArrayLike) -> Tabulated:
 
     Raises
     ------
+    TypeError
+        If the points are no floats.
     ValueError
-        If the points have another shape, are no floats, or leave [0, 1).
+        If they have another shape, or leave [0, 1).
 
     Examples
     --------
@@ -71,12 +76,15 @@ def tabulated(points: ArrayLike) -> Tabulated:
     [0.75      0.1111111] 8
     """
     if isinstance(points, Tracer):
-        raise ValueError(f"points must be known before tracing, got {points}")
-    given = np.asarray(points)
-    if given.ndim != 2 or not given.size or not np.issubdtype(given.dtype, np.floating):
-        raise ValueError(
-            f"points must be floats of shape (n, dims), got {given.dtype} of shape {given.shape}"
-        )
+        raise ValueError(f"points must be known before tracing, got {points.aval}")
+    try:
+        given = np.asarray(points)
+    except (TypeError, ValueError):
+        given = np.asarray(None)
+    if not np.issubdtype(given.dtype, np.floating):
+        raise TypeError(f"points must be floats of shape (n, dims), got {checks.shown(points)}")
+    if given.ndim != 2 or not given.size:
+        raise ValueError(f"points must be floats of shape (n, dims), got shape {given.shape}")
     outside = ~((given >= 0) & (given < 1))
     if outside.any():
         raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")

@@ -2,11 +2,10 @@
 
 import abc
 
-import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core.bits import reverse
-from qmcjax.sequences._base import BinarySequence
+from qmcjax.sequences._binary import BinarySequence
 
 
 class WordFirst(BinarySequence):
@@ -14,14 +13,8 @@ class WordFirst(BinarySequence):
 
     @abc.abstractmethod
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate of valid indices as a 32-bit fraction, its first digit in bit 31."""
+        """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate with its first digit in bit 0."""
         return reverse(self.word(index, dim))
-
-    def _bit_reversed(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return reverse(self._words(index, dims))
-
-    def _words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        return jnp.stack([self.word(index, j) for j in dims], axis=-1)

@@ -1,5 +1,6 @@
 """Objects as pytrees: classes with equal choices are still different structures."""
 
+from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 from tables import NETS, ORDERS, SAMPLERS, SEQUENCES, Table, each
 
-from qmcjax import sequences
+from qmcjax import pytree, sequences
 
 OBJECTS = SEQUENCES | SAMPLERS | Table({name: partial(make, 8, 8) for name, make in ORDERS.items()})
 
@@ -43,3 +44,44 @@ def test_leaves_may_be_traced_and_mapped():
     points = jax.vmap(lambda s: s(jnp.uint32(3)))(stacked)
     assert points.shape == (2, 1)
     assert points[0] == seq(3)
+
+
+@each("value", OBJECTS)
+def test_reprs_are_one_line_and_comparisons_never_fail(value):
+    text = repr(value)
+    assert "\n" not in text and "rray" not in text and len(text) < 400
+    leaves, structure = jax.tree.flatten(value)
+    keys = [jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key) for leaf in leaves]
+    copies = [
+        jax.random.clone(leaf) if key else np.array(leaf) for leaf, key in zip(leaves, keys, strict=True)
+    ]
+    again = structure.unflatten(copies)
+    assert value == again and hash(value) == hash(again) and value in [again]
+    assert value != 3 and value != leaves
+    numbers = [k for k, key in enumerate(keys) if not key and leaves[k].size]
+    if numbers:
+        leaves[numbers[0]] = leaves[numbers[0]] + np.ones((), leaves[numbers[0]].dtype)
+        assert value != structure.unflatten(leaves)
+
+
+def test_equal_keys_are_equal_and_traced_values_only_themselves():
+    assert sequences.owen(sequences.sobol(2), 1) == sequences.owen(sequences.sobol(2), jax.random.key(1))
+    assert sequences.owen(sequences.sobol(2), 1) != sequences.owen(sequences.sobol(2), 2)
+    compared = []
+    jax.jit(lambda a, b: compared.extend((a == a, a == b)) or a.dims)(*[sequences.uniform(1, 0)] * 2)
+    assert compared == [True, False]
+
+
+def test_methods_that_a_class_writes_itself_stay():
+    @pytree
+    @dataclass(frozen=True)
+    class Own:
+        x: jax.Array
+
+        def __repr__(self):
+            return "own"
+
+        def __eq__(self, other):
+            return other == 5
+
+    assert repr(Own(jnp.zeros(2))) == "own" and Own(jnp.zeros(2)) == 5

@@ -1,7 +1,9 @@
 """Dataclasses as JAX pytrees whose class is part of their structure."""
 
+import dataclasses
 import functools
 import inspect
+import reprlib
 from collections.abc import Callable
 from dataclasses import fields
 from typing import Any, Generic, TypeVar
@@ -24,8 +26,8 @@ def pytree(cls: T) -> T:
 
     What ``dataclass`` makes of ``==``, ``hash`` and ``repr`` fails for arrays, or prints them whole. Here
     objects are equal if their structures are and all arrays hold the same values, the hash is that of the
-    structure, and the repr is one line without arrays (see :mod:`qmcjax.core.records`). With
-    ``dataclass(eq=False)`` and ``repr=False`` a class has its own.
+    structure, and the repr is one line without arrays (see :mod:`qmcjax.core.records`). Methods that a class
+    writes itself stay.
 
     Parameters
     ----------
@@ -58,11 +60,17 @@ def pytree(cls: T) -> T:
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
     made: Any = cls
-    if made.__dataclass_params__.eq:
+    if _generated(made.__eq__):
         made.__eq__, made.__hash__ = records.equal, records.structure_hash
-    if made.__dataclass_params__.repr:
+    if _generated(made.__repr__):
         made.__repr__ = records.one_line
     return cls
+
+
+def _generated(method: Any) -> bool:
+    """Tell whether ``dataclass`` made a method, or one is inherited from object."""
+    code = getattr(method, "__code__", None)
+    return code is None or code.co_filename in ("<string>", dataclasses.__file__, reprlib.__file__)
 
 
 class Compiled(Generic[R]):

@@ -105,10 +105,11 @@ def as_sequence(name: str, value: Any) -> Sequence:
     --------
     >>> class Golden:
     ...     dims = 1
+    ...
     ...     def __call__(self, index):
     ...         return (index * jnp.uint32(2654435769) >> 8).astype(jnp.float32)[..., None] / 2**24
     >>> print(as_sequence("sequence", Golden()).points(3)[:, 0])
-    [0.         0.618034   0.23606795]
+    [0.         0.61803395 0.23606795]
     """
     if isinstance(value, Sequence):
         return value

@@ -1,0 +1,203 @@
+"""Sequences of users: objects without decorators, functions, and what is refused."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import qmc
+from tables import first
+
+import qmcjax as qj
+from qmcjax import integrate, orders, samplers, scenes, sequences
+from qmcjax.core.bits import reverse, to_unit
+
+N = 64
+
+
+class Selecting:
+    """The Sobol' sequence in two dimensions, by the whole protocol."""
+
+    dims = 2
+
+    def __call__(self, index, dims, dtype):
+        return sequences.sobol(2)(index, dims, dtype)
+
+
+class Simple:
+    """The same, all coordinates at once in whatever dtype."""
+
+    dims = 2
+    size = N
+
+    def __call__(self, index):
+        return sequences.sobol(2)(index, dtype=jnp.float32)
+
+
+@qj.pytree
+@dataclass(frozen=True)
+class Shifted:
+    """Van der Corput's sequence, shifted by an array that is an argument of the program."""
+
+    shift: jax.Array
+    dims = 1
+
+    def __call__(self, index):
+        return to_unit(reverse(index) ^ self.shift)[..., None]
+
+
+OBJECTS = {
+    "selecting": Selecting(),
+    "simple": Simple(),
+    "function": sequences.function(sequences.sobol(2), 2),
+}
+each_object = pytest.mark.parametrize("thing", OBJECTS.values(), ids=OBJECTS.keys())
+SOBOL = sequences.sobol(2)
+
+
+@each_object
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_an_object_is_a_sequence(thing, dtype):
+    seq = sequences.as_sequence("sequence", thing)
+    expected = np.asarray(SOBOL.points(N)).astype(dtype)  # of few digits: float32 has them all
+    assert np.array_equal(seq.points(N, dtype=dtype), expected)
+    assert np.array_equal(seq(first(N).reshape(8, 8), (1,), dtype), expected[:, 1:].reshape(8, 8, 1))
+    with jax.enable_x64(dtype == jnp.float64):
+        assert np.array_equal(seq.coordinate(jnp.asarray(first(N)), 0, dtype), expected[:, 0])
+    assert sequences.as_sequence("sequence", seq) is seq
+
+
+@each_object
+def test_an_object_goes_wherever_a_sequence_does(thing):
+    def same(make):
+        assert np.array_equal(make(thing), make(SOBOL))
+
+    same(lambda s: sequences.rotate(s, [0.5, 0.25]).points(N))
+    same(lambda s: sequences.components(s, (1,)).points(N))
+    same(lambda s: integrate(lambda p: p[:, 0] * p[:, 1], s, N))
+    x = first(4)
+    same(lambda s: samplers.contiguous(orders.hilbert(4, 4), sequences.as_sequence("s", s), 4)(x, x, 1))
+
+
+def test_an_object_compiles_once_and_new_arrays_compile_nothing():
+    traces = []
+
+    @jax.jit
+    def points(seq):
+        traces.append(1)
+        return seq(first(N))
+
+    thing = Selecting()
+    for _ in range(2):
+        points(sequences.as_sequence("sequence", thing))
+    assert len(traces) == 1
+    for shift in (0, 2**31):
+        moved = points(sequences.as_sequence("sequence", Shifted(jnp.uint32(shift))))
+        assert float(moved[0, 0]) == shift / 2**32
+    assert len(traces) == 2
+
+
+class Wrong:
+    dims = 2
+
+    def __init__(self, make):
+        self.make = make
+
+    def __call__(self, index, dims=None, dtype=None):
+        return self.make(index)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda index: jnp.zeros((*index.shape, 3)),
+            r"float32 \(4, 2\) for indices \(4,\), got float32 \(4, 3\)",
+        ),
+        (lambda index: jnp.zeros(index.shape), r"got float32 \(4,\)"),
+        (lambda index: jnp.zeros((*index.shape, 2), jnp.uint32), r"got uint32 \(4, 2\)"),
+        (lambda index: 0.5, "got 0.5"),
+    ],
+)
+def test_wrong_points_are_seen_while_tracing(make, message):
+    seq = sequences.as_sequence("sequence", Wrong(make))
+    with pytest.raises(ValueError, match=f"sequence must return points of .*{message}"):
+        jax.eval_shape(seq, jnp.asarray(first(4)))
+
+
+class HasArray(Simple):
+    def __init__(self):
+        self.table = np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        qmc.Sobol(2),
+        samplers.independent(SOBOL, 1),
+        scenes.checkerboard(),
+        orders.hilbert(4, 4),
+        Simple,
+        lambda index: index,
+        3,
+        None,
+        "sobol",
+        np.zeros((3, 2)),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_other_things_are_refused(value):
+    with pytest.raises(
+        TypeError, match=r"sequence must be a sequence \(have dims and a call .*\), got "
+    ) as info:
+        sequences.as_sequence("sequence", value)
+    assert ("sequences.tabulated(engine.random(n))" in str(info.value)) == isinstance(value, qmc.QMCEngine)
+
+
+def test_arrays_want_a_pytree():
+    with pytest.raises(TypeError, match=r"must be a pytree to have an array .* 'table'"):
+        sequences.as_sequence("sequence", HasArray())
+    with pytest.raises(TypeError, match="f must be a function from indices to points, got 3"):
+        sequences.function(3, 2)
+
+
+@pytest.mark.parametrize(
+    "index", [[0, 3], np.arange(4), np.arange(4, dtype=np.int8), jnp.arange(4), 3, np.int64(2)]
+)
+def test_any_integer_is_an_index(index):
+    assert np.array_equal(SOBOL(index), SOBOL(np.asarray(index).astype(np.uint32)))
+    assert np.array_equal(SOBOL.bits(index), SOBOL.bits(np.asarray(index).astype(np.uint32)))
+
+
+@pytest.mark.parametrize(
+    "seq", [sequences.hammersley_net(5), sequences.rank1_lattice(21), Simple()], ids=repr
+)
+def test_sequences_with_a_size_have_length_slices_and_points(seq):
+    seq = sequences.as_sequence("sequence", seq)
+    points = np.asarray(seq.points(seq.size))
+    assert len(seq) == seq.size and bool(seq)
+    for part in (
+        slice(None),
+        slice(2, 10),
+        slice(-3, None),
+        slice(None, None, -5),
+        slice(4, 4),
+        slice(30, 2),
+    ):
+        assert np.array_equal(seq[part], points[part])
+    assert np.array_equal(seq[3], points[3]) and np.array_equal(seq[-1], points[-1])
+    assert np.array_equal(np.stack([*seq]), points)
+    with pytest.raises(ValueError, match=rf"index must be an integer .* got {seq.size}"):
+        seq[seq.size]
+    with pytest.raises(TypeError, match="index must be an integer"):
+        seq[0.5]
+
+
+@pytest.mark.parametrize("use", [len, iter, lambda seq: seq[2:10], lambda seq: seq[0]])
+def test_unbounded_sequences_have_neither(use):
+    assert bool(SOBOL)
+    with pytest.raises(TypeError, match=r"sobol\(dims=2\) has no last point: take .points\(n\) of it"):
+        use(SOBOL)
+    with pytest.raises(TypeError, match="is no array"):
+        np.asarray(SOBOL)

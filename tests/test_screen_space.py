@@ -1,6 +1,5 @@
 """All screen-space samplers: large index spaces, unwanted dimensions, stratification, consistency."""
 
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 
@@ -34,7 +33,7 @@ def uint32(numbers):
     return jnp.asarray(np.array(numbers, np.uint64).astype(np.uint32))
 
 
-# -- indices of two words
+# -- 64-bit indices
 
 
 def reflected(index, base):
@@ -141,14 +140,14 @@ WIDE = {
 
 @jax.jit
 def beyond(sequence, high, low):
-    """Return the points of indices of two words, in both precisions."""
+    """Return the points of 64-bit indices, in both precisions."""
     dims = tuple(range(sequence.dims))
     part = sequence.with_high_word(high)
     return part(low, dims, jnp.float64), part(low, dims)
 
 
 @some(WIDE, ("sobol", "halton"))
-def test_points_of_two_words_are_those_of_python_integers(name):
+def test_points_of_64_bit_indices_are_those_of_python_integers(name):
     make, exact, bound = WIDE[name]
     sequence = make()
     rng = np.random.default_rng(1)
@@ -176,7 +175,7 @@ def test_neither_precision_rounds_up_to_one():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scramble", [sequences.owen, sequences.owen_exact])
-def test_scrambling_goes_on_beyond_one_word(scramble):
+def test_scrambling_goes_on_beyond_32_bits(scramble):
     """The same permutations of digits, whatever index they belong to."""
     low, high = uint32([7, 2**31, 2**32 - 1]), uint32([1, 2**31 + 5, 77])
     plain = np.asarray(beyond(sequences.sobol(2), high, low)[0]) * 2.0**32
@@ -210,22 +209,22 @@ LARGE = {
     "contiguous": (lambda o, s, n: samplers.contiguous(o, s, n), lambda j, s, _, n: j * n + s, 0),
     "segments": (
         # The second component of Sobol' alone: the first one is not co-prime to the curve.
-        lambda o, s, n: samplers.segments(o, sequences.components(s, tuple(range(1, s.dims))), 3, wide=True),
+        lambda o, s, n: samplers.segments(o, sequences.components(s, tuple(range(1, s.dims))), 3),
         segment_index,
         1,
     ),
     "segments, doubling": (
-        lambda o, s, n: samplers.segments(o, s, 3, doubling=True, wide=True),
+        lambda o, s, n: samplers.segments(o, s, 3, doubling=True),
         doubling_index,
         0,
     ),
     "partitioned": (
-        lambda o, s, n: samplers.partitioned(o, s, wide=True),
+        lambda o, s, n: samplers.partitioned(o, s),
         lambda j, s, length, _: s * length + j,
         1,
     ),
     "partitioned, exact": (
-        lambda o, s, n: samplers.partitioned(o, s, exact=True, wide=True),
+        lambda o, s, n: samplers.partitioned(o, s, exact=True),
         exact_index,
         1,
     ),
@@ -237,7 +236,7 @@ LARGE = {
     ("side", "spp", "count"),
     [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)],
 )
-def test_indices_of_two_words(name, side, spp, count):
+def test_64_bit_indices(name, side, spp, count):
     """8192 x 8192 pixels with 1024 samples, and the largest image, where N is 2**32."""
     make, index_of, component = LARGE[name]
     order = orders.hilbert(side, side)
@@ -259,18 +258,46 @@ def test_indices_of_two_words(name, side, spp, count):
     sampler.check(side, side, spp)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in LARGE if name != "contiguous"])
-def test_one_word_and_two_give_the_same_points(name):
-    wide = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(3), 0)
-    narrow = replace(wide, wide=False)
-    x, y, sample = (jnp.asarray(a.ravel()) for a in np.meshgrid(first(8), first(8), first(24)))
-    assert np.array_equal(*(points_of(s, x, y, sample, dtype=jnp.float32) for s in (wide, narrow)))
-    limit = wide.most
-    assert narrow.most <= 2**26 < limit <= 2**32
-    wide.check(8, 8, limit)
-    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
-        wide.check(8, 8, limit + 1)
+BITS = {
+    "halton": lambda: sequences.components(sequences.halton(4), (0, 2, 3)),
+    "rotated": lambda: sequences.rotate(sequences.halton(3), np.array([0.3, 0.7, 0.9])),
+    "sobol": lambda: sequences.sobol(3),
+    "lattice": lambda: sequences.lattice(3),
+}
+
+
+@pytest.mark.filterwarnings("ignore:component .* co-prime")
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@some(BITS, ("halton", "sobol"))
+@pytest.mark.parametrize("doubling", [False, True])
+def test_points_do_not_depend_on_the_bits_of_indices(name, doubling, dtype):
+    """Traced sample numbers may be any; below a known number, 32 bits suffice: the same bits of points."""
+    sampler = samplers.segments(orders.hilbert(256, 256), BITS[name](), 3, doubling=doubling)
+    assert sampler.up_to(2**14).short and not sampler.short
+    rng = np.random.default_rng(3)
+    x, y, sample = (uint32(rng.integers(n, size=2000)) for n in (256, 256, 2**14))
+    general = points_of(sampler, x, y, sample, (0, 1, 2), dtype)
+    with jax.enable_x64(True):
+        assert np.array_equal(general, sampler(x, y, sample, (0, 1, 2), dtype))
+    assert np.array_equal(general, points_of(sampler.up_to(2**14), x, y, sample, (0, 1, 2), dtype))
+
+
+def test_64_bits_begin_with_the_iteration_that_needs_them():
+    """An iteration of n samples after S has indices up to (S + n) N, also if not all of it is taken."""
+    sampler = samplers.segments(orders.hilbert(2**13, 2**13), SOBOL, 16, doubling=True)
+    assert sampler.up_to(64).short and not sampler.up_to(65).short
+    sampler = samplers.segments(orders.raster(2**13, 2**13), sequences.components(SOBOL, (1,)), 17)
+    assert sampler.up_to(51).short and not sampler.up_to(52).short
+
+
+@some([name for name in LARGE if name != "contiguous"], ("partitioned",))
+def test_64_bit_indices_end_with_sample_numbers_of_32_bits(name):
+    sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(3), 0)
+    limit = sampler.most
+    assert 2**31 <= limit <= 2**32
+    sampler.check(8, 8, limit)
+    with pytest.raises(ValueError, match=f"spp must be .*{limit}.* got {limit + 1}"):
+        sampler.check(8, 8, limit + 1)
 
 
 HUGE = orders.hilbert(8192, 8192)
@@ -287,15 +314,16 @@ NARROW = {
 
 
 @some(NARROW, ("faure", "permuted"))
-def test_sequences_of_one_word_are_refused(name):
+def test_sequences_without_64_bit_indices_are_refused(name):
     """Before anything is computed."""
     sequence = NARROW[name]()
     samplers.contiguous(HUGE, sequence, 64)
     with pytest.raises(ValueError, match=r"spp must be at most 64: .* 67108864 positions .* got 65"):
         samplers.contiguous(HUGE, sequence, 65)
-    for make in (partial(samplers.segments, spp=1, doubling=True), samplers.partitioned):
-        with pytest.raises(ValueError, match=r"wide must be False for .* 4294967296, got wide=True and"):
-            make(HUGE, sequence, wide=True)
+    sampler = samplers.segments(HUGE, sequence, spp=1, doubling=True)
+    sampler.check(8192, 8192, 64)
+    with pytest.raises(ValueError, match=r"spp must be at most 64 .* got 65"):
+        sampler.check(8192, 8192, 65)
 
 
 # Samplers of 8192 x 8192 pixels, and how many samples there are.
@@ -307,8 +335,8 @@ AT_8192 = {
     "padded_replications": lambda: (samplers.padded_replications(sequences.sobol(2), 8192, 8192, 1), 2**32),
     "screen": lambda: (samplers.full_screen(sequences.sobol(2), 8192, 8192), 64),
     "full_screen, halton": lambda: (samplers.full_screen(sequences.halton(2), 8192, 8192), 26),
-    "segments": lambda: (samplers.segments(HUGE, sequences.components(SOBOL, (1, 2)), 1), 64),
-    "partitioned": lambda: (samplers.partitioned(HUGE, SOBOL), 64),
+    "segments": lambda: (samplers.segments(HUGE, sequences.faure(3), 1), 64),
+    "partitioned": lambda: (samplers.partitioned(HUGE, sequences.linear_matrix_scramble(SOBOL, 1)), 64),
     "z": lambda: (samplers.z(8192, 8192, 1024, 1), 1024),
     "z, joint": lambda: (samplers.z(8192, 8192, 1024, 1, sequence=SOBOL), 1024),
 }
@@ -324,7 +352,7 @@ def test_what_is_out_of_reach_is_refused(name):
 
 
 @pytest.mark.slow
-def test_a_joint_z_sampler_of_two_words():
+def test_a_joint_z_sampler_of_64_bit_indices():
     """Its index is that of the padded one, and further coordinates go on like those of the sequence."""
     joint = samplers.z(8192, 8192, 1024, 1, sequence=SOBOL)
     rng = np.random.default_rng(1)
@@ -364,7 +392,7 @@ OF_DIMS = {
     "contiguous, halton": lambda d: samplers.contiguous(SMALL, sequences.halton(d), 4),
     "contiguous, two words": lambda d: samplers.contiguous(SMALL, sequences.sobol(d), 2**30),
     "segments": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
-    "segments, two words": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2, wide=True),
+    "segments, lattice": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
     "partitioned": lambda d: samplers.partitioned(SMALL, sequences.halton(d + 1)),
     "partitioned, exact": lambda d: samplers.partitioned(SMALL, sequences.sobol(d + 1), exact=True),
     "shifted": lambda d: samplers.shifted(SMALL, sequences.halton(d), sequences.lattice(d)),

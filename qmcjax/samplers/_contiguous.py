@@ -11,7 +11,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import plus, times
+from qmcjax.samplers._index_64 import needed, plus, times
 from qmcjax.sequences import Sequence
 
 
@@ -50,7 +50,7 @@ class Contiguous(Sampler):
 
     @property
     def _has_64_bits(self) -> bool:
-        return self.order.length * self.spp > checks.INDEX_LIMIT
+        return needed(self.order.length * self.spp, self.sequence)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless this is the order's image and no pixel needs more than its block."""
@@ -81,7 +81,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
 
     Notes
     -----
-    More than 2**32 points take indices of two words. These sequences have them: :func:`sequences.sobol`,
+    More than 2**32 points take 64-bit indices. These sequences have them: :func:`sequences.sobol`,
     ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``; what
     ``components`` and ``rotate`` make of these; and in base 2 what ``digital_shift``, ``owen`` and
     ``owen_exact`` do.

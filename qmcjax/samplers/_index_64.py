@@ -1,13 +1,14 @@
-"""Indices of two words, for more than 2**32 points."""
+"""64-bit indices, for more than 2**32 points: two words of 32 bits."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.digits import word
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import BinarySequence, Sequence
 
 Index = tuple[Array, Array]
 """High and low word."""
@@ -29,10 +30,16 @@ def plus(index: Index, other: Index | Array) -> Index:
     return index[0] + high + (total < low).astype(jnp.uint32), total
 
 
-def require(sequence: Sequence) -> None:
-    """Raise a ValueError if a sequence has indices of one word only."""
-    if sequence.limit_64 == sequence.limit:
-        raise ValueError(
-            f"wide must be False for a sequence whose indices end at {sequence.limit}, got wide=True and "
-            f"{type(sequence).__name__}"
-        )
+def needed(samples: int, sequence: Sequence) -> bool:
+    """Tell whether indices take 64 bits: exactly if there are more than 2**32 and the sequence has them."""
+    return samples > checks.INDEX_LIMIT and sequence.limit_64 > sequence.limit
+
+
+def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    """Return the points of 64-bit indices: those below 2**32 have the very bits that 32-bit indices give."""
+    high, low = index
+    beyond = sequence.with_high_word(high).coordinates(low, dims, dtype)
+    if isinstance(sequence, BinarySequence):
+        return beyond  # Exact in either way.
+    # Division by a long divisor rounds in more steps, and differs in the last place.
+    return jnp.where((high == 0)[..., None], sequence.coordinates(low, dims, dtype), beyond)

@@ -1,6 +1,6 @@
 """One sequence partitioned into as many as there are pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from qmcjax.core.digits import word
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import plus, require, times
+from qmcjax.samplers._index_64 import needed, plus, points_64, times
 from qmcjax.sequences import Sequence
 
 
@@ -27,8 +27,8 @@ class Partitioned(Sampler):
     sequence: Sequence
     component: int = field(metadata={"static": True})
     """The partitioning one."""
-    wide: bool = field(metadata={"static": True})
-    """Whether indices take two words."""
+    short: bool = field(default=False, metadata={"static": True}, kw_only=True)
+    """Whether it is known that 32-bit indices suffice for all samples that there will be."""
 
     @property
     def dims(self) -> int:
@@ -42,10 +42,16 @@ class Partitioned(Sampler):
 
     @property
     def _limit(self) -> int:
-        """Number of indices; sample numbers are one word in any case."""
-        if not self.wide:
-            return self.sequence.limit
+        """Number of indices; sample numbers have 32 bits in any case."""
         return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
+
+    @property
+    def _has_64_bits(self) -> bool:
+        return not self.short and needed(self.order.length * self.most, self.sequence)
+
+    def up_to(self, spp: int) -> Any:
+        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
+        return replace(self, short=not needed(self.order.length * spp, self.sequence))
 
     def _first(self, position: Array) -> Array:
         """Return the index of a pixel's first point, below N."""
@@ -63,14 +69,14 @@ class Partitioned(Sampler):
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return every N-th point from the pixels' first ones on."""
         left = tuple(j if j < self.component else j + 1 for j in dims)
-        if self.wide:
-            high, low = plus(times(sample, self.order.length), state)
-            return self.sequence.with_high_word(high)(low, left, dtype)
+        if self._has_64_bits:
+            index = plus(times(sample, self.order.length), state)
+            return points_64(self.sequence, index, left, dtype)
         index = sample * word(self.order.length) + state
         return self.sequence(index, left, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the order's image and the indices suffice."""
+        """Raise unless this is the order's image and the indices suffice."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
@@ -108,7 +114,6 @@ def partitioned(
     sequence: Sequence,
     component: int | None = None,
     exact: bool = False,
-    wide: bool = False,
 ) -> Partitioned | ExactlyPartitioned:
     """Give each pixel a low discrepancy sequence of its own, all of them parts of one.
 
@@ -132,22 +137,20 @@ def partitioned(
         Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or the
         simplified form ``x[l N + j]``: the same parts, handed out along the curve such that the samples l of
         all pixels are one contiguous block, in the order of the curve.
-    wide : bool
-        Whether indices take two words, for more than 2**32 samples of all pixels together. The sequence must
-        have them, see :func:`contiguous`.
 
     Returns
     -------
     Partitioned or ExactlyPartitioned
-        Of one dimension less. ``most`` is the number of samples that the indices suffice for, 2**32 / N
-        if they are one word and the sequence has no end.
+        Of one dimension less. ``most`` is the number of samples that the indices suffice for: 2**32 / N for
+        sequences without 64-bit indices, see :func:`contiguous`. Points do not depend on how many bits their
+        indices have.
 
     Raises
     ------
     ValueError
         If N points are more than the sequence, or 2**32 indices, have; if the component is no radical inverse
-        or N no power of its base; if none is; if ``exact`` and the component is scrambled other than digit
-        by digit; or if ``wide`` and the sequence has no indices of two words.
+        or N no power of its base; if none is; or if ``exact`` and the component is scrambled other than digit
+        by digit.
 
     Notes
     -----
@@ -180,8 +183,6 @@ def partitioned(
         raise ValueError(
             f"order.length must be at most the sequence's {sequence.limit} points, got {order.length}"
         )
-    if wide:
-        require(sequence)
     bases = sequence.radical_bases()
     counts = [_logarithm(order.length, base) for base in bases]
     if component is None:
@@ -204,7 +205,7 @@ def partitioned(
             f"order.length must be a power of {base}, the base of component={component}, got {order.length}"
         )
     if not exact:
-        return Partitioned(order, sequence, component, wide)
+        return Partitioned(order, sequence, component)
     try:
         inverses = sequence.index_digits(component, count)
     except ValueError:
@@ -212,7 +213,7 @@ def partitioned(
             "exact must be False unless the partitioning component is a radical inverse, its digits permuted "
             f"one by one or not, got exact=True and component={component} of {type(sequence).__name__}"
         ) from None
-    return ExactlyPartitioned(order, sequence, component, wide, base, count, inverses)
+    return ExactlyPartitioned(order, sequence, component, base, count, inverses)
 
 
 def _logarithm(number: int, base: int | None) -> int | None:

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -16,7 +16,7 @@ from qmcjax.core.digits import word
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import plus, require, times
+from qmcjax.samplers._index_64 import needed, plus, points_64, times
 from qmcjax.sequences import Sequence
 
 
@@ -31,8 +31,8 @@ class Segments(Sampler):
     """Samples of a pixel in the first iteration."""
     doubling: bool = field(metadata={"static": True})
     """Whether each further iteration has as many samples as all before, or as the first."""
-    wide: bool = field(metadata={"static": True})
-    """Whether indices take two words."""
+    short: bool = field(default=False, metadata={"static": True}, kw_only=True)
+    """Whether it is known that 32-bit indices suffice for all samples that there will be."""
 
     @property
     def dims(self) -> int:
@@ -47,10 +47,21 @@ class Segments(Sampler):
 
     @property
     def _limit(self) -> int:
-        """Number of indices; sample numbers are one word in any case."""
-        if not self.wide:
-            return self.sequence.limit
+        """Number of indices; sample numbers have 32 bits in any case."""
         return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
+
+    @property
+    def _has_64_bits(self) -> bool:
+        return not self.short and needed(self.order.length * self.most, self.sequence)
+
+    def _whole(self, spp: int) -> int:
+        """Return the number of samples in all iterations that the first ``spp`` samples are of."""
+        iterations = -(-spp // self.spp)
+        return self.spp * (2 ** (iterations - 1).bit_length() if self.doubling else iterations)
+
+    def up_to(self, spp: int) -> Any:
+        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
+        return replace(self, short=not needed(self.order.length * self._whole(spp), self.sequence))
 
     @property
     def limits(self) -> tuple[int, int, int]:
@@ -64,10 +75,10 @@ class Segments(Sampler):
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the points of the pixels' blocks."""
         before, count = self._iteration(sample)
-        if self.wide:
+        if self._has_64_bits:
             block = plus(times(state, count), sample - before)
-            high, low = plus(times(before, self.order.length), block)
-            return self.sequence.with_high_word(high)(low, dims, dtype)
+            index = plus(times(before, self.order.length), block)
+            return points_64(self.sequence, index, dims, dtype)
         index = before * word(self.order.length) + state * count + (sample - before)
         return self.sequence(index, dims, dtype)
 
@@ -81,16 +92,14 @@ class Segments(Sampler):
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise a ValueError unless this is the order's image and its iterations have indices."""
+        """Raise unless this is the order's image and its iterations have indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"
         check_count(spp, self.most, why)
 
 
-def segments(
-    order: Order, sequence: Sequence, spp: int, doubling: bool = False, wide: bool = False
-) -> Segments:
+def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False) -> Segments:
     """Sample progressively: each iteration takes the next segment of one sequence along the curve.
 
     An iteration of n samples in each pixel is :func:`contiguous` blocks of n points, in a segment of N n
@@ -107,20 +116,18 @@ def segments(
     doubling : bool
         Whether each further iteration doubles the number of samples that a pixel has, to spp, 2 spp, 4 spp,
         8 spp: iterations of spp, spp, 2 spp, 4 spp. By default all iterations have spp.
-    wide : bool
-        Whether indices take two words, for more than 2**32 samples of all pixels together. The sequence must
-        have them, see :func:`contiguous`.
 
     Returns
     -------
     Segments
-        Rendered with any number of samples up to ``most``, best with that of whole iterations.
+        Rendered with any number of samples up to ``most``, best with that of whole iterations. More than
+        2**32 samples of all pixels take 64-bit indices, see :func:`contiguous`. Points do not depend on how
+        many bits their indices have.
 
     Raises
     ------
     ValueError
-        If the sequence, or 2**32 indices, do not suffice for the first iteration, or if ``wide`` and the
-        sequence has no indices of two words.
+        If the sequence has too few indices for the first iteration.
 
     Warns
     -----
@@ -156,9 +163,7 @@ def segments(
     [ True  True]
     """
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
-    if wide:
-        require(sequence)
-    sampler = Segments(order, sequence, spp, doubling, wide)
+    sampler = Segments(order, sequence, spp, doubling)
     if spp > sampler._limit // order.length:
         raise ValueError(
             f"spp must be at most {sampler._limit // order.length}: the curve has {order.length} positions "

@@ -69,7 +69,7 @@ def z(
 
     Notes
     -----
-    Where the raster has more than 2**32 samples, indices take two words, and coordinates are exact to 32
+    Where the raster has more than 2**32 samples, indices have 64 bits, and coordinates are exact to 32
     digits. For the joint sequences that have these indices see :func:`contiguous`.
 
     Where spp is an odd power of two, the last bit of a sample's number is flipped by a random bit.

@@ -14,7 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import ScrambledMorton, log_side, morton
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import Index
+from qmcjax.samplers._index_64 import Index, needed
 from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
 
@@ -196,7 +196,7 @@ class Z(Sampler):
 
     @property
     def _has_64_bits(self) -> bool:
-        return 4**self.log_side * self.spp > checks.INDEX_LIMIT
+        return needed(4**self.log_side * self.spp, self.sequence)
 
     def _coordinate(self, index: Index, dim: int, dtype: DTypeLike) -> Array:
         high, low = index

@@ -21,6 +21,7 @@ def made(request):
 
 sampler = pytest.fixture(made, name="sampler")
 seq = pytest.fixture(made, name="seq")
+sequence = pytest.fixture(made, name="sequence")
 value = pytest.fixture(made, name="value")
 
 

@@ -4,26 +4,29 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import Table, each
 
 from qmcjax import sequences
 from qmcjax.sequences import _kept
 
-SOBOL = sequences.sobol(9)
-SEQUENCES = {
-    "sobol(2)": sequences.sobol(2),
-    "sobol(9)": SOBOL,
-    "sobol(19)": sequences.sobol(19),
-    "gray": sequences.gray(SOBOL),
-    "gray of owen": sequences.gray(sequences.owen(SOBOL, key=1)),
-    "owen of gray": sequences.owen(sequences.gray(SOBOL), key=1),
-    "matousek of xor": sequences.linear_matrix_scramble(
-        sequences.digital_shift(sequences.sobol(2), key=1), key=2
-    ),
-    "owen_exact": sequences.owen_exact(sequences.sobol(2), key=1),
-}
+SEQUENCES = Table(
+    {
+        "sobol(2)": lambda: sequences.sobol(2),
+        "sobol(9)": lambda: sequences.sobol(9),
+        "sobol(19)": lambda: sequences.sobol(19),
+        "halton(2)": lambda: sequences.halton(2),
+        "gray": lambda: sequences.gray(sequences.sobol(9)),
+        "gray of owen": lambda: sequences.gray(sequences.owen(sequences.sobol(9), key=1)),
+        "owen of gray": lambda: sequences.owen(sequences.gray(sequences.sobol(9)), key=1),
+        "matousek of xor": lambda: sequences.linear_matrix_scramble(
+            sequences.digital_shift(sequences.sobol(2), key=1), key=2
+        ),
+        "owen_exact": lambda: sequences.owen_exact(sequences.sobol(2), key=1),
+    }
+)
 
 
-@pytest.mark.parametrize("sequence", SEQUENCES.values(), ids=SEQUENCES.keys())
+@each("sequence", SEQUENCES)
 def test_tables_give_the_points_of_the_indices(sequence):
     n, start = 4999, 2**31 + 512
     index = np.arange(start, start + n, dtype=np.uint32)
@@ -42,8 +45,9 @@ def small_pieces(monkeypatch):
     monkeypatch.setattr(_kept, "_CHUNK", 2**16)
 
 
-@pytest.mark.parametrize("sequence, dtype", [(SOBOL, jnp.float32), (sequences.halton(2), jnp.float64)])
-def test_pieces_give_the_points_of_the_indices(small_pieces, sequence, dtype):
+@pytest.mark.parametrize("name, dtype", [("sobol(9)", jnp.float32), ("halton(2)", jnp.float64)])
+def test_pieces_give_the_points_of_the_indices(small_pieces, name, dtype):
+    sequence = SEQUENCES[name]
     index = np.arange(256, 256 + 10001, dtype=np.uint32)
     points = sequence.points(10001, 256, dtype)
     assert isinstance(points, jax.Array)
@@ -66,8 +70,9 @@ def test_pieces_are_not_copied_again(small_pieces):
 
 
 def test_pieces_are_not_made_inside_a_program(small_pieces):
-    inside = jax.jit(lambda: SOBOL.points(10001))()
-    assert np.array_equal(inside, SOBOL.points(10001))
+    sequence = SEQUENCES["sobol(9)"]
+    inside = jax.jit(lambda: sequence.points(10001))()
+    assert np.array_equal(inside, sequence.points(10001))
 
 
 def test_the_environment_decides(small_pieces, monkeypatch):

@@ -1,13 +1,13 @@
 """The Z-sampler: its recursion in Python integers, its nets, and what it diffuses."""
 
-from functools import lru_cache
+from functools import cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import first, is_net
+from tables import Table, first, is_net, some
 
 from analysis import error_spectrum
 from qmcjax import orders, samplers, sequences
@@ -15,9 +15,14 @@ from qmcjax.orders._hierarchy import permuted
 
 VARIANTS = ("plain", "hash", "multiplicative", "tree", "art")
 GOLDEN = 0x9E3779B9
-NUMBERS = np.asarray(
-    permuted(*jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4)))
-).tolist()
+
+
+@cache
+def permutations():
+    """Return the permutations of four by their numbers."""
+    every = jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4))
+    return np.asarray(permuted(*every)).tolist()
+
 
 values = jax.jit(lambda sampler, *a, dims: sampler(*a, dims=dims, dtype=jnp.float64), static_argnames="dims")
 
@@ -60,18 +65,18 @@ def grammar(order):
     if hasattr(order, "seed"):
         return (
             int(order.seed),
-            lambda node: NUMBERS[node * 24 >> 32],
+            lambda node: permutations()[node * 24 >> 32],
             lambda node, digit: triple32((node + (digit + 1) * GOLDEN) % 2**32),
         )
     if hasattr(order, "dim"):
         mask = 0x55555555 * int(order.dim) % 2**32
         return (
             0,
-            lambda node: NUMBERS[((node ^ mask) * GOLDEN % 2**32) * 24 >> 32],
+            lambda node: permutations()[((node ^ mask) * GOLDEN % 2**32) * 24 >> 32],
             lambda node, digit: (4 * node + digit) % 2**32,
         )
     production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
-    return 0, lambda node: NUMBERS[numbers[node]], lambda node, digit: production[node][digit]
+    return 0, lambda node: permutations()[numbers[node]], lambda node, digit: production[node][digit]
 
 
 def recursive_indices(order, where, log_side, spp):
@@ -114,7 +119,7 @@ CASES = [
 each_case = pytest.mark.parametrize(("variant", "spp"), CASES)
 
 
-@lru_cache
+@cache
 def drawn(variant, spp):
     """Make a sampler for 13 x 10 pixels: with digits and indices on the 16 x 16 that they are padded to."""
     sampler = samplers.z(13, 10, spp, 11, variant, constituents=(2, 1))
@@ -287,15 +292,18 @@ def test_pixels_have_the_samples_of_their_count(variant, rounds):
         assert np.array_equal(index[there], (np.array(own) ^ (sample // m) * m)[there])
 
 
-LIST = {
-    "hash, padded": samplers.z(8, 6, 8, 1, dims=5),
-    "tree, joint, longer": samplers.z(8, 6, 4, 1, "tree", sequence=sequences.sobol(5)).extended(2),
-    "art, counts": samplers.z(8, 6, 16, 1, "art", dims=5).adaptive(np.full((6, 8), 8)),
-}
+LIST = Table(
+    {
+        "hash, padded": lambda: samplers.z(8, 6, 8, 1, dims=5),
+        "tree, joint, longer": lambda: samplers.z(8, 6, 4, 1, "tree", sequence=sequences.sobol(5)).extended(
+            2
+        ),
+        "art, counts": lambda: samplers.z(8, 6, 16, 1, "art", dims=5).adaptive(np.full((6, 8), 8)),
+    }
+)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sampler", LIST.values(), ids=LIST.keys())
+@some("sampler", LIST)
 def test_any_pixel_any_sample_any_coordinate_on_its_own(sampler):
     where = everywhere(LIST["hash, padded"])
     points = np.asarray(values(sampler, *where, dims=range(5)))
@@ -355,7 +363,9 @@ def test_check_and_sizes():
             checked.check(9, 20, spp)
 
 
-SMALL = samplers.z(5, 3, 4, 0)
+@cache
+def small():
+    return samplers.z(5, 3, 4, 0)
 
 
 @pytest.mark.parametrize(
@@ -377,9 +387,8 @@ SMALL = samplers.z(5, 3, 4, 0)
         (lambda: samplers.z(8, 8, 1, 0, dims=3, constituents=(2, 1)), r"at most one .* dims=3, .*\(2, 1\)"),
         (
             lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)),
-            "at most one .* sequence=.*Dig",
+            "at most one .* sequence=sobol",
         ),
-        (lambda: samplers.z(8, 8, 1, 0, sequence=sequences.halton(2)), "sequence must be .* base 2 .* got"),
         (
             lambda: samplers.z(8192, 8192, 128, 0, sequence=sequences.faure(2)),
             "spp must be at most 64: the padded raster has 67108864 pixels .* 4294967296 indices, got 128",
@@ -388,25 +397,33 @@ SMALL = samplers.z(5, 3, 4, 0)
             lambda: samplers.z(5, 3, 4, 0, sequence=sequences.hammersley_net(7)),
             "spp must be at most 2: .* 64 pixels and the sequence 128 indices, got 4",
         ),
-        (lambda: SMALL(0, 0, 4), "sample must be integers in .0, 3., got 4"),
-        (lambda: SMALL.extended(2)(0, 0, 8), "sample must be integers in .0, 7., got 8"),
-        (lambda: SMALL(8, 0, 0), "x must be integers in .0, 7., got 8"),
-        (lambda: SMALL(0, 0, 0, dims=(2,)), "dims must be .* got 2"),
-        (lambda: SMALL.extended(65), r"rounds must be an integer in \[1, 64\], got 65"),
+        (lambda: small()(0, 0, 4), "sample must be integers in .0, 3., got 4"),
+        (lambda: small().extended(2)(0, 0, 8), "sample must be integers in .0, 7., got 8"),
+        (lambda: small()(8, 0, 0), "x must be integers in .0, 7., got 8"),
+        (lambda: small()(0, 0, 0, dims=(2,)), "dims must be .* got 2"),
+        (lambda: small().extended(65), r"rounds must be an integer in \[1, 64\], got 65"),
         (lambda: samplers.z(2**16, 2**16, 4, 0).extended(2**30), r"rounds .* in \[1, 1073741823\], got"),
-        (lambda: SMALL.adaptive(np.ones((5, 3), int)), r"counts must be .* shape \(3, 5\), .* \(5, 3\)"),
-        (lambda: SMALL.adaptive(np.ones((3, 5))), "counts must be integers .* got float32"),
-        (lambda: SMALL.adaptive(np.full((3, 5), 3)), r"counts .* powers of two in \[1, spp=4\], got 3"),
-        (lambda: SMALL.adaptive(np.full((3, 5), 8)), r"counts .* powers of two in \[1, spp=4\], got 8"),
-        (lambda: SMALL.adaptive(np.full((3, 5), 0)), r"counts .* powers of two in \[1, spp=4\], got 0"),
-        (lambda: SMALL.adaptive(np.full((3, 5), 2))(4, 2, 2), "sample .* the 2 samples of its pixel, got 2"),
-        (lambda: SMALL.adaptive(np.full((3, 5), 2))(5, 2, 0), "x must be integers in .0, 4., got 5"),
-        (lambda: SMALL.adaptive(np.full((3, 5), 2))(4, 3, 0), "y must be integers in .0, 2., got 3"),
+        (lambda: small().adaptive(np.ones((5, 3), int)), r"counts must be .* shape \(3, 5\), .* \(5, 3\)"),
+        (lambda: small().adaptive(np.ones((3, 5))), "counts must be integers .* got float32"),
+        (lambda: small().adaptive(np.full((3, 5), 3)), r"counts .* powers of two in \[1, spp=4\], got 3"),
+        (lambda: small().adaptive(np.full((3, 5), 8)), r"counts .* powers of two in \[1, spp=4\], got 8"),
+        (lambda: small().adaptive(np.full((3, 5), 0)), r"counts .* powers of two in \[1, spp=4\], got 0"),
+        (
+            lambda: small().adaptive(np.full((3, 5), 2))(4, 2, 2),
+            "sample .* the 2 samples of its pixel, got 2",
+        ),
+        (lambda: small().adaptive(np.full((3, 5), 2))(5, 2, 0), "x must be integers in .0, 4., got 5"),
+        (lambda: small().adaptive(np.full((3, 5), 2))(4, 3, 0), "y must be integers in .0, 2., got 3"),
     ],
 )
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_sequence_of_other_bases_is_refused():
+    with pytest.raises(TypeError, match=r"sequence must be a sequence in base 2 .* got halton"):
+        samplers.z(8, 8, 1, 0, sequence=sequences.halton(2))
 
 
 SCREEN = 256

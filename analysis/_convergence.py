@@ -11,8 +11,11 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from analysis import _arguments
 from qmcjax.core import checks
 from qmcjax.rendering import render
+from qmcjax.samplers import as_sampler
+from qmcjax.scenes import as_scene
 
 __all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
 
@@ -89,8 +92,7 @@ class ConvergenceTable:
         """
         spps, errors = self.errors(sampler, region)
         resamples = checks.integer("resamples", resamples, 1, 2**24)
-        if not 0 < level < 1:
-            raise ValueError(f"level must be in (0, 1), got {level!r}")
+        level = _arguments.real("level", level, "in (0, 1)", lambda x: 0 < x < 1)
         if len(spps) < 3 or not np.all(errors > 0):
             raise ValueError(
                 f"the interval of sampler {sampler!r} needs three or more errors, none zero, got {errors}"
@@ -127,6 +129,7 @@ def convergence(
     height: int = 128,
     regions: Mapping[str, Any] | None = None,
     repeats: int = 3,
+    reference: tuple[Any, Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ConvergenceTable:
     """Render a scene with each sampler and number of samples, and measure error and time.
@@ -138,7 +141,7 @@ def convergence(
     Parameters
     ----------
     scene : Scene
-        One with a ``reference(width, height)``.
+        One with a ``reference(width, height)``, unless ``reference`` is given.
     samplers : mapping of names to samplers
         Each is a Sampler, or a function from the samples per pixel to one: nets and contiguous
         samplers are made for one number of samples.
@@ -152,6 +155,9 @@ def convergence(
         rows and the others.
     repeats : int
         Renderings to take the median time of, after the first one.
+    reference : (image, bound), optional
+        In place of the scene's own: an image of shape (height, width) or (height, width, 3), and one bound on
+        the errors of its values or an array of bounds, as :func:`qmcjax.estimated_reference` returns them.
     progress : callable, optional
         Called with the finished part in (0, 1] after each image.
 
@@ -161,9 +167,12 @@ def convergence(
 
     Raises
     ------
+    TypeError
+        If an argument is not what it is named for, or the scene has no reference and none is given.
     ValueError
-        If an argument is out of range, a region is empty, or a sampler refuses the image size or a
-        number of samples: before anything is computed.
+        If an argument is out of range, a region is empty, a sampler refuses the image size or a number of
+        samples, or the reference has another shape, no bound, or values that are not finite: before anything
+        is rendered.
 
     References
     ----------
@@ -177,30 +186,65 @@ def convergence(
     >>> print(table.slope("Owen") < -0.5)
     True
     """
-    width = checks.integer("width", width, 1, 2**16)
-    height = checks.integer("height", height, 1, 2**16)
+    scene = as_scene("scene", scene)
+    width, height = checks.image_size(width, height)
     repeats = checks.integer("repeats", repeats, 1, 2**16)
+    if not isinstance(spps, Iterable) or isinstance(spps, str):
+        raise TypeError(f"spps must be numbers of samples per pixel, got {checks.shown(spps)}")
     wanted = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in spps]
     if not wanted or len(set(wanted)) < len(wanted):
         raise ValueError(f"spps must be one or more different numbers, got {wanted}")
+    if not isinstance(samplers, Mapping):
+        raise TypeError(f"samplers must map names to samplers, got {checks.shown(samplers)}")
     if not samplers:
         raise ValueError(f"samplers must be one or more, got {samplers!r}")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
     if regions is None:
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
     _check_regions(regions, width, height)
     plan = [(name, spp, _sampler(name, made, spp)) for name, made in samplers.items() for spp in wanted]
     for _, spp, sampler in plan:
         sampler.check(width, height, spp)
-
-    reference, bound = scene.reference(width, height)
+    exact, bound = _reference(scene, reference, width, height)
     rows = []
     for done, (name, spp, sampler) in enumerate(plan, start=1):
         first_seconds, image = _timed(scene, sampler, width, height, spp)
         seconds = statistics.median(_timed(scene, sampler, width, height, spp)[0] for _ in range(repeats))
-        rows.append(ConvergenceRow(name, spp, _errors(image, reference, regions), seconds, first_seconds))
+        rows.append(ConvergenceRow(name, spp, _errors(image, exact, regions), seconds, first_seconds))
         if progress is not None:
             progress(done / len(plan))
-    return ConvergenceTable(tuple(rows), float(np.max(bound)))
+    return ConvergenceTable(tuple(rows), bound)
+
+
+def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray[np.float64], float]:
+    """Return the exact image and the largest bound on its errors, or say what is wrong with them."""
+    name = "reference"
+    if given is None:
+        name = "scene.reference(width, height)"
+        if not callable(getattr(scene, "reference", None)):
+            raise TypeError(
+                f"scene must have a reference(width, height), or reference be given, such as that of "
+                f"qmcjax.estimated_reference, got {checks.shown(scene)}"
+            )
+        given = scene.reference(width, height)
+    if not isinstance(given, tuple | list) or len(given) != 2:
+        raise TypeError(f"{name} must be a pair of an image and a bound on its errors, got {_kind(given)}")
+    image = _arguments.array(f"{name}[0]", given[0], "an image").astype(np.float64)
+    bound = _arguments.array(f"{name}[1]", given[1], "a bound on the image's errors").astype(np.float64)
+    if image.shape not in ((height, width), (height, width, 3)):
+        shapes = f"({height}, {width}) or ({height}, {width}, 3)"
+        raise ValueError(f"{name}[0] must have shape {shapes}, got {image.shape}")
+    if not np.isfinite(image).all():
+        at = tuple(int(k) for k in np.argwhere(~np.isfinite(image))[0])
+        raise ValueError(f"{name}[0] must be finite, got {image[at]} at {at}")
+    if bound.size == 0 or not (np.isfinite(bound) & (bound >= 0)).all():
+        raise ValueError(f"{name}[1] must be bounds that are finite and at least 0, got {_kind(given[1])}")
+    return image, float(bound.max())
+
+
+def _kind(value: Any) -> str:
+    return f"{len(value)} values" if isinstance(value, tuple | list) else checks.shown(value)
 
 
 def _fit(spps: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -212,6 +256,8 @@ def _fit(spps: NDArray[np.int64]) -> NDArray[np.float64]:
 
 def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
     """Raise a ValueError unless there are regions and each selects pixels, without making an image."""
+    if not isinstance(regions, Mapping):
+        raise TypeError(f"regions must map names to indices of numpy, got {checks.shown(regions)}")
     if not regions:
         raise ValueError(f"regions must be one or more, got {regions!r}")
     pixels = np.broadcast_to(np.bool_(True), (height, width))
@@ -225,13 +271,10 @@ def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
 
 
 def _sampler(name: str, made: Any, spp: int) -> Any:
-    """Return a sampler as it is, or make it for this number of samples per pixel."""
-    sampler = made if hasattr(made, "dims") else made(spp)
-    if not hasattr(sampler, "dims"):
-        raise ValueError(
-            f"samplers[{name!r}] must be a sampler or a function that returns one, got {sampler!r}"
-        )
-    return sampler
+    """Return a sampler, or that which a function makes for this number of samples per pixel."""
+    if not hasattr(made, "dims") and callable(made) and not isinstance(made, type):
+        made = made(spp)
+    return as_sampler(f"samplers[{name!r}]", made)
 
 
 def _timed(scene: Any, sampler: Any, width: int, height: int, spp: int) -> tuple[float, Array]:
@@ -244,7 +287,7 @@ def _errors(image: Array, reference: NDArray, regions: Mapping[str, Any]) -> dic
     """Return the root mean square error of each region."""
     if image.shape != reference.shape:
         raise ValueError(
-            f"scene must have a reference of the image's shape {image.shape}, got {reference.shape}"
+            f"reference must have the shape of the scene's image {image.shape}, got {reference.shape}"
         )
     square = np.square(np.asarray(image, np.float64) - reference)
     return {name: math.sqrt(square[region].mean()) for name, region in regions.items()}

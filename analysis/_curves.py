@@ -31,7 +31,7 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     Parameters
     ----------
     order : Order
-        Has ``width``, ``height`` and ``position``.
+        Any object that has ``width``, ``height`` and ``position``.
     radius : int
         In [0, 65535]; 1 for 3 x 3 neighbourhoods.
 
@@ -42,6 +42,8 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
 
     Raises
     ------
+    TypeError
+        If ``order`` is none, or ``radius`` no integer.
     ValueError
         If ``radius`` is out of range.
 
@@ -63,11 +65,11 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
      [2 2 2 2]]
     """
     radius = checks.integer("radius", radius, 0, 2**16 - 1)
-    width, height = order.width, order.height
+    position = positions(order)
+    height, width = position.shape
     x, y = np.arange(width)[None, :], np.arange(height)[:, None]
     pixels = _extent(y, radius, height) * _extent(x, radius, width)
 
-    position = positions(order)
     along = np.argsort(position, axis=None)
     is_step = np.diff(position.ravel()[along]) == 1
     rows, columns = np.divmod(along, width)
@@ -102,7 +104,7 @@ def curve_length(order: Order) -> float:
     Parameters
     ----------
     order : Order
-        Has ``width``, ``height`` and ``position``.
+        Any object that has ``width``, ``height`` and ``position``.
 
     Returns
     -------
@@ -110,6 +112,11 @@ def curve_length(order: Order) -> float:
         In widths of a pixel. At least width * height - 1, which curves have that only step to neighbours:
         shortest routes through all pixels. Of a curve over a padded image it is the length of the
         pixels' path in their order, straight across what was left out.
+
+    Raises
+    ------
+    TypeError
+        If ``order`` is none.
 
     Notes
     -----
@@ -127,12 +134,23 @@ def curve_length(order: Order) -> float:
     >>> print(curve_length(orders.hilbert(4, 4)), round(curve_length(orders.morton(2, 2)), 6))
     15.0 3.414214
     """
-    rows, columns = np.divmod(np.argsort(positions(order), axis=None), order.width)
+    at = positions(order)
+    rows, columns = np.divmod(np.argsort(at, axis=None), at.shape[1])
     return float(np.hypot(np.diff(rows), np.diff(columns)).sum())
 
 
-def positions(order: Order) -> NDArray[np.uint32]:
-    """Return the positions of all pixels, shape (height, width)."""
-    x = np.arange(order.width, dtype=np.uint32)[None, :]
-    y = np.arange(order.height, dtype=np.uint32)[:, None]
-    return np.asarray(order.position(x, y))
+def positions(order: Order) -> NDArray[np.integer]:
+    """Return the positions of all pixels, shape (height, width), or raise unless an object has them."""
+    method = getattr(order, "position", None)
+    if isinstance(order, type) or not callable(method):
+        what = "order must be an order (width, height and position(x, y))"
+        raise TypeError(f"{what}, got {checks.shown(order)}")
+    width = checks.integer("order.width", getattr(order, "width", None), 1, checks.MAX_SIDE)
+    height = checks.integer("order.height", getattr(order, "height", None), 1, checks.MAX_SIDE)
+    x = np.arange(width, dtype=np.uint32)[None, :]
+    y = np.arange(height, dtype=np.uint32)[:, None]
+    found = np.asarray(method(x, y))
+    if found.dtype.kind not in "iu" or found.shape != (height, width):
+        wanted = f"integers as positions, shape ({height}, {width})"
+        raise ValueError(f"order must have {wanted}, got {found.dtype} {found.shape}")
+    return found

@@ -21,7 +21,7 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
     Parameters
     ----------
     order : Order
-        Has ``width``, ``height`` and ``position``.
+        Any object that has ``width``, ``height`` and ``position``.
     base : int, optional
         In [2, 65536]: take the radical inverses of the positions in this base, in float64.
 
@@ -34,6 +34,8 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
 
     Raises
     ------
+    TypeError
+        If ``order`` is none, or ``base`` no integer.
     ValueError
         If ``base`` is out of range.
 

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, summation
+from qmcjax.core import checks, plug_ins, summation
 from qmcjax.core.pytrees import jit
 from qmcjax.samplers import as_sampler
 
@@ -67,6 +67,8 @@ def pixel_means(
     [[0.22070312 0.25097656]
      [0.25073242 0.25073242]]
     """
+    if isinstance(function, type) or not callable(function):
+        raise TypeError(f"function must be a function of points, got {checks.shown(function)}")
     sampler = as_sampler("sampler", sampler)
     width, height = checks.image_size(width, height)
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
@@ -75,12 +77,12 @@ def pixel_means(
     sampler.check(width, height, spp)
     sampler = sampler.up_to(spp)
     with checks.precision(dtype):
-        return _means(function, sampler, (height, width), spp, wanted, dtype)
+        return _means(plug_ins.held("function", function), sampler, (height, width), spp, wanted, dtype)
 
 
-@jit("function", "shape", "spp", "dims", "dtype")
+@jit("shape", "spp", "dims", "dtype")
 def _means(
-    function: Callable[[Array], Array],
+    function: Any,
     sampler: Any,
     shape: tuple[int, int],
     spp: int,
@@ -92,11 +94,16 @@ def _means(
     prepared = sampler.prepare(x, y, dims)
 
     def values(parameters: Any, sample: Array) -> Array:
-        sampler, prepared = parameters
+        function, sampler, prepared = parameters
         (points,) = sampler.consecutive(prepared, jnp.broadcast_to(sample, shape), 1, dims, dtype)
-        return function(points).astype(dtype)
+        made = plug_ins.unheld(function)(points)
+        if getattr(made, "shape", ())[:2] != shape:
+            raise ValueError(
+                f"function must return values of shape ({shape[0]}, {shape[1]}, ...), got {made}"
+            )
+        return made.astype(dtype)
 
-    parameters = sampler, prepared
+    parameters = function, sampler, prepared
     state = summation.zeros(jax.eval_shape(values, parameters, jnp.uint32(0)))
     state = summation.add_terms(values, False, parameters, state, jnp.uint32(0), jnp.uint32(spp))
     return summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]

@@ -52,6 +52,8 @@ def read_points(path: str | PathLike[str], which: int = 0) -> NDArray[np.float64
     [[0.125 0.75 ]
      [0.    0.5  ]]
     """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(f"path must be a path or a string, got {checks.shown(path)}")
     path = Path(path)
     which = checks.integer("which", which, 0, checks.INDEX_LIMIT - 1)
     if path.suffix == ".npy":

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import analysis._convergence
+import qmcjax as qj
 from analysis import ConvergenceRow, ConvergenceTable, convergence
-from qmcjax import samplers, sequences
+from qmcjax import samplers, scenes, sequences
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,9 @@ class Fake:
     made_for: int | None = None
 
     dims = 2
+
+    def __call__(self, x, y, sample, dims):
+        raise AssertionError
 
     def check(self, width, height, spp):
         if self.made_for not in (None, spp):
@@ -33,6 +37,9 @@ class Scene:
 
     def __init__(self):
         self.asked = []
+
+    def __call__(self, point):
+        raise AssertionError
 
     def reference(self, width, height):
         self.asked.append((width, height))
@@ -55,7 +62,8 @@ def rendered(monkeypatch):
         sign = 1 - 2 * (np.indices((height, width)).sum(axis=0) % 2)
         size = np.where(np.arange(height) < 4, 1.0, 10.0)[:, None]
         reference, _ = Scene().reference(width, height)
-        return (reference + sign * size * sampler.factor * spp**sampler.exponent).view(Pending)
+        fake = sampler.sampler
+        return (reference + sign * size * fake.factor * spp**fake.exponent).view(Pending)
 
     monkeypatch.setattr(analysis._convergence, "render", render)
     monkeypatch.setattr(analysis._convergence.time, "perf_counter", lambda: clock[0])
@@ -123,13 +131,26 @@ BAD = [
     (dict(regions={"nothing": np.s_[8:]}), r"regions\['nothing'\]"),
     (dict(regions={"other mask": np.ones((4, 4), bool)}), r"regions\['other mask'\]"),
     (dict(height=1), r"regions\['upper'\]"),
+    (dict(samplers=[SAMPLERS["slow"]]), "samplers must map names"),
+    (dict(samplers={"a": 3}), r"samplers\['a'\] must be a sampler .* 3"),
+    (dict(spps=4), "spps must be .* 4"),
+    (dict(regions=[np.s_[:]]), "regions must map names"),
+    (dict(progress=1), "progress must be .* 1"),
+    (dict(reference=np.zeros((8, 8))), r"reference must be a pair .* array of float64 \(8, 8\)"),
+    (dict(reference=(np.zeros((8, 8)),)), "reference must be a pair .* got 1 values"),
+    (dict(reference=(np.zeros((8, 9)), 0.0)), r"reference\[0\] must have shape \(8, 8\) .* got \(8, 9\)"),
+    (dict(reference=(np.full((8, 8), np.nan), 0.0)), r"reference\[0\] must be finite, got nan at \(0, 0\)"),
+    (dict(reference=("image", 0.0)), r"reference\[0\] must be an image, got 'image'"),
+    (dict(reference=(np.zeros((8, 8)), None)), r"reference\[1\] must be a bound .* None"),
+    (dict(reference=(np.zeros((8, 8)), -1.0)), r"reference\[1\] must be .* at least 0, got -1.0"),
+    (dict(reference=(np.zeros((8, 8)), np.inf)), r"reference\[1\] must be .* finite .* got inf"),
 ]
 
 
 @pytest.mark.parametrize(("change", "message"), BAD)
 def test_refused_before_anything_is_computed(rendered, change, message):
     scene = Scene()
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((TypeError, ValueError), match=message):
         convergence(scene, **{**GOOD, **change})
     assert not rendered and not scene.asked
 
@@ -149,8 +170,60 @@ def test_reference_of_another_shape(rendered):
         def reference(self, width, height):
             return np.zeros((height, width, 3)), 0.0
 
-    with pytest.raises(ValueError, match=r"shape \(8, 8\), got \(8, 8, 3\)"):
+    with pytest.raises(ValueError, match=r"image \(8, 8\), got \(8, 8, 3\)"):
         convergence(Colour(), {"slow": SAMPLERS["slow"]}, [1], width=8, height=8)
+
+
+def test_a_reference_is_given(rendered):
+    """In place of the scene's own, which it then need not have; bounds of many values, too."""
+    image, _ = Scene().reference(8, 8)
+    scene = scenes.function(lambda point: point[..., 0], ("x", "y"))
+    table = convergence(scene, SAMPLERS, [1, 4], width=8, height=8, reference=(image, np.eye(8) / 64))
+    assert table.bound == 1 / 64
+    assert table.errors("slow", "upper")[1].tolist() == pytest.approx([0.5, 0.25])
+
+
+def test_an_estimated_reference():
+    """Errors of one sample against 4096, without a closed form: of a ramp, sqrt(1/12) / 8."""
+    scene = scenes.function(lambda point: point[..., 0], ("x", "y"))
+    reference = qj.estimated_reference(scene, 8, 8, 4096, key=1)
+    jittered = samplers.independent(sequences.sobol(2), key=2)
+    table = convergence(scene, {"a": jittered}, [1], width=8, height=8, repeats=1, reference=reference)
+    assert table.errors("a")[1][0] == pytest.approx(math.sqrt(1 / 12) / 8, rel=0.4)
+    assert table.bound == reference[1] < 1e-3
+
+
+def scene_with(reference):
+    class Referenced(Scene):
+        pass
+
+    Referenced.reference = reference
+    return Referenced()
+
+
+@pytest.mark.parametrize(
+    ("error", "scene", "message"),
+    [
+        (TypeError, scenes.function(lambda p: p[..., 0], ("x", "y")), "scene must have a ref.*estimated_ref"),
+        (TypeError, samplers.independent(sequences.sobol(2), 1), "scene must be a scene"),
+        (TypeError, scene_with(lambda *_: None), r"scene.reference\(width, height\) must be a pair"),
+        (
+            ValueError,
+            scene_with(lambda *_: (np.zeros(8), 0)),
+            r"scene.reference.*\[0\] must have shape \(8, 8\)",
+        ),
+        (ValueError, scene_with(lambda *_: (np.full((8, 8), np.inf), 0)), r"scene.ref.*\[0\] must be finite"),
+        (
+            TypeError,
+            scene_with(lambda *_: (np.zeros((8, 8)), "0")),
+            r"scene.reference.*\[1\] must be a bound",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_scenes_reference(rendered, error, scene, message):
+    with pytest.raises(error, match=message):
+        convergence(scene, **GOOD)
+    assert not rendered
 
 
 def table_of(errors):

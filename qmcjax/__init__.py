@@ -15,6 +15,7 @@ from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
 from qmcjax import sequences as sequences
 from qmcjax.core.pytrees import pytree as pytree
+from qmcjax.integrate import Estimate as Estimate
 from qmcjax.integrate import integrate as integrate
 from qmcjax.rendering import AdaptiveImage as AdaptiveImage
 from qmcjax.rendering import boundary_gradient as boundary_gradient

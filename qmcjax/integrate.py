@@ -1,21 +1,22 @@
 """The mean of a function over the points of a sequence, none of which is kept."""
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple, overload
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, summation
-from qmcjax.core.pytrees import pytree
-from qmcjax.sequences import BinarySequence, Sequence, as_sequence
+from qmcjax.core import checks, plug_ins, summation
+from qmcjax.core.pytrees import jit, pytree
+from qmcjax.sequences import BinarySequence, Sequence, as_sequence, owen, rotate
 
-__all__ = ["integrate"]
+__all__ = ["Estimate", "integrate"]
 
 _ROWS = 4096
 """Points that are evaluated together: what they and their sums take fits a second-level cache."""
@@ -23,26 +24,107 @@ _ROWS = 4096
 _BATCH = 8
 """Blocks of cheap points whose values are added pairwise before they go into the compensated sum."""
 
+_SEARCHED = 2**16
+"""Points among which the first whose value is not finite is looked for at a time."""
+
+
+class Estimate(NamedTuple):
+    """An integral from independent replicates, and how sure it is."""
+
+    integral: Any
+    """The mean of the replicates, as the function's values."""
+
+    standard_error: Any
+    """Of the mean, in the same structure. Complex numbers have one for each part."""
+
+    replicates: int
+
+    def interval(self, level: float = 0.95) -> tuple[Any, Any]:
+        """Return a confidence interval by Student's distribution of the mean of normal variates.
+
+        Parameters
+        ----------
+        level : float
+            In (0, 1): how often the interval holds the integral, if the replicates are nearly normal.
+
+        Returns
+        -------
+        low, high
+            In the structure of the values.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If ``level`` is no number in (0, 1).
+        """
+        from scipy.special import stdtrit
+
+        if isinstance(level, bool) or not isinstance(level, float | int | np.floating):
+            raise TypeError(f"level must be a number in (0, 1), got {checks.shown(level)}")
+        if not 0 < level < 1:
+            raise ValueError(f"level must be a number in (0, 1), got {level!r}")
+        quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
+        with jax.enable_x64(True):  # or float64 becomes float32 here
+            low, high = (
+                jax.tree.map(lambda mean, error, k=k: mean + k * error, self.integral, self.standard_error)
+                for k in (-quantile, quantile)
+            )
+        return low, high
+
 
 @pytree
 @dataclass(frozen=True)
-class _Plain:
-    """A function without parameters."""
+class _Converted:
+    """A function without the tracers that it closes over, beside these."""
 
-    function: Callable[[Array], Array] = field(metadata={"static": True})
+    converted: Any
+    function: Any
+    closed_over: Any
 
-    def __call__(self, points: Array) -> Array:
-        return self.function(points)
+
+def _call(function: Any, points: Array) -> Any:
+    if isinstance(function, _Converted):
+        converted = plug_ins.unheld(function.converted)
+        return converted(function.function, points, *function.closed_over)
+    return plug_ins.unheld(function)(points)
 
 
+@overload
 def integrate(
-    function: Callable[[Array], Array],
+    function: Callable[[Array], Any],
     sequence: Sequence,
     n: int,
     start: int = 0,
     *,
+    replicates: None = None,
+    key: None = None,
     dtype: DTypeLike = jnp.float32,
-) -> Array:
+) -> Any: ...
+
+
+@overload
+def integrate(
+    function: Callable[[Array], Any],
+    sequence: Sequence,
+    n: int,
+    start: int = 0,
+    *,
+    replicates: int,
+    key: Array | int,
+    dtype: DTypeLike = jnp.float32,
+) -> Estimate: ...
+
+
+def integrate(
+    function: Callable[[Array], Any],
+    sequence: Sequence,
+    n: int,
+    start: int = 0,
+    *,
+    replicates: int | None = None,
+    key: Array | int | None = None,
+    dtype: DTypeLike = jnp.float32,
+) -> Any:
     """Average a function over points of a sequence: quasi-Monte Carlo integration over the unit cube.
 
     Points are made, evaluated and added up in blocks that stay in the processor's cache. Memory does not
@@ -51,68 +133,127 @@ def integrate(
     Parameters
     ----------
     function : callable
-        From points, shape (rows, dims), to values, shape (rows, ...), floating or bool; row by row. The same
-        function object compiles once. If it is a pytree, like a scene or ``jax.tree_util.Partial``, its
-        arrays are parameters: new values compile nothing, and reverse-mode gradients flow to them.
+        From points, shape (rows, dims), to values, shape (rows, ...), row by row: numbers or bools, or a
+        tuple, a dict or another pytree of them. The same function object compiles once. If it is a pytree,
+        like a scene or ``jax.tree_util.Partial``, its arrays are parameters: new values compile nothing.
+        Gradients flow to them, and to what a function closes over.
     sequence : Sequence
         Or any object with its protocol, see :func:`qmcjax.sequences.as_sequence`.
     n : int
         Number of points, at least 1. A new n compiles anew.
     start : int
         Index of the first point. Digital sequences in base 2 have a faster program for multiples of 4096.
+    replicates : int, optional
+        In [2, 65536]: integrate with so many randomised copies of the sequence, each over ``n`` points.
+    key : jax.random.key, or int in [0, 2**32)
+        Of the replicates.
     dtype : float32 or float64
         Of points and sums. Sums are compensated: they are as good as the values.
 
     Returns
     -------
-    Array of ``dtype`` or the values' own floating point type, shape (...)
+    Array, or pytree of them
+        In the structure of the function's values, shape (...); floating and complex ones in their own type,
+        others in ``dtype``. With ``replicates`` an :class:`Estimate`: their mean, its standard error, and an
+        ``interval()``.
 
     Raises
     ------
+    TypeError
+        If an argument is not what it is named for.
     ValueError
-        If the points run beyond the sequence's last index, or ``function`` does not return a value a row.
+        If the points run beyond the sequence's last index, or ``function`` does not return a value a row, or
+        returns one that is not finite: the message names the point.
+
+    Notes
+    -----
+    Replicates are Owen-scrambled (:func:`qmcjax.sequences.owen`) if the sequence has digits to scramble, and
+    otherwise rotated (:func:`qmcjax.sequences.rotate`): each is unbiased, they are independent, and so their
+    scatter tells the standard error.
 
     Examples
     --------
     >>> from qmcjax import integrate, sequences
     >>> print(integrate(lambda points: points[:, 0] * points[:, 1], sequences.sobol(2), 2**16))
     0.24999237
+    >>> found = integrate(lambda points: points[:, 0] ** 2, sequences.sobol(1), 64, replicates=8, key=1)
+    >>> low, high = found.interval(0.99)
+    >>> print(bool(low < 1 / 3 < high), bool(high - low < 1e-2))
+    True True
     """
+    if isinstance(function, type) or not callable(function):
+        raise TypeError(f"function must be a function of points, got {checks.shown(function)}")
     sequence = as_sequence("sequence", sequence)
     n = checks.integer("n", n, 1, sequence.limit)
     start = checks.integer("start", start, 0, sequence.limit - 1)
     if start + n > sequence.limit:
         raise ValueError(f"start + n must be at most {sequence.limit}, got {start} + {n}")
     dtype = checks.floating(dtype)
-    if jax.tree_util.all_leaves([function]):
-        function = _Plain(function)
+    if replicates is None:
+        if key is not None:
+            raise ValueError(f"key must be None without replicates, got {checks.shown(key)}")
+        copies = [sequence]
+    else:
+        replicates = checks.integer("replicates", replicates, 2, 2**16)
+        keys = jax.random.split(checks.prng_key("key", key), replicates)
+        copies = [_randomised(sequence, each) for each in keys]
     with checks.precision(dtype):
-        made = jax.eval_shape(function, jax.ShapeDtypeStruct((_ROWS, sequence.dims), dtype))
-        if getattr(made, "shape", ())[:1] != (_ROWS,):
+        function = _prepared(function, sequence.dims, dtype)
+        means = [_mean(function, copy, jnp.uint32(start), n, dtype, start % _ROWS == 0) for copy in copies]
+        for copy, mean in zip(copies, means, strict=True):
+            _refuse_infinite(mean, function, copy, start, n, dtype)
+        return means[0] if replicates is None else _estimate(means)
+
+
+def _randomised(sequence: Sequence, key: Array) -> Sequence:
+    try:
+        return owen(sequence, key)  # pyright: ignore[reportArgumentType]
+    except TypeError:  # it has no digits
+        return rotate(sequence, key)
+
+
+def _prepared(function: Any, dims: int, dtype: np.dtype) -> Any:
+    """Return a function as a pytree, for :func:`_call`, or raise a ValueError unless it has a value a row.
+
+    What it closes over and derivatives may be wanted of becomes an argument of the program.
+    """
+    function = plug_ins.held("function", function)
+    points = jax.ShapeDtypeStruct((_ROWS, dims), dtype)
+    converted, closed_over = jax.closure_convert(_call, function, points)
+    made = jax.eval_shape(lambda: converted(function, jnp.zeros(points.shape, dtype), *closed_over))
+    leaves = jax.tree.leaves(made)
+    for leaf in leaves:
+        if leaf.shape[:1] != (_ROWS,) or not _is_number(leaf.dtype):
             raise ValueError(
-                f"function must return values of shape ({_ROWS}, ...) for points of shape "
-                f"({_ROWS}, {sequence.dims}), got {made}"
+                f"function must return numbers of shape ({_ROWS}, ...) for points of shape "
+                f"({_ROWS}, {dims}), got {leaf.dtype} {leaf.shape}"
             )
-        # Plug-ins may be dataclasses that JAX takes for one another: see qmcjax.core.pytrees.
-        classes = str(jax.tree.structure((function, sequence)))
-        return _mean(function, sequence, jnp.uint32(start), n, dtype, start % _ROWS == 0, classes)
+    if not leaves:
+        raise ValueError(f"function must return at least one array of values, got {checks.shown(made)}")
+    if closed_over:
+        return _Converted(plug_ins.held("function", converted), function, closed_over)
+    return function
 
 
-@partial(jax.jit, static_argnames=("n", "dtype", "aligned", "classes"))
-def _mean(
-    function: Any, sequence: Sequence, start: Array, n: int, dtype: DTypeLike, aligned: bool, classes: str
-) -> Array:
-    del classes  # Part of the cache's key.
+def _is_number(dtype: Any) -> bool:
+    return jnp.issubdtype(dtype, jnp.number) or dtype == jnp.bool_
+
+
+@jit("n", "dtype", "aligned")
+def _mean(function: Any, sequence: Sequence, start: Array, n: int, dtype: np.dtype, aligned: bool) -> Any:
     dims = tuple(range(sequence.dims))
+    points = jax.ShapeDtypeStruct((_ROWS, len(dims)), dtype)
+    like = jax.eval_shape(_call, function, points)
 
     def values(function: Any, points: Array) -> Array:
-        made = function(points.reshape(-1, sequence.dims))
-        return made if jnp.issubdtype(made.dtype, jnp.floating) else made.astype(dtype)
+        return _columns(_call(function, points.reshape(-1, len(dims))), dtype)
 
     fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
     size = _BATCH if fast else 1
     batches, rest = divmod(n, _ROWS * size)
-    blocks = sequence.blocks(start, max(batches, 1) * size, _ROWS) if fast else None  # pyright: ignore[reportAttributeAccessIssue]
+    blocks = None
+    if fast and isinstance(sequence, BinarySequence):
+        blocks = sequence.blocks(start, max(batches, 1) * size, _ROWS)
 
     def block(parameters: Any, k: Array) -> Array:
         function, sequence, blocks, start = parameters
@@ -132,7 +273,37 @@ def _mean(
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
         total = total + _tree_sum(values(function, sequence.coordinates(index, dims, dtype)))
-    return total / n
+    return _of_columns(total / np.asarray(n, total.dtype), like, dtype)
+
+
+def _columns(values: Any, dtype: np.dtype) -> Array:
+    """Return all numbers of a row side by side, real and imaginary parts, in one floating type."""
+    leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
+    parts = [p for leaf in leaves for p in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))]
+    common = dtype
+    for part in parts:
+        if jnp.issubdtype(part.dtype, jnp.floating):
+            common = jnp.promote_types(common, part.dtype)
+    return jnp.concatenate([part.astype(common).reshape(part.shape[0], -1) for part in parts], axis=1)
+
+
+def _of_columns(column: Array, like: Any, dtype: np.dtype) -> Any:
+    """Return the values of one row as they were."""
+    first = 0
+
+    def next_part(shape: tuple[int, ...]) -> Array:
+        nonlocal first
+        first, begin = first + math.prod(shape), first
+        return column[begin:first].reshape(shape)
+
+    def value(leaf: Any) -> Array:
+        shape = leaf.shape[1:]
+        if jnp.issubdtype(leaf.dtype, jnp.complexfloating):
+            real, imaginary = next_part(shape), next_part(shape)
+            return jax.lax.complex(real, imaginary).astype(leaf.dtype)
+        return next_part(shape).astype(leaf.dtype if jnp.issubdtype(leaf.dtype, jnp.floating) else dtype)
+
+    return jax.tree.map(value, like)
 
 
 def _tree_sum(values: Array) -> Array:
@@ -143,3 +314,43 @@ def _tree_sum(values: Array) -> Array:
         middle = values.shape[0] // 2
         values = values[:middle] + values[middle:]
     return values[0]
+
+
+def _estimate(means: list[Any]) -> Estimate:
+    """Return the mean of replicates and its standard error."""
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *means)
+    root = math.sqrt(len(means))
+
+    def error(values: Array) -> Array:
+        if jnp.iscomplexobj(values):
+            return jax.lax.complex(error(values.real), error(values.imag))
+        return jnp.std(values, axis=0, ddof=1) / np.asarray(root, values.dtype)
+
+    mean = jax.tree.map(lambda values: jnp.mean(values, axis=0), stacked)
+    return Estimate(mean, jax.tree.map(error, stacked), len(means))
+
+
+def _refuse_infinite(mean: Any, function: Any, sequence: Sequence, start: int, n: int, dtype: Any) -> None:
+    """Raise a ValueError if a known mean is not finite, with the first point that is to blame."""
+    leaves = jax.tree.leaves(mean)
+    if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
+        return
+    for first in range(start, start + n, _SEARCHED):
+        bad = np.asarray(_infinite(function, sequence, jnp.uint32(first), dtype))
+        bad = np.flatnonzero(bad[: start + n - first])
+        if bad.size:
+            index = first + int(bad[0])
+            (point,) = np.asarray(sequence.points(1, index, dtype))
+            raise ValueError(
+                f"function must return finite values, got one that is not at point {index}, "
+                f"({', '.join(str(x) for x in point)})"
+            )
+    raise ValueError(f"function must return values whose sum is finite, got an overflow of {n} values")
+
+
+@jit("dtype")
+def _infinite(function: Any, sequence: Sequence, first: Array, dtype: np.dtype) -> Array:
+    """Tell which of some points have a value that is not finite."""
+    index = first + jax.lax.iota(jnp.uint32, _SEARCHED)
+    points = sequence.coordinates(index, tuple(range(sequence.dims)), dtype)
+    return ~jnp.isfinite(_columns(_call(function, points), dtype)).all(axis=1)

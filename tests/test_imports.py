@@ -10,11 +10,11 @@ ROOMS = (
     "analysis",
     "analysis/tables",
     "figures",
-    pytest.param("qmcjax", marks=pytest.mark.xfail(strict=False)),
+    "qmcjax",
     "qmcjax/core",
     "qmcjax/orders",
     "qmcjax/rendering",
-    pytest.param("qmcjax/samplers", marks=pytest.mark.xfail(strict=False)),
+    "qmcjax/samplers",
     "qmcjax/scenes",
     "qmcjax/sequences",
 )

@@ -6,6 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
+from scipy.integrate import qmc_quad
+from scipy.stats import qmc
 from tables import first, some
 
 import qmcjax as qj
@@ -107,19 +110,183 @@ def test_a_scene_is_a_function():
     assert np.isclose(measured, np.asarray(values, np.float64).mean(), rtol=1e-5)
 
 
+def several(points):
+    first = points[:, 0]
+    wave = jax.lax.complex(jnp.cos(2 * np.pi * first), jnp.sin(2 * np.pi * first))
+    return {"mean": first, "square": (points * points, first < 0.25), "wave": wave}
+
+
+def test_values_may_be_a_tree_of_any_numbers():
+    """Each leaf is what it is alone: floats, counts, and both parts of complex numbers."""
+    n = TABULATED + 99
+    found = qj.integrate(several, SEQUENCES["digital"], n)
+    assert found["mean"] == qj.integrate(lambda p: p[:, 0], SEQUENCES["digital"], n)
+    assert np.array_equal(found["square"][0], qj.integrate(squares, SEQUENCES["digital"], n))
+    assert found["square"][1] == qj.integrate(lambda p: p[:, 0] < 0.25, SEQUENCES["digital"], n)
+    points = np.asarray(SEQUENCES["digital"].points(n), np.float64)[:, 0]
+    assert found["wave"].dtype == jnp.complex64
+    assert abs(complex(found["wave"]) - np.exp(2j * np.pi * points).mean()) < 1e-7
+    assert {leaf.dtype for leaf in jax.tree.leaves(found)} == {jnp.dtype("float32"), jnp.dtype("complex64")}
+
+
+def test_complex_numbers_in_float64():
+    """The integral of exp(i x) is sin 1 + i (1 - cos 1); the midpoints of n cells are off by 1 / (24 n^2)."""
+
+    def wave(points):
+        return jnp.exp(jax.lax.complex(0 * points[:, 0], points[:, 0]))
+
+    found = qj.integrate(wave, sequences.sobol(1), 2**12, dtype=jnp.float64)
+    middle = np.exp(0.5j * 2.0**-12)  # the points are the left ends of cells
+    assert found.dtype == jnp.complex128
+    assert abs(complex(found) * middle - (np.sin(1) + 1j * (1 - np.cos(1)))) < 2.0**-24 / 24
+
+
+REPLICATED = {
+    "owen": sequences.sobol(3),
+    "owen in base b": sequences.halton(3),
+    "rotated": sequences.lattice(3),
+}
+
+
+@pytest.mark.parametrize("name", REPLICATED)
+def test_replicates_tell_their_error(name):
+    """Over 40 keys, errors divided by their standard errors are Student's t with 7 degrees of freedom."""
+
+    def product(points):
+        return jnp.prod(1 + (points - 0.5), axis=1)
+
+    ratios = []
+    for key in range(40):
+        found = qj.integrate(product, REPLICATED[name], 256, replicates=8, key=key, dtype=jnp.float64)
+        assert found.replicates == 8
+        ratios.append((float(found.integral) - 1) / float(found.standard_error))
+    # Of variance 7 / 5 and fourth moment 3 * 49 / (5 * 3).
+    assert abs(np.mean(ratios)) < 5 * np.sqrt(7 / 5 / 40)
+    assert abs(np.mean(np.square(ratios)) - 7 / 5) < 5 * np.sqrt((9.8 - 1.96) / 40)
+
+
+def test_replicates_against_scipy():
+    """The same estimator as scipy's, of an edge: for smooth functions scipy's scrambling has heavy tails."""
+    ours = qj.integrate(inside, sequences.sobol(2), 1024, replicates=16, key=1, dtype=jnp.float64)
+    theirs = qmc_quad(
+        lambda x: 1.0 * (x.sum(axis=0) < 1),
+        [0, 0],
+        [1, 1],
+        n_estimates=16,
+        n_points=1024,
+        qrng=qmc.Sobol(2, rng=np.random.default_rng(1)),
+    )
+    assert abs(float(ours.integral) - 0.5) < 5 * float(ours.standard_error)
+    assert 1 / 3 < float(ours.standard_error) / theirs.standard_error < 3
+    low, high = ours.interval(0.95)
+    by_scipy = stats.t.interval(0.95, 15, float(ours.integral), float(ours.standard_error))
+    np.testing.assert_allclose((float(low), float(high)), by_scipy, rtol=1e-12)
+
+
+def test_replicates_of_trees_by_a_key():
+    found = qj.integrate(several, sequences.sobol(2), 128, replicates=4, key=3)
+    again = qj.integrate(several, sequences.sobol(2), 128, replicates=4, key=jax.random.key(3))
+    assert jax.tree.structure(found.integral) == jax.tree.structure(found.standard_error)
+    assert jax.tree.all(jax.tree.map(np.array_equal, found, again))
+    other = qj.integrate(several, sequences.sobol(2), 128, replicates=4, key=4)
+    assert other.integral["mean"] != found.integral["mean"]
+    low, high = found.interval(0.9)
+    assert low["mean"] < found.integral["mean"] < high["mean"]
+    assert low["wave"].imag < high["wave"].imag
+
+
+def test_closed_over_values_have_gradients():
+    """Eagerly, compiled, and where the function's own parameters have some, too."""
+
+    def mean(a):
+        return qj.integrate(lambda points: a * points[:, 0] ** 2, sequences.sobol(1), TABULATED + 5)
+
+    assert abs(jax.grad(mean)(2.0) - 1 / 3) < 1e-4
+    assert jax.jit(jax.grad(mean))(2.0) == jax.grad(mean)(2.0)
+
+    def both(a, b):
+        power = jax.tree_util.Partial(lambda b, points: a * points[:, 0] ** b, b)
+        return qj.integrate(power, sequences.sobol(1), TABULATED)
+
+    slopes = jax.grad(both, argnums=(0, 1))(jnp.float32(2.0), jnp.float32(1.0))
+    np.testing.assert_allclose(slopes, (1 / 2, -2 / 4), atol=1e-4)
+
+
+@pytest.mark.parametrize("start", [0, 77])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_value_that_is_not_finite_is_named_with_its_point(bad, start):
+    sequence = sequences.sobol(2)
+    index = start + 70001
+    point = np.asarray(sequence(index))
+
+    def function(points):
+        return {"value": jnp.where((points == jnp.asarray(point)[None]).all(axis=1), bad, points[:, 0])}
+
+    message = rf"function must return finite values, .* at point {index}, \({point[0]!s}, {point[1]!s}\)"
+    with pytest.raises(ValueError, match=message):
+        qj.integrate(function, sequence, 80000, start)
+    with pytest.raises(ValueError, match="overflow of 16 values"):
+        qj.integrate(lambda points: points[:, 0] + np.float32(3e38), sequence, 16)
+    assert not np.isfinite(jax.jit(lambda: qj.integrate(function, sequence, 80000, start)["value"])())
+
+
+@pytest.mark.parametrize("n", [2**31, pytest.param(2**32, marks=pytest.mark.slow)])
+def test_all_indices_of_32_bits(n):
+    """In float32 as well: the points are an equidistant grid whose mean is 1/2 less half a cell."""
+    assert qj.integrate(lambda points: points[:, 0], sequences.sobol(1), n) == np.float32(0.5)
+
+
+def test_the_last_indices():
+    """A rest of a block up to index 2**32 - 1, and a number of points that is no int32."""
+    sequence, n = sequences.sobol(2), TABULATED + 11
+    points = np.asarray(sequence.points(n, 2**32 - n), np.float64)
+    measured = qj.integrate(squares, sequence, n, 2**32 - n)
+    assert np.allclose(measured, (points**2).mean(axis=0), rtol=3e-7, atol=0)
+    shape = jax.eval_shape(lambda: qj.integrate(product, sequence, 2**31 + 5))
+    assert shape.dtype == jnp.float32
+
+
 @pytest.mark.parametrize(
-    "call, message",
+    "error, call, message",
     [
-        (lambda: qj.integrate(product, sequences.sobol(2), 0), "n must be .* got 0"),
-        (lambda: qj.integrate(product, sequences.hammersley_net(4), 17), "n must be .* got 17"),
+        (ValueError, lambda: qj.integrate(product, sequences.sobol(2), 0), "n must be .* got 0"),
+        (ValueError, lambda: qj.integrate(product, sequences.hammersley_net(4), 17), "n must be .* got 17"),
         (
+            ValueError,
             lambda: qj.integrate(product, sequences.hammersley_net(4), 9, 8),
             "start .* n must be .* got 8 .* 9",
         ),
-        (lambda: qj.integrate(jnp.sum, sequences.sobol(2), 9), "function must return values"),
-        (lambda: qj.integrate(product, sequences.sobol(2), 9, dtype=jnp.float16), "dtype must be .*float16"),
+        (ValueError, lambda: qj.integrate(jnp.sum, sequences.sobol(2), 9), r"function must return .* \(\)"),
+        (ValueError, lambda: qj.integrate(lambda p: (), sequences.sobol(2), 9), r"function must .* got \(\)"),
+        (TypeError, lambda: qj.integrate(3, sequences.sobol(2), 9), "function must be .* got 3"),
+        (TypeError, lambda: qj.integrate(product, product, 9), "sequence must be a sequence .* product"),
+        (TypeError, lambda: qj.integrate(sequences.sobol(2), product, 9), "sequence must be a sequence"),
+        (TypeError, lambda: qj.integrate(product, sequences.sobol(2), 9.0), r"n must be .* got 9\.0"),
+        (
+            ValueError,
+            lambda: qj.integrate(product, sequences.sobol(2), 9, dtype=jnp.float16),
+            "dtype must be .*float16",
+        ),
+        (
+            ValueError,
+            lambda: qj.integrate(product, sequences.sobol(2), 9, replicates=1, key=1),
+            "replicates must be .* got 1",
+        ),
+        (
+            TypeError,
+            lambda: qj.integrate(product, sequences.sobol(2), 9, replicates=2),
+            "key must be .* None",
+        ),
+        (ValueError, lambda: qj.integrate(product, sequences.sobol(2), 9, key=2), "key .* replicates, got 2"),
     ],
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
+def test_bad_input_is_named(error, call, message):
+    with pytest.raises(error, match=message):
         call()
+
+
+@pytest.mark.parametrize("level", [0, 1.0, np.nan, "a", None, True])
+def test_levels(level):
+    found = qj.integrate(product, sequences.sobol(2), 16, replicates=2, key=1)
+    with pytest.raises((TypeError, ValueError), match=r"level must be .* got"):
+        found.interval(level)

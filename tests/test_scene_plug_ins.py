@@ -83,6 +83,16 @@ def test_arrays_of_a_function_are_parameters():
     assert float(jax.grad(total)(jnp.float32(3))) == pytest.approx(float(total(jnp.float32(1))), rel=1e-6)
 
 
+def test_what_is_traced_may_be_closed_over():
+    """Then every call compiles anew, but gradients are right."""
+
+    def total(level):
+        scene = scenes.function(lambda p: level * p[..., 0], ("x", "y"))
+        return qj.render(scene, SAMPLER, SIDE, SIDE, SPP).sum()
+
+    assert float(jax.grad(total)(jnp.float32(3))) == pytest.approx(float(total(jnp.float32(1))), rel=1e-6)
+
+
 @dataclass(frozen=True, eq=False)
 class WithArray:
     levels: np.ndarray

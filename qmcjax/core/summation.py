@@ -1,14 +1,22 @@
-"""Sums over many terms at constant memory, forward and backward."""
+"""Sums over many terms at constant memory, with derivatives of any kind and order at constant memory.
+
+A loop that JAX differentiates in reverse by itself keeps what every turn has computed, and a loop with a rule
+for one direction (``jax.custom_vjp``) refuses the other. But the derivative of a sum is a sum of derivatives:
+so the sum is one primitive, of which each transformation makes another. Its tangents are the sum of the terms'
+tangents; where they are linear in their operands, its transpose is the sum of the terms' transposes; mapped
+over an axis, it is the sum of the mapped terms.
+"""
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.custom_derivatives import SymbolicZero
+from jax.core import Tracer, eval_jaxpr
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 
 State = tuple[Array, Array]
 """A sum, and what rounding has added to it."""
@@ -31,7 +39,6 @@ def pairwise(terms: list[Array]) -> Array:
     return terms[0] if middle == 0 else pairwise(terms[:middle]) + pairwise(terms[middle:])
 
 
-@partial(jax.custom_vjp, nondiff_argnums=(0, 1))
 def add_terms(
     term: Callable[[Any, Array], Array],
     pinned: bool,
@@ -42,18 +49,17 @@ def add_terms(
 ) -> State:
     """Add ``term(parameters, k)`` for ``k = first, ..., first + count - 1``, compensated.
 
-    Reverse-mode gradients pull back one term after the other, in a loop of the same memory; a loop that
-    JAX differentiates by itself would keep all terms.
+    Derivatives, forward and in reverse, add up one term's after the other, in a loop of the same memory.
 
     Parameters
     ----------
     term : callable
-        A function of parameters and a uint32 number.
+        A function of parameters and a uint32 number. Derivatives flow to what it closes over, too.
     pinned : bool
         Whether to compute all of a term in its turn. Otherwise compilers move what terms share out of the
         loop, once for each time that a term computes it.
     parameters : pytree
-        Its floating point leaves have gradients.
+        Its floating point leaves have derivatives.
     state : State
         The sum so far.
     first, count : uint32 Array, shape ()
@@ -62,15 +68,47 @@ def add_terms(
     -------
     State
     """
+    (state, first, parameters) = _alike((state, first, parameters))
+    leaves, tree = jax.tree.flatten(parameters)
 
-    def body(k: Array, state: State) -> State:
-        return _compensated(state, term(*_turn(pinned, parameters, first + k)))
+    def of_leaves(k: Array, *leaves: Array) -> list[Array]:
+        return [term(tree.unflatten(leaves), k)]
 
-    return jax.lax.fori_loop(np.uint32(0), count, body, state)
+    # A program of one function inside another must name what is closed over and not known yet.
+    program = jax.make_jaxpr(of_leaves)(first, *leaves)
+    closed_over = program.consts if any(isinstance(const, Tracer) for const in program.consts) else []
+
+    def of_operands(k: Array, *operands: Array) -> list[Array]:
+        consts, leaves = operands[: len(closed_over)], operands[len(closed_over) :]
+        return eval_jaxpr(program.jaxpr, consts, k, *leaves) if consts else of_leaves(k, *leaves)
+
+    operands = [jnp.asarray(each) for each in (*closed_over, *leaves)]
+    total, excess = sum_p.bind(count, first, *state, *operands, term=of_operands, pinned=pinned, sums=1)
+    return total, excess
 
 
-def _turn(pinned: bool, parameters: Any, k: Array) -> tuple[Any, Array]:
-    return jax.lax.optimization_barrier((parameters, k)) if pinned else (parameters, k)
+sum_p = Primitive("sum_of_terms")
+"""From count, first number, sums so far, their excesses and operands to new sums and their excesses.
+
+``term`` is a function of a number and the operands, and returns a list of ``sums`` arrays. It closes over no
+tracers.
+"""
+sum_p.multiple_results = True
+
+
+def _loop(
+    count: Array, first: Array, *args: Array, term: Callable[..., list[Array]], pinned: bool, sums: int
+) -> list[Array]:
+    totals, excesses, operands = args[:sums], args[sums : 2 * sums], args[2 * sums :]
+
+    def body(k: Array, states: list[State]) -> list[State]:
+        turn = first + k, operands
+        k, given = jax.lax.optimization_barrier(turn) if pinned else turn
+        return [_compensated(state, each) for state, each in zip(states, term(k, *given), strict=True)]
+
+    states = list(zip(totals, excesses, strict=True))
+    states = jax.lax.fori_loop(np.uint32(0), count, body, states)
+    return [total for total, _ in states] + [excess for _, excess in states]
 
 
 def _compensated(state: State, term: Array) -> State:
@@ -81,45 +119,110 @@ def _compensated(state: State, term: Array) -> State:
     return new, (new - total) - term
 
 
-def _forward(term, pinned, parameters, state, first, count):
-    values = jax.tree.map(lambda primal: primal.value, (parameters, state, first, count))
-    # As structure, which programs are made for: an empty tuple for each leaf that a derivative is wanted of.
-    wanted = jax.tree.map(lambda primal: () if primal.perturbed else None, parameters)
-    return add_terms(term, pinned, *values), (values[0], wanted, *values[2:])
+def _jvp(primals, tangents, *, term, pinned, sums):
+    made = sum_p.bind(*primals, term=term, pinned=pinned, sums=sums)
+    count, first, *rest = primals
+    before, operands, moves = tangents[2 : 2 + 2 * sums], rest[2 * sums :], tangents[2 + 2 * sums :]
+    # Others are constants: a scene may refuse derivatives that nobody asked for.
+    moved = [j for j, move in enumerate(moves) if not isinstance(move, ad.Zero)]
+    if not moved:
+        return made, before
+
+    def tangent(k: Array, *given: Array) -> list[Array]:
+        still, moves = given[: len(operands)], given[len(operands) :]
+
+        def of_moved(*some: Array) -> list[Array]:
+            return term(k, *_replaced(still, moved, some))
+
+        return jax.jvp(of_moved, [still[j] for j in moved], list(moves))[1]
+
+    before = [ad.instantiate_zeros(each) for each in before]
+    moves = [moves[j] for j in moved]
+    return made, sum_p.bind(count, first, *before, *operands, *moves, term=tangent, pinned=pinned, sums=sums)
 
 
-def _backward(term, pinned, residuals, cotangents):
-    parameters, wanted, first, count = residuals
-    leaves, tree = jax.tree.flatten(parameters)
-    is_wanted = [mark is not None for mark in tree.flatten_up_to(wanted)]
-    fixed = [None if mark else leaf for leaf, mark in zip(leaves, is_wanted, strict=True)]
-    smooth = [leaf for leaf, mark in zip(leaves, is_wanted, strict=True) if mark]
-    cotangents = jax.tree.map(_instantiated, cotangents)
+def _transpose(cotangents, count, first, *args, term, pinned, sums):
+    before, operands = args[: 2 * sums], args[2 * sums :]
+    linear = [j for j, operand in enumerate(operands) if ad.is_undefined_primal(operand)]
+    known = [operand for operand in operands if not ad.is_undefined_primal(operand)]
+    places = [j for j, operand in enumerate(operands) if not ad.is_undefined_primal(operand)]
+    shapes = [operands[j].aval for j in linear]
 
-    def body(k: Array, sums: list[State]) -> list[State]:
-        (all_fixed, all_smooth), turn = _turn(pinned, (fixed, smooth), first + k)
+    def pulled_back(k: Array, *given: Array) -> list[Array]:
+        still, pulling = _replaced([None] * len(operands), places, given[: len(known)]), given[len(known) :]
 
-        def of_smooth(smooth: list[Array]) -> Array:
-            # Other leaves are constants: a scene may refuse derivatives that nobody asked for.
-            given = iter(smooth)
-            whole = [next(given) if mark else leaf for leaf, mark in zip(all_fixed, is_wanted, strict=True)]
-            return term(tree.unflatten(whole), turn)
+        def of_linear(*some: Array) -> list[Array]:
+            return term(k, *_replaced(still, linear, some))
 
-        _, pull_back = jax.vjp(of_smooth, all_smooth)
-        return [_compensated(s, g) for s, g in zip(sums, pull_back(cotangents[0])[0], strict=True)]
+        _, pull_back = jax.vjp(of_linear, *[ad.zeros_like_aval(aval) for aval in shapes])
+        return list(pull_back(list(pulling)))
 
-    start = [zeros(jnp.asarray(leaf)) for leaf in smooth]
-    sums = iter(jax.lax.fori_loop(np.uint32(0), count, body, start))
-    gradients = [value(next(sums)) if mark else None for mark in is_wanted]
-    return tree.unflatten(gradients), cotangents, None, None
-
-
-def _instantiated(cotangent: Any) -> Array:
-    """Return zeros for what nothing depends on."""
-    if isinstance(cotangent, SymbolicZero):
-        aval: Any = cotangent.aval
-        return jnp.zeros(aval.shape, aval.dtype)
-    return cotangent
+    # What rounding adds depends on no operand.
+    pulling = [ad.instantiate_zeros(each) for each in cotangents[:sums]]
+    start = [ad.zeros_like_aval(aval) for aval in (*shapes, *shapes)]
+    made = sum_p.bind(
+        count, first, *start, *known, *pulling, term=pulled_back, pinned=pinned, sums=len(linear)
+    )
+    gradients = [value((made[j], made[len(linear) + j])) for j in range(len(linear))]
+    state = [ct if ad.is_undefined_primal(arg) else None for ct, arg in zip(cotangents, before, strict=True)]
+    return [None, None, *state, *_replaced([None] * len(operands), linear, gradients)]
 
 
-add_terms.defvjp(_forward, _backward, symbolic_zeros=True)
+def _batch(args, axes, *, term, pinned, sums):
+    count, first, *rest = args
+    if axes[0] is not None:
+        raise NotImplementedError("the number of terms must be the same for all that is mapped")
+    size = next(arg.shape[axis] for arg, axis in zip(args, axes, strict=True) if axis is not None)
+    # A number that is mapped is one operand more, added to numbers from 0 on.
+    operands, mapped = [first, *rest[2 * sums :]], (axes[1], *axes[2 + 2 * sums :])
+
+    def each(k: Array, *given: Array) -> list[Array]:
+        return term(k + given[0], *given[1:])
+
+    def of_all(k: Array, *given: Array) -> list[Array]:
+        if all(axis is None for axis in mapped):
+            return [jnp.broadcast_to(one, (size, *one.shape)) for one in each(k, *given)]
+        return jax.vmap(each, (None, *mapped))(k, *given)
+
+    states = [
+        jnp.broadcast_to(state, (size, *state.shape)) if axis is None else jnp.moveaxis(state, axis, 0)
+        for state, axis in zip(rest[: 2 * sums], axes[2 : 2 + 2 * sums], strict=True)
+    ]
+    zero = jnp.zeros_like(count)
+    made = sum_p.bind(count, zero, *states, *operands, term=of_all, pinned=pinned, sums=sums)
+    return made, [0] * (2 * sums)
+
+
+def _replaced(values: Any, places: list[int], others: Any) -> list[Any]:
+    """Return the values, with others in some places."""
+    filled = list(values)
+    for place, other in zip(places, others, strict=True):
+        filled[place] = other
+    return filled
+
+
+def _alike(values: Any) -> Any:
+    """Return arrays that all vary over the same axes of a mesh, inside ``jax.shard_map``."""
+    axes = frozenset[Any]().union(*map(_varying, jax.tree.leaves(values)))
+
+    def varying(leaf: Any) -> Any:
+        missing = tuple(axes - _varying(leaf))
+        return jax.lax.pcast(leaf, missing, to="varying") if missing else leaf
+
+    return jax.tree.map(varying, values)
+
+
+def _varying(leaf: Any) -> frozenset[Any]:
+    """Return the axes of a mesh over which an array varies, inside ``jax.shard_map``."""
+    aval: Any = jax.typeof(leaf)
+    return (
+        aval.mat.varying if hasattr(aval, "mat") else aval.vma
+    )  # As later or earlier releases of jax have it.
+
+
+sum_p.def_impl(_loop)
+sum_p.def_abstract_eval(lambda count, first, *args, term, pinned, sums: list(args[: 2 * sums]))
+mlir.register_lowering(sum_p, mlir.lower_fun(_loop, multiple_results=True))
+ad.primitive_jvps[sum_p] = _jvp
+ad.primitive_transposes[sum_p] = _transpose
+batching.primitive_batchers[sum_p] = _batch

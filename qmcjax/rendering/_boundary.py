@@ -190,8 +190,8 @@ def _swept(scene: Any, u: Array) -> Array:
         return scene.boundary(u)[0]
 
     moved = jax.vmap(lambda d: jax.jvp(move, (flat,), (d,))[1])(jnp.eye(flat.size, dtype=u.dtype))
-    slid = [
-        jax.jvp(slide, (u,), (jnp.broadcast_to(d, u.shape),))[1] for d in np.eye(u.shape[-1], dtype=u.dtype)
-    ]
+    # Like u, so that they vary as it does inside jax.shard_map.
+    steps = [jnp.zeros_like(u).at[..., j].set(1) for j in range(u.shape[-1])]
+    slid = [jax.jvp(slide, (u,), (step,))[1] for step in steps]
     columns = [jnp.broadcast_to(column, moved.shape) for column in slid]
     return jnp.linalg.det(jnp.stack([moved, *columns], axis=-1)).T

@@ -3,8 +3,8 @@
 A loop that JAX differentiates in reverse by itself keeps what every turn has computed, and a loop with a rule
 for one direction (``jax.custom_vjp``) refuses the other. But the derivative of a sum is a sum of derivatives:
 so the sum is one primitive, of which each transformation makes another. Its tangents are the sum of the
-terms' tangents; where they are linear in their operands, its transpose is the sum of the terms' transposes; mapped
-over an axis, it is the sum of the mapped terms.
+terms' tangents; where they are linear in their operands, its transpose is the sum of the terms' transposes;
+mapped over an axis, it is the sum of the mapped terms.
 """
 
 from collections.abc import Callable

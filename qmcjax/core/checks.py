@@ -4,6 +4,7 @@ A wrong type is a TypeError, a wrong value a ValueError, as in NumPy.
 """
 
 import operator
+from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -56,6 +57,24 @@ def integer(name: str, value: Any, low: int, high: int) -> int:
     if not low <= number <= high:
         raise ValueError(f"{name} must be an integer in [{low}, {high}], got {number}")
     return number
+
+
+def choice(name: str, value: Any, choices: Iterable[str]) -> str:
+    """Return ``value``, one of some words.
+
+    Raises
+    ------
+    TypeError
+        If it is no word.
+    ValueError
+        If it is none of these.
+    """
+    choices = tuple(choices)
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be one of {choices}, got {shown(value)}")
+    if value not in choices:
+        raise ValueError(f"{name} must be one of {choices}, got {shown(value)}")
+    return value
 
 
 def image_size(width: Any, height: Any, most: int = MAX_SIDE) -> tuple[int, int]:

@@ -39,7 +39,7 @@ def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Ar
     """
     try:
         array: Any = value if isinstance(value, Tracer) else np.asarray(value)
-    except ValueError:
+    except (TypeError, ValueError):
         array = np.asarray(None)
     wanted = "floats in [0, 1) or uint32 fractions" + ("" if shape is None else f" of shape {shape}")
     if array.dtype not in (np.float32, np.float64, np.uint32):

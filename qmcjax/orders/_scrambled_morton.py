@@ -69,8 +69,7 @@ def scrambled_morton(
     [3, 3, 3, 3]
     """
     width, height = checks.image_size(width, height)
-    if variant not in VARIANTS:
-        raise ValueError(f"variant must be one of {VARIANTS}, got {variant!r}")
+    checks.choice("variant", variant, VARIANTS)
     if alphabet is not None and variant != "tree":
         raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
     random = checks.prng_key("key", key)

@@ -9,10 +9,10 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import Order
+from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, times
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
@@ -76,6 +76,8 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
 
     Raises
     ------
+    TypeError
+        If ``order`` is no order, or ``sequence`` no sequence.
     ValueError
         If the sequence does not have ``order.length * spp`` points.
 
@@ -97,6 +99,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     >>> print(sampler(1, 0, 0))  # position 1 or 3 on the curve: point 4 or 12 of the sequence
     [0.1875 0.3125]
     """
+    order, sequence = as_order("order", order), as_sequence("sequence", sequence)
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
     limit = sequence.limit_64
     if order.length * spp > limit:

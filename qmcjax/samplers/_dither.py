@@ -7,15 +7,14 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.fractions import fractions
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
-from qmcjax.samplers._rotation import rotated
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 _STRIDE = (0.5698402909980532, 0.7548776662466927)
 """1/p**2 and 1/p, where p**3 = p + 1: multiples of these, modulo 1, stay far apart."""
@@ -44,8 +43,8 @@ class Dithered(Sampler):
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the sequence's points, shifted as the pixels say."""
         x, y = state
-        values = [rotated(self.sequence, sample, j, self._offset(x, y, j), dtype) for j in dims]
-        return jnp.stack(values, axis=-1)
+        rotated = self.sequence.rotated_coordinate
+        return jnp.stack([rotated(sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1)
 
     def _offset(self, x: Array, y: Array, dim: int) -> Array:
         """Return the shifts of one coordinate."""
@@ -86,8 +85,10 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
 
     Raises
     ------
+    TypeError
+        If ``mask`` has another dtype, or ``sequence`` is none.
     ValueError
-        If ``mask`` has another shape or dtype or leaves [0, 1), or ``sequence`` is none.
+        If ``mask`` has another shape or leaves [0, 1).
 
     Notes
     -----
@@ -108,9 +109,13 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     >>> print(sampler(1, 2, 0, dims=(0,)), sampler(1, 2, 1, dims=(0,)))
     [0.25] [0.75]
     """
-    if not isinstance(sequence, Sequence):
-        raise ValueError(f"sequence must be a Sequence, got {sequence!r}")
-    return Dithered(_fractions(mask), sequence)
+    offsets = fractions("mask", mask)
+    if offsets.ndim not in (2, 3):
+        raise ValueError(
+            f"mask must have the shape (rows, columns) or (rows, columns, channels), got {offsets.shape}"
+        )
+    offsets = offsets[:, :, None] if offsets.ndim == 2 else offsets
+    return Dithered(offsets, as_sequence("sequence", sequence))
 
 
 def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
@@ -154,23 +159,3 @@ def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
     with source.open("rb") as stream, np.load(stream) as table:
         ranks = table["scalars" if channels == 1 else "vectors"]
     return (ranks + 0.5) / (ranks.shape[0] * ranks.shape[1])
-
-
-def _fractions(mask: ArrayLike) -> Array:
-    """Return a mask as 32-bit fractions with a last axis of channels; products with 2**32 are exact."""
-    array = mask if isinstance(mask, Tracer) else np.asarray(mask)
-    if array.dtype not in (np.float32, np.float64, np.uint32) or array.ndim not in (2, 3) or not array.size:
-        raise ValueError(
-            "mask must be floats in [0, 1) or uint32 fractions of shape (rows, columns) or "
-            f"(rows, columns, channels), got {array.dtype} {array.shape}"
-        )
-    if array.ndim == 2:
-        array = array[:, :, None]
-    if array.dtype == np.uint32:
-        return jnp.asarray(array)
-    if not isinstance(array, Tracer):
-        outside = ~((array >= 0) & (array < 1))
-        if outside.any():
-            raise ValueError(f"mask must be in [0, 1), got {float(array[outside][0])!r}")
-    with checks.precision(array.dtype):
-        return (jnp.asarray(array) * jnp.asarray(2.0**32, array.dtype)).astype(jnp.uint32)

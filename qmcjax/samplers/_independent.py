@@ -12,8 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
-from qmcjax.samplers._rotation import rotated
-from qmcjax.sequences import BinarySequence, Sequence
+from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
 Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
 
@@ -26,7 +25,11 @@ def _xor(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: 
     return to_unit(reverse(sequence.bit_reversed(sample, dim) ^ seed), dtype)
 
 
-_RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": rotated, "xor": _xor}
+def _shift(sequence: Sequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
+    return sequence.rotated_coordinate(sample, dim, seed, dtype)
+
+
+_RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": _shift, "xor": _xor}
 
 
 @pytree
@@ -87,9 +90,10 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
 
     Raises
     ------
+    TypeError
+        If ``sequence`` is not in base 2 and not to be shifted, or ``key`` is no key.
     ValueError
-        If ``sequence`` is not in base 2 and not to be shifted, ``key`` is no key or ``randomize`` no
-        randomisation.
+        If ``randomize`` is no randomisation.
 
     References
     ----------
@@ -105,14 +109,13 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
     >>> print(sampler(0, 0, 1).shape, bool((sampler(0, 0, 1) == sampler(1, 0, 1)).any()))
     (2,) False
     """
-    if randomize not in _RANDOMIZERS:
-        raise ValueError(f"randomize must be one of {sorted(_RANDOMIZERS)}, got {randomize!r}")
+    checks.choice("randomize", randomize, sorted(_RANDOMIZERS))
     if randomize == "shift":
-        if not isinstance(sequence, Sequence):
-            raise ValueError(f"sequence must be a Sequence, got {sequence!r}")
+        sequence = as_sequence("sequence", sequence)
     elif not isinstance(sequence, BinarySequence):
-        raise ValueError(
-            f"sequence must be in base 2 (one that has .bits) for randomize={randomize!r}, got {sequence!r}"
+        raise TypeError(
+            f"sequence must be in base 2 (one that has .bits) for randomize={randomize!r}, "
+            f"got {checks.shown(sequence)}"
         )
     seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
     return Independent(sequence, seeds, _RANDOMIZERS[randomize])

@@ -12,7 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.samplers._plug_in import as_sampler
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 _ON_SCREEN = 2
 
@@ -73,7 +73,7 @@ class Interleaved(Sampler):
             self.positions.check(width, height, spp)
 
 
-def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Any = None) -> Interleaved:
+def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler | None = None) -> Interleaved:
     """Sample all tiles of the image alike, and the pixels of a tile with blocks of one sequence.
 
     Methods for programs that render whole images at a point in time, or for one vector of everything but the
@@ -120,7 +120,8 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Any = No
     """
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
     tile = checks.integer("tile", tile, 1, 2**16)
-    limit = checks.INDEX_LIMIT if sequence.size is None else sequence.size
+    sequence = as_sequence("sequence", sequence)
+    limit = sequence.limit
     if tile * tile * spp > limit:
         raise ValueError(f"spp must be at most {limit // tile**2} for tiles of {tile} x {tile}, got {spp}")
     if positions is not None:

@@ -13,7 +13,7 @@ from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.sequences import Invertible, Sequence, inverted, uniform
+from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, uniform
 
 
 @pytree
@@ -154,11 +154,17 @@ def padded_replications(
             f"got {net.points_per_cell(cells)}"
         )
     needed = net.dims + 2 * jitter
-    if not isinstance(offsets, Sequence):
-        offsets = uniform(needed, checks.prng_key("offsets", offsets))
+    offsets = _sequence_of(offsets, needed)
     if offsets.dims < needed:
         raise ValueError(
             f"offsets must have {needed} dimensions, for {net.dims} shifts"
             f"{' and 2 of jitter' if jitter else ''}, got {offsets.dims}"
         )
     return PaddedReplications(net, offsets, width, height, jitter)
+
+
+def _sequence_of(offsets: Any, dims: int) -> Sequence:
+    """Return a sequence as it is, and a random one of a key."""
+    if callable(offsets):
+        return as_sequence("offsets", offsets)
+    return uniform(dims, checks.prng_key("offsets", offsets))

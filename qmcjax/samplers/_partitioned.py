@@ -12,10 +12,10 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import Order
+from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, points_64, times
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
@@ -147,6 +147,8 @@ def partitioned(
 
     Raises
     ------
+    TypeError
+        If ``order`` is no order, or ``sequence`` no sequence.
     ValueError
         If N points are more than the sequence, or 2**32 indices, have; if the component is no radical inverse
         or N no power of its base; if none is; or if ``exact`` and the component is scrambled other than digit
@@ -174,10 +176,11 @@ def partitioned(
     >>> print(sampler(0, 0, 2) == sequences.halton(3)(32, (1, 2)))  # position 0, sample 2: point 2 * 16
     [ True  True]
     """
-    if not isinstance(sequence, Sequence) or sequence.dims < 2:
+    order, sequence = as_order("order", order), as_sequence("sequence", sequence)
+    if sequence.dims < 2:
         raise ValueError(
-            "sequence must be a Sequence of at least 2 dims, one to partition and one to sample, got "
-            f"{type(sequence).__name__} of dims={getattr(sequence, 'dims', None)}"
+            "sequence must have at least 2 dimensions, one to partition and one to sample, got "
+            f"{sequence.dims}"
         )
     if order.length > sequence.limit:
         raise ValueError(

@@ -115,9 +115,16 @@ def randomized(
     [ True  True]
     """
     key = checks.prng_key("key", key)
-    sampler = sampler_of_key(key)
+    noun = hasattr(sampler_of_key, "dims") or hasattr(sampler_of_key, "needs")
+    if not callable(sampler_of_key) or isinstance(sampler_of_key, type) or noun:
+        raise TypeError(
+            "sampler_of_key must be a function that makes a sampler of a key, "
+            f"got {checks.shown(sampler_of_key)}"
+        )
+    made = sampler_of_key(key)
+    sampler = as_sampler("sampler_of_key(key)", made)
     if spp is None:
-        spp = getattr(sampler, "spp", None)
+        spp = getattr(made, "spp", None)
         if spp is None:
-            raise ValueError(f"spp must be given, since {type(sampler).__name__} has none, got None")
+            raise ValueError(f"spp must be given, since {type(made).__name__} has none, got None")
     return Randomized(sampler_of_key, key, checks.integer("spp", spp, 1, 2**32 - 1), sampler.dims)

@@ -14,10 +14,10 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import Order
+from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, points_64, times
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
@@ -126,6 +126,8 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
 
     Raises
     ------
+    TypeError
+        If ``order`` is no order, or ``sequence`` no sequence.
     ValueError
         If the sequence has too few indices for the first iteration.
 
@@ -162,6 +164,7 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     >>> print(sampler(3, 0, 4) == halton(64 + 15 * 4, (0, 1)))  # last pixel, third iteration: 4 to 7
     [ True  True]
     """
+    order, sequence = as_order("order", order), as_sequence("sequence", sequence)
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
     sampler = Segments(order, sequence, spp, doubling)
     if spp > sampler._limit // order.length:

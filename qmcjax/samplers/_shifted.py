@@ -2,18 +2,14 @@
 
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.bits import to_unit
-from qmcjax.core.fractions import plus_modulo_1
 from qmcjax.core.pytrees import pytree
-from qmcjax.orders import Order
+from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.sequences import BinarySequence, Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
@@ -35,20 +31,18 @@ class ShiftedAlong(Sampler):
         """The order's raster, and the points of the sequence."""
         return (*self.order.raster, self.sequence.limit)
 
-    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Array:
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the shifts of pixels as 32-bit fractions, rounded down."""
         position = self.order.position(x, y)
-        if isinstance(self.shifts, BinarySequence):
-            return self.shifts.bits(position, dims)
-        with jax.enable_x64(True):
-            return (self.shifts(position, dims, jnp.float64) * np.float64(2.0**32)).astype(jnp.uint32)
+        return tuple(self.shifts.fixed_point(position, j) for j in dims)
 
-    def points(self, state: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+    def points(
+        self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
         """Return the sequence's points plus the pixels' shifts, modulo 1."""
-        if isinstance(self.sequence, BinarySequence):
-            return to_unit(self.sequence.bits(sample, dims) + state, dtype)
-        with jax.enable_x64(True):
-            return plus_modulo_1(self.sequence(sample, dims, jnp.float64), state, dtype)
+        offsets = zip(dims, state, strict=True)
+        rotated = [self.sequence.rotated_coordinate(sample, j, offset, dtype) for j, offset in offsets]
+        return jnp.stack(rotated, axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless this is the order's image and the sequence has as many points."""
@@ -82,6 +76,8 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
 
     Raises
     ------
+    TypeError
+        If an argument is no order or sequence.
     ValueError
         If ``shifts`` has too few dimensions or points.
 
@@ -98,9 +94,8 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
     >>> print(sampler(3, 0, 0), sampler(3, 0, 1))  # point 15 of Halton plus (0, 0) and (1/2, 1/2)
     [0.9375     0.25925922] [0.4375    0.7592592]
     """
-    for name, value in (("shifts", shifts), ("sequence", sequence)):
-        if not isinstance(value, Sequence):
-            raise ValueError(f"{name} must be a Sequence, got {value!r}")
+    order = as_order("order", order)
+    shifts, sequence = as_sequence("shifts", shifts), as_sequence("sequence", sequence)
     if shifts.dims < sequence.dims:
         raise ValueError(f"shifts must have at least the sequence's {sequence.dims} dims, got {shifts.dims}")
     if order.length > shifts.limit:

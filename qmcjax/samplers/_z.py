@@ -135,12 +135,10 @@ def _padded(dims: int, constituents: tuple[int, ...] | None) -> tuple[int, ...]:
 def _orders(
     width: int, height: int, key: Array | int | None, variant: str, alphabet: int | None, count: int
 ) -> ScrambledMorton | None:
-    if variant == PLAIN:
+    if checks.choice("variant", variant, (PLAIN, *VARIANTS)) == PLAIN:
         if alphabet is not None:
             raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
         return None
-    if variant not in VARIANTS:
-        raise ValueError(f"variant must be one of {(PLAIN, *VARIANTS)}, got {checks.shown(variant)}")
     of_first, of_others = jax.random.split(checks.prng_key("key", key))
     order = scrambled_morton(width, height, of_first, variant, alphabet)
     return order.family(jax.random.split(of_others, count - 1))

@@ -113,19 +113,18 @@ class Z(Sampler):
         .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
            Hierarchical Ordering of Pixels", 2020, Appendix A, first scenario.
         """
-        counts = jnp.asarray(counts)
-        if counts.shape != (self.height, self.width) or not jnp.issubdtype(counts.dtype, jnp.integer):
+        words = checks.unsigned("counts", counts)
+        if words.shape != (self.height, self.width):
             raise ValueError(
-                f"counts must be integers of shape {(self.height, self.width)}, got {counts.dtype} "
-                f"of shape {counts.shape}"
+                f"counts must be integers of shape {(self.height, self.width)}, got {words.shape}"
             )
-        if not isinstance(counts, Tracer):
-            wrong = (counts < 1) | (counts > self.spp) | (jax.lax.population_count(counts) != 1)
+        if not isinstance(words, Tracer):
+            wrong = (words < 1) | (words > self.spp) | (jax.lax.population_count(words) != 1)
             if wrong.any():
                 raise ValueError(
-                    f"counts must be powers of two in [1, spp={self.spp}], got {int(counts[wrong][0])}"
+                    f"counts must be powers of two in [1, spp={self.spp}], got {int(words[wrong][0])}"
                 )
-        return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(counts.astype(jnp.uint32)))
+        return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(words))
 
     @property
     def _places(self) -> list[tuple[int, int]]:

@@ -47,7 +47,7 @@ def test_scenes_keep_numbers_of_their_own():
     for factory in (scenes.checkerboard, scenes.zone_plate):
         with pytest.raises(ValueError, match=r"must have shape \(\), got \(2,\)"):
             factory([1.0, 20.0])
-        with pytest.raises(ValueError, match="must be positive and finite, got 'a'"):
+        with pytest.raises(TypeError, match="must be positive and finite, got 'a'"):
             factory("a")
 
 
@@ -243,8 +243,9 @@ def test_bad_parameters(factory, value):
 
 @pytest.mark.parametrize("factory", FACTORIES)
 @pytest.mark.parametrize(
-    ("width", "height", "wrong"), [(0, 4, "width"), (4, 65537, "height"), (4, 2.5, "height")]
+    ("error", "width", "height", "wrong"),
+    [(ValueError, 0, 4, "width"), (ValueError, 4, 65537, "height"), (TypeError, 4, 2.5, "height")],
 )
-def test_bad_resolutions(factory, width, height, wrong):
-    with pytest.raises(ValueError, match=f"{wrong} must be an integer"):
+def test_bad_resolutions(factory, error, width, height, wrong):
+    with pytest.raises(error, match=f"{wrong} must be an integer"):
         factory().reference(width, height)

@@ -1,6 +1,7 @@
 """Objects of users, decorated or not, below transformations of JAX."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
+from types import FunctionType
 from typing import Any
 
 import jax
@@ -9,6 +10,8 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
+
+_PLAIN = Array | np.ndarray | np.generic | int | float | str | FunctionType | type | None
 
 
 class _Identity:
@@ -58,3 +61,17 @@ def held(name: str, value: Any) -> Any:
 def unheld(value: Any) -> Any:
     """Return the object that :func:`held` was given."""
     return value.identity.value if isinstance(value, Static) else value
+
+
+def is_own(value: Any) -> bool:
+    """Tell whether an object and all that it is made of are this package's: what it returns needs no check.
+
+    Functions are taken for what they are made by; all that counts is known while programs are traced.
+    """
+    if isinstance(value, Static):
+        return False
+    if isinstance(value, tuple | list):
+        return all(map(is_own, value))
+    if type(value).__module__.split(".")[0] == __name__.split(".")[0]:
+        return not is_dataclass(value) or all(is_own(getattr(value, each.name)) for each in fields(value))
+    return isinstance(value, _PLAIN)

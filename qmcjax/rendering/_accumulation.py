@@ -9,6 +9,7 @@ from jax import Array
 from numpy.typing import DTypeLike
 
 from qmcjax.core import summation
+from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
 from qmcjax.core.summation import State
 
@@ -34,16 +35,28 @@ def accumulate(
     """
     scene, sampler = pair
     prepared = sampler.prepare(*(pixels or of_image(width, height)), dims)
+    own = is_own(sampler)
 
     def batch_sum(parameters: Any, k: Array) -> Array:
         scene, sampler, prepared, pixels = parameters
         x, y = pixels or of_image(width, height)
         block = jnp.broadcast_to(k, x.shape)
         points = sampler.consecutive(prepared, block, batch, dims, state[0].dtype)
-        points = [with_all_dims(point, dims, len(scene.needs)) for point in points]
-        return summation.pairwise([scene(on_screen(point, x, y, width, height)) for point in points])
+        values = []
+        for point in points:
+            whole = with_all_dims(point, dims, len(scene.needs))
+            value = scene(on_screen(whole, x, y, width, height))
+            values.append(value if own else or_nan(value, point))
+        return summation.pairwise(values)
 
     return summation.add_terms(batch_sum, True, (scene, sampler, prepared, pixels), state, first, batches)
+
+
+def or_nan(values: Array, points: Array) -> Array:
+    """Return values, but NaN where a point is not in [0, 1): values that are not finite are looked into."""
+    inside = jnp.all((points >= 0) & (points < 1), axis=-1)
+    inside = inside.reshape(inside.shape + (1,) * (values.ndim - inside.ndim))
+    return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
 
 @jax.jit

@@ -52,7 +52,7 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
 
 
 def refuse(task: Task, image: Array | NDArray) -> None:
-    """Raise a ValueError that names the first sample whose value is not finite."""
+    """Raise a ValueError that names the first sample whose point is not in [0, 1) or value not finite."""
     with checks.precision(task.dtype):
         flat = np.asarray(image).reshape(task.width * task.height, -1)
         pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
@@ -60,6 +60,13 @@ def refuse(task: Task, image: Array | NDArray) -> None:
         for first in range(0, task.spp, _SEARCHED):
             samples = jnp.arange(first, min(first + _SEARCHED, task.spp), dtype=jnp.uint32)
             points = task.sampler(jnp.uint32(x), jnp.uint32(y), samples, dims, task.dtype)
+            outside = np.flatnonzero(~((points >= 0) & (points < 1)).all(axis=1))
+            if len(outside):
+                point = np.asarray(points[outside[0]]).tolist()
+                raise ValueError(
+                    f"sampler must return points in [0, 1), got {point} in pixel ({x}, {y}), sample "
+                    f"{first + outside[0]}"
+                )
             where = jnp.full(samples.shape, x, jnp.uint32), jnp.full(samples.shape, y, jnp.uint32)
             points = _accumulation.on_screen(points, *where, task.width, task.height)
             values = np.asarray(task.scene(points)).reshape(len(samples), -1)

@@ -22,9 +22,12 @@ Floats = NDArray[np.float64]
 
 
 def smeared_by_box(
-    angle: float, offset: float, widths: tuple[float, float], width: int, height: int
+    angle: float, offset: float, widths: tuple[float, float], width: int, height: int, scale: float = 1.0
 ) -> tuple[Floats, float]:
-    """Return the means for a ``B`` that is the sum of two uniform distributions of these widths about 0."""
+    """Return the means for a ``B`` that is the sum of two uniform distributions of these widths about 0.
+
+    The image is shrunk by ``scale`` about its centre.
+    """
     large, small = max(widths), min(widths)
     nodes, weights = np.polynomial.legendre.leggauss(2)  # both factors are quadratic at most, one linear
 
@@ -41,7 +44,7 @@ def smeared_by_box(
             total += np.sum(0.5 * weight * length * _density(s, across, down) * below, axis=1)
         return total
 
-    return _image(means, angle, offset, 0.5 * (large + small), width, height)
+    return _image(means, angle, offset, 0.5 * (large + small), width, height, scale, large)
 
 
 def smeared_by_disc(
@@ -65,7 +68,7 @@ def smeared_by_disc(
             total += np.sum(weight * half * radius * np.cos(at) * _density(s, across, down) * below, axis=1)
         return total
 
-    return _image(means, angle, offset, radius, width, height)
+    return _image(means, angle, offset, radius, width, height, 1.0, 0.0)
 
 
 def _image(
@@ -75,16 +78,24 @@ def _image(
     reach: float,
     width: int,
     height: int,
+    scale: float,
+    spread: float,
 ) -> tuple[Floats, float]:
-    """Return the means of the pixels that the smeared edge meets, and 0 and 1 elsewhere; and a bound."""
+    """Return the means of the pixels that the smeared edge meets, and 0 and 1 elsewhere; and a bound.
+
+    Distances are taken from the centre of the image, so that nothing is lost where ``scale`` is small. They
+    are off by a few units of what they are made of, and means by that times the largest density of
+    ``n . p + B``: 1 over the width of a pixel, or over ``spread``, that of ``B``.
+    """
     normal = math.cos(angle), math.sin(angle)
-    sides = abs(normal[0]) / width, abs(normal[1]) / height
-    x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
-    d = offset - normal[0] * x - normal[1] * y[:, None]
+    sides = scale * abs(normal[0]) / width, scale * abs(normal[1]) / height
+    x, y = 0.5 - (np.arange(width) + 0.5) / width, 0.5 - (np.arange(height) + 0.5) / height
+    d = offset - 0.5 * (normal[0] + normal[1]) + scale * (normal[0] * x + normal[1] * y[:, None])
     image = (d > 0).astype(float)
     met = abs(d) < 0.5 * sum(sides) + reach
     image[met] = means(d[met], max(sides), min(sides))
-    return image, 8 * EPS * max(width, height) * (1 + abs(offset) + reach)
+    density = max(1.0, 1 / max(scale / max(width, height), spread))
+    return image, 8 * EPS * density * (1 + abs(offset) + reach)
 
 
 def _corners(large: float, small: float) -> Floats:

@@ -119,6 +119,8 @@ def defocused_edge(
     >>> scene(jnp.array([[0.4, 0.5, 0.81, 0.0], [0.4, 0.5, 0.81, 0.5]]))
     Array([0., 1.], dtype=float32)
     """
+    if not isinstance(aperture, str):
+        raise TypeError(f"aperture must be 'disc' or 'square', got {checks.shown(aperture)}")
     if aperture not in ("disc", "square"):
         raise ValueError(f"aperture must be 'disc' or 'square', got {aperture!r}")
     if blur is not None:

@@ -1,6 +1,7 @@
 """Genz's six families of test integrands."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import mul
@@ -115,17 +116,18 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     >>> genz("corner_peak", dims=3)(jnp.array([0.0, 1.0, 0.0]))
     Array(0.0625, dtype=float32)
     """
+    if not isinstance(family, str):
+        raise TypeError(f"family must be one of {FAMILIES}, got {checks.shown(family)}")
     if family not in FAMILIES:
         raise ValueError(f"family must be one of {FAMILIES}, got {family!r}")
     dims = checks.integer("dims", dims, 2, 16)
-    a = _for_each("difficulty", difficulty, dims)
-    checks.positive("difficulty", a)
-    return Genz(a, _for_each("shift", shift, dims), family)
+    checks.positive("difficulty", difficulty)
+    return Genz(_for_each("difficulty", difficulty, dims), _for_each("shift", shift, dims), family)
 
 
 def _for_each(name: str, value: Any, dims: int) -> Any:
     """Return one number for each dimension."""
-    if np.ndim(value):
+    if isinstance(value, Sequence) or getattr(value, "shape", ()):
         return numbers(name, value, (dims,))
     value = numbers(name, value)
     return jnp.broadcast_to(value, dims) if isinstance(value, Array) else np.broadcast_to(value, dims)

@@ -236,7 +236,7 @@ def staircase(
     """
     offsets = numbers("offsets", offsets, (None,))
     if not len(offsets):
-        raise ValueError(f"offsets must have at least one step, got {offsets!r}")
+        raise ValueError(f"offsets must have at least one step, got {checks.shown(offsets)}")
     return Staircase(numbers("angle", angle), offsets)
 
 

@@ -10,29 +10,37 @@ from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray
 
+from qmcjax.core import checks
+
 
 def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
-    """Return ``value`` as an array of this shape, or raise a ValueError unless it is one of finite numbers.
+    """Return ``value`` as an array of this shape.
 
     ``None`` in ``shape`` stands for any length. What holds JAX arrays becomes one, and other values are in
     float64, so that the references see all digits.
+
+    Raises
+    ------
+    TypeError
+        If it is not made of real numbers.
+    ValueError
+        If it has another shape, or a number is not finite.
     """
-    traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
-    array = jnp.asarray(value) if traced else _float64(name, value)
+    array = _array(name, value)
     found = jnp.shape(array)
     fits = len(found) == len(shape) and all(b in (None, a) for a, b in zip(found, shape, strict=True))
     if not fits:
         wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
-        raise ValueError(f"{name} must have shape {wanted}, got {found}: {value!r}")
+        raise ValueError(f"{name} must have shape {wanted}, got {found}: {checks.shown(value)}")
     if not isinstance(array, Tracer) and not np.all(np.isfinite(np.asarray(array))):
-        raise ValueError(f"{name} must be finite, got {value!r}")
+        raise ValueError(f"{name} must be finite, got {checks.shown(value)}")
     return array
 
 
 def require(name: str, value: Any, holds: Callable[[NDArray], Any], rule: str) -> None:
     """Raise a ValueError if ``value`` is known and does not hold the rule everywhere."""
     if not isinstance(value, Tracer) and not np.all(holds(np.asarray(value))):
-        raise ValueError(f"{name} must be {rule}, got {value!r}")
+        raise ValueError(f"{name} must be {rule}, got {checks.shown(np.asarray(value).tolist())}")
 
 
 def named(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
@@ -40,10 +48,19 @@ def named(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
     return (*names, *(f"u{j}" for j in range(len(names), dims)))[:dims]
 
 
-def _float64(name: str, value: Any) -> NDArray[np.float64]:
+def _array(name: str, value: Any) -> Any:
+    """Return an array of JAX if the value holds one, else one of float64."""
     try:
-        array = np.array(value, dtype=np.float64)
+        if any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
+            array = jnp.asarray(value)
+            if not jnp.issubdtype(array.dtype, jnp.floating) and not jnp.issubdtype(array.dtype, jnp.integer):
+                raise TypeError
+            return array
+        given = np.asarray(value)
+        if given.dtype.kind not in "fiu" and given.size:
+            raise TypeError
+        array = np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be made of real numbers, got {value!r}") from None
+        raise TypeError(f"{name} must be made of real numbers, got {checks.shown(value)}") from None
     array.setflags(write=False)  # a copy: what the caller does to its own array leaves the scene alone
     return array

@@ -52,13 +52,16 @@ class SoftShadow(ExactScene):
         return (linear(point, *cast_edges(self, point.dtype)._edge()) >= 0).astype(point.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a convolution of two rectangles."""
+        """Return the exact mean over each pixel: a convolution of two rectangles.
+
+        Rays to the middle of the light pass the half plane at ``(1 - height) p``, but for a constant: the
+        image shrunk, which keeps all digits where the half plane is near the light.
+        """
         scene = in_float64(self)
         angle, up = float(scene.angle), float(scene.height)
-        across, along = math.cos(angle), math.sin(angle)
-        u, v = (0.0, 0.0) if scene.light is None else scene.light * (up / (1 - up))
-        offset = (float(scene.offset) - 0.5 * up * (across + along)) / (1 - up)
-        shadow, bound = smeared_by_box(angle, offset, (abs(u * across), abs(v * along)), width, height)
+        u, v = (0.0, 0.0) if scene.light is None else up * scene.light
+        widths = abs(u * math.cos(angle)), abs(v * math.sin(angle))
+        shadow, bound = smeared_by_box(angle, float(scene.offset), widths, width, height, 1 - up)
         return 1 - shadow, bound
 
     def varies(self, low: Array, high: Array) -> Array:
@@ -112,6 +115,6 @@ def soft_shadow(
     height = numbers("height", height)
     require("height", height, lambda h: (h > 0) & (h < 1), "above 0 and below 1")
     if light is not None:
-        light = numbers("light", light, (2,))
         checks.positive("light", light)
+        light = numbers("light", light, (2,))
     return SoftShadow(numbers("angle", angle), numbers("offset", offset), height, light)

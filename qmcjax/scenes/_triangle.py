@@ -157,5 +157,5 @@ def triangle(vertices: Any = ((0.15, 0.2), (0.9, 0.4), (0.35, 0.85))) -> Triangl
     if not isinstance(vertices, Tracer):
         a, b = np.diff(np.asarray(vertices, np.float64), axis=0)
         if abs(a[0] * b[1] - a[1] * b[0]) <= 4 * EPS * (abs(a[0] * b[1]) + abs(a[1] * b[0])):
-            raise ValueError(f"vertices must not be on a straight line, got {vertices!r}")
+            raise ValueError(f"vertices must not be on a straight line, got {checks.shown(vertices)}")
     return Triangle(vertices)

@@ -468,7 +468,6 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
         ),
         (lambda: sequences.sobol_matrix(1, []), "polynomial must be an integer .* got 1"),
         (lambda: sequences.sobol_matrix(0b111, [1]), r"initial must be 2 integers, .* got \[1\]"),
-        (lambda: sequences.sobol_matrix(0b111, [1.0, 3.0]), "initial must be 2 integers, .* got"),
         (lambda: sequences.sobol_matrix(0b111, [1, 2]), r"initial must be odd numbers .* got m_2=2"),
         (lambda: sequences.sobol_matrix(0b111, [3, 1]), r"initial must be odd numbers .* got m_1=3"),
         (lambda: sequences.sobol_matrix(0b111, [1, -1]), r"initial must be odd numbers .* got m_2=-1"),
@@ -494,6 +493,7 @@ def test_bad_input_is_named(call, message):
         (lambda: sequences.gray(HALTON), "sequence must be a sequence in base 2 .* got halton"),
         (lambda: sequences.rotate(np.zeros(3), [0.5]), "sequence must be a sequence .* got an array"),
         (lambda: sequences.rotate(SOBOL, [0, 1]), r"offset_or_key must be .* got \[0, 1\]"),
+        (lambda: sequences.sobol_matrix(0b111, [1.0, 3.0]), "initial must be 2 integers, .* got"),
     ],
 )
 def test_wrong_types_are_named(call, message):

@@ -97,6 +97,17 @@ def positive(name: str, value: Any) -> None:
         raise ValueError(f"{name} must be positive and finite, got {shown(value)}")
 
 
+def known_array(name: str, value: Any, kind: type[np.number], wanted: str) -> np.ndarray:
+    """Return a NumPy array of numbers of a kind, or raise a TypeError that says what is wanted."""
+    try:
+        known = np.asarray(None if isinstance(value, Tracer) else value)
+    except (TypeError, ValueError):
+        known = np.asarray(None)
+    if not np.issubdtype(known.dtype, kind):
+        raise TypeError(f"{name} must be {wanted}, got {shown(value)}")
+    return known
+
+
 def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
     """Return integers of any dtype as a uint32 array.
 
@@ -119,7 +130,7 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
             given = np.asarray(None)
         if given.size == 0 and not hasattr(value, "dtype"):
             given = given.astype(np.uint32)  # NumPy makes float64 of an empty list.
-    if not np.issubdtype(given.dtype, np.integer):
+    if not jnp.issubdtype(given.dtype, np.integer):
         what = shown(value) if np.ndim(given) == 0 else f"{given.dtype} {given.shape}"
         raise TypeError(f"{name} must be integers in [0, {limit - 1}], got {what}")
     if given.dtype == np.uint32 and limit >= INDEX_LIMIT:

@@ -323,11 +323,11 @@ def span_numbers(index: Array, base: Base) -> list[Array]:
 
 def digit_reversed(number: Array, base: Base, span: int) -> Array:
     """Reverse the order of the ``span`` digits of a number."""
-    reverse = jnp.zeros_like(number)
-    for _ in range(span):
-        rest = quotient(number, base)
-        reverse = reverse * word(base) + (number - rest * word(base))
-        number = rest
+    # Collected by quotients, as in radical_inverse: right modulo 2**32.
+    reverse = number * word(base ** (span - 1))
+    for k in range(1, span):
+        number = quotient(number, base)
+        reverse = reverse + number * word(base ** (span - 1 - k) - base ** (span + 1 - k))
     return reverse
 
 

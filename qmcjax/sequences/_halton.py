@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -26,7 +27,7 @@ from qmcjax.core.digits import (
 )
 from qmcjax.core.finite_field import next_prime
 from qmcjax.core.pytrees import pytree
-from qmcjax.sequences import _digit_permutations
+from qmcjax.sequences import _digit_permutations, _radical_blocks
 from qmcjax.sequences._base import Sequence
 from qmcjax.sequences._digit_sequence import DigitSequence
 from qmcjax.sequences._digital import Digital, sobol
@@ -120,6 +121,24 @@ class RadicalInverses(DigitSequence):
                 else super().coordinates(index, wanted, dtype)
             )
         return jnp.concatenate(parts, axis=-1)
+
+    def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
+        """Return what the points ``first, ..., first + count - 1`` have in common."""
+        return {
+            j: _radical_blocks.prepare(first, count, self.bases[j], self.tables, table_starts(self.bases)[j])
+            for j in dims
+        }
+
+    def block_points(
+        self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        """Return point ``first + k`` of each block."""
+        values = []
+        for j in dims:
+            start = table_starts(self.bases)[j]
+            value = _radical_blocks.points(block[j], k, count, self.bases[j], self.tables, start, dtype)
+            values.append(self.coordinate(block[j] + k, j, dtype) if value is None else value)
+        return jnp.stack(values, axis=-1)
 
     def _together(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return coordinates whose bases have equally many digits."""
@@ -235,10 +254,14 @@ def halton(dims: int, permutation: str | None = None, key: Array | int | None = 
     >>> print((halton(3, "faure").points(5)[:, 2] * 5).astype(int))
     [0 3 2 1 4]
     """
+    if permutation is not None and not isinstance(permutation, str):
+        raise TypeError(f"permutation must be one of {PERMUTATIONS}, got {checks.shown(permutation)}")
     if permutation not in PERMUTATIONS:
         raise ValueError(f"permutation must be one of {PERMUTATIONS}, got {permutation!r}")
     if (key is None) == (permutation == "random"):
-        raise ValueError(f"key must be given for permutation='random' and only there, got {key!r}")
+        raise ValueError(
+            f"key must be given for permutation='random' and only there, got {checks.shown(key)}"
+        )
     limit = _digit_permutations.FAURE_LEMIEUX_DIMS if permutation == "faure_lemieux" else HALTON_DIMS
     bases = _primes(checks.integer("dims", dims, 1, limit))
     if permutation is None:

@@ -30,6 +30,8 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
 
     Raises
     ------
+    TypeError
+        If matrices are no integers.
     ValueError
         If ``q`` is no such prime, the shapes do not fit, the matrix to replace is singular, or an upper
         left submatrix of ``replacement`` is.
@@ -54,7 +56,8 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
            [0, 0, 1]])
     """
     q = finite_field.prime("q", q)
-    matrices, replacement = np.asarray(matrices), np.asarray(replacement)
+    matrices = checks.known_array("matrices", matrices, np.integer, "integers of shape (s, m, m)")
+    replacement = checks.known_array("replacement", replacement, np.integer, "integers of shape (m, m)")
     if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2]:
         raise ValueError(f"matrices must have shape (s, m, m), got {matrices.shape}")
     if replacement.shape != matrices.shape[1:]:

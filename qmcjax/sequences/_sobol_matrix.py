@@ -47,9 +47,10 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     if not _is_primitive(polynomial):
         raise ValueError(f"polynomial must be primitive over F2, got {polynomial:#b}")
     degree = polynomial.bit_length() - 1
-    given = np.asarray(initial)
-    if given.shape != (degree,) or not np.issubdtype(given.dtype, np.integer):
-        raise ValueError(f"initial must be {degree} integers, the degree's number, got {initial!r}")
+    wanted = f"{degree} integers, the degree's number"
+    given = checks.known_array("initial", initial, np.integer, wanted)
+    if given.shape != (degree,):
+        raise ValueError(f"initial must be {wanted}, got {checks.shown(initial)}")
     numbers = [int(number) for number in given]
     for k, number in enumerate(numbers, start=1):
         if number % 2 == 0 or not 0 < number < 2**k:

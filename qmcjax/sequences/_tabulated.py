@@ -77,12 +77,7 @@ def tabulated(points: ArrayLike) -> Tabulated:
     """
     if isinstance(points, Tracer):
         raise ValueError(f"points must be known before tracing, got {points.aval}")
-    try:
-        given = np.asarray(points)
-    except (TypeError, ValueError):
-        given = np.asarray(None)
-    if not np.issubdtype(given.dtype, np.floating):
-        raise TypeError(f"points must be floats of shape (n, dims), got {checks.shown(points)}")
+    given = checks.known_array("points", points, np.floating, "floats of shape (n, dims)")
     if given.ndim != 2 or not given.size:
         raise ValueError(f"points must be floats of shape (n, dims), got shape {given.shape}")
     outside = ~((given >= 0) & (given < 1))

@@ -1,0 +1,74 @@
+"""Blocks of consecutive points, of which what they share is computed once: the bits of the indices."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import sequences
+
+HALTON = sequences.halton(12)
+SEQUENCES = {
+    "halton": HALTON,
+    "zaremba": sequences.halton(12, "zaremba"),
+    "faure_lemieux": sequences.halton(6, "faure_lemieux"),
+    "random": sequences.halton(12, "random", key=3),
+    "van_der_corput(4096)": sequences.van_der_corput(4096),
+    "components": sequences.components(sequences.halton(4, "faure"), (3, 0)),
+    "owen(halton)": sequences.owen(sequences.halton(3), key=1),
+    "owen(sobol)": sequences.owen(sequences.sobol(5), key=1),
+    "components of owen": sequences.components(sequences.owen(sequences.sobol(5), key=1), (4, 0, 2)),
+    "gray of owen": sequences.gray(sequences.owen(sequences.sobol(3), key=1)),
+    "rotate": sequences.rotate(sequences.linear_matrix_scramble(sequences.sobol(4), key=1), 2),
+    "lattice": sequences.lattice(3),
+    "net": sequences.owen(sequences.hammersley_net(32), key=1),
+}
+slow = pytest.mark.slow
+
+
+@partial(jax.jit, static_argnames=("count", "dtype"))
+def both(sequence, first, k, count, dtype):
+    """Return points by blocks, and by their indices."""
+    dims = tuple(range(sequence.dims))[::-1]
+    block = sequence.prepare_block(first, count, dims)
+    return sequence.block_points(block, k, count, dims, dtype), sequence.coordinates(first + k, dims, dtype)
+
+
+@pytest.mark.parametrize("sequence", SEQUENCES.values(), ids=SEQUENCES.keys())
+@pytest.mark.parametrize(
+    "count", [pytest.param(1, marks=slow), pytest.param(7, marks=slow), 64, pytest.param(3000, marks=slow)]
+)
+@pytest.mark.parametrize("dtype", [jnp.float32, pytest.param(jnp.float64, marks=slow)])
+def test_blocks_have_the_points_of_their_indices(sequence, count, dtype):
+    """The first and the last blocks, and others: with and without a carry to the high digits."""
+    rng = np.random.default_rng(1)
+    blocks = 2**32 // count
+    number = np.concatenate([rng.integers(0, blocks, 300), np.arange(30), blocks - 1 - np.arange(30)])
+    first = jnp.asarray((number.astype(np.uint64) * np.uint64(count)).astype(np.uint32))
+    k = jnp.asarray(rng.integers(0, count, number.size).astype(np.uint32))
+    with jax.enable_x64(dtype == jnp.float64):
+        by_block, by_index = both(sequence, first, k, count, dtype)
+    assert by_block.dtype == dtype
+    assert np.array_equal(by_block, by_index)
+
+
+def test_each_sample_of_a_block_at_once():
+    """A number of a sample for each block, or the same for all."""
+    first = jnp.arange(8, dtype=jnp.uint32) * np.uint32(81)
+    block = HALTON.prepare_block(first, 81, (1, 2))
+    points = HALTON.block_points(block, jnp.uint32(80), 81, (1, 2), jnp.float32)
+    assert np.array_equal(points, HALTON(first + np.uint32(80), (1, 2)))
+
+
+def test_high_digits_are_not_reflected_for_each_sample():
+    """Of the 20 quotients for 21 ternary digits, the three for four low ones are left."""
+
+    def quotients(function, *arguments):
+        return str(jax.make_jaxpr(function)(*arguments)).count("floor_divide jaxpr")
+
+    first = jnp.zeros(4, jnp.uint32)
+    block = HALTON.prepare_block(first, 64, (1,))
+    by_block = quotients(lambda k: HALTON.block_points(block, k, 64, (1,), jnp.float32), first)
+    assert by_block == 3 and 20 == quotients(lambda i: HALTON.coordinates(i, (1,), jnp.float32), first)

@@ -1,6 +1,7 @@
 """Samples that a scene does not need are not taken, and the image is the same."""
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import jax
@@ -279,3 +280,47 @@ def test_progress_of_a_constant_image():
     seen = []
     qj.render_adaptive(scenes.disc((5.0, 5.0), 0.1), along(4, 4), 4, 4, 4, progress=seen.append)
     assert seen == [1.0]
+
+
+def test_passes_stop_by_the_unbiased_variance():
+    """Passes of one pixel by hand: with squares divided by n instead of n - 1 they would stop at four."""
+    sampler, scene = passes(key=3), scenes.zone_plate(30.0)
+    values = [float(qj.render(scene, sampler.of_pass(k), 1, 1, 4)[0, 0]) for k in range(16)]
+    errors = {n: np.std(values[:n], ddof=1) / np.sqrt(n) for n in range(4, 17)}
+    tolerance = 0.93 * errors[4]
+    assert np.std(values[:4]) / 2 < tolerance
+    wanted = next(n for n, error in errors.items() if error <= tolerance)
+    result = qj.render_adaptive(scene, sampler, 1, 1, 64, tolerance=tolerance)
+    assert int(result.counts[0, 0]) == 4 * wanted > 16
+    assert float(result.image[0, 0]) == pytest.approx(np.mean(values[:wanted]), abs=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_boxes_hold_their_pixels_though_edges_are_rounded(dtype):
+    """In exact arithmetic; 49 times the rounded 1/49 is below 1."""
+    seen = []
+
+    class Recorded:
+        needs = ("x", "y", "time")
+
+        def __call__(self, point):
+            return point[..., 0]
+
+        def varies(self, low, high):
+            jax.debug.callback(lambda *box: seen.append(box), low, high)
+            return jnp.zeros(low.shape, bool)
+
+    width, height = 49, 41
+    sampler = samplers.independent(sequences.sobol(3), key=1)
+    qj.render_adaptive(Recorded(), sampler, width, height, 4, dtype=dtype)
+    jax.effects_barrier()
+    low, high = map(np.asarray, seen[0])
+    assert low.dtype == dtype
+    for axis, size in ((0, width), (1, height)):
+        for k in range(size):
+            edges = [box[:, k, axis] if axis == 0 else box[k, :, axis] for box in (low, high)]
+            assert all(Fraction(float(edge)) <= Fraction(k, size) for edge in edges[0])
+            assert all(Fraction(float(edge)) >= Fraction(k + 1, size) for edge in edges[1])
+            assert (edges[1] - edges[0]).max() * size < 1 + 16 * size * jnp.finfo(dtype).eps
+    assert (low[..., 2] == 0).all()
+    assert (high[..., 2] == 1).all()

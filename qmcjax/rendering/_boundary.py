@@ -12,7 +12,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks, summation
 from qmcjax.core.pytrees import jit
 from qmcjax.scenes import as_scene
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import Sequence, as_sequence
 
 __all__ = ["boundary_gradient"]
 
@@ -98,7 +98,7 @@ def boundary_gradient(
     >>> print(boundary_gradient(scene, sequences.van_der_corput(), 2, 1, 256).offset.round(3))
     [[2. 0.]]
     """
-    scene = as_scene("scene", scene)
+    scene, sequence = as_scene("scene", scene), as_sequence("sequence", sequence)
     width, height = checks.image_size(width, height)
     dtype = checks.floating(dtype)
     if not hasattr(scene, "boundary"):

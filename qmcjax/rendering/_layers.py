@@ -86,6 +86,7 @@ def render_layers(
         raise TypeError(f"shade must be a finite number, got {checks.shown(shade)}")
     if not np.isfinite(shade):
         raise ValueError(f"shade must be a finite number, got {shade!r}")
+    still_spp = checks.integer("still_spp", still_spp, 1, checks.INDEX_LIMIT - 1)
     cover = render_adaptive(moving, sampler, width, height, spp, dtype=dtype)
     behind = render_adaptive(still, sampler, width, height, still_spp, dtype=dtype)
     counts = cover.counts + behind.counts

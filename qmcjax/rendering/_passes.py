@@ -4,11 +4,14 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.rendering._render import render
+from qmcjax.samplers import Randomized
+from qmcjax.scenes import as_scene
 
 __all__ = ["Passes", "render_passes"]
 
@@ -59,6 +62,8 @@ def render_passes(
 
     Raises
     ------
+    TypeError
+        If an argument is not what it is named for.
     ValueError
         If ``passes`` is out of range, ``tolerance`` is not positive, or as :func:`render` does.
 
@@ -86,9 +91,14 @@ def render_passes(
     >>> print(bool(result.error <= 0.05), result.passes < 100)
     True True
     """
+    scene = as_scene("scene", scene)
+    if not isinstance(sampler, Randomized):
+        raise TypeError(f"sampler must be made by samplers.randomized, got {checks.shown(sampler)}")
     passes = checks.integer("passes", passes, 2, checks.INDEX_LIMIT)
     if tolerance is not None:
         checks.positive("tolerance", tolerance)
+        if np.ndim(tolerance):
+            raise TypeError(f"tolerance must be one number, got {checks.shown(tolerance)}")
     dtype = checks.floating(dtype)
 
     def image(number: int) -> Array:

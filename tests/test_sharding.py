@@ -41,6 +41,10 @@ SAMPLERS = {
     "independent": lambda key: samplers.independent(SOBOL, key),
     "z": lambda key: samplers.z(SIDE, SIDE, SPP, key),
     "ranked": lambda key: samplers.ranked(2, key),
+    "z, tree": lambda key: samplers.z(SIDE, SIDE, SPP, key, "tree"),
+    "owen, base b": lambda key: along(sequences.owen(sequences.halton(2), key)),
+    "owen_exact, base b": lambda key: along(sequences.owen_exact(sequences.faure(2), key)),
+    "passes": lambda key: samplers.randomized(lambda key: along(sequences.owen(SOBOL, key)), key),
 }
 
 

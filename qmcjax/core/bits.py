@@ -17,6 +17,7 @@ __all__ = [
     "gray_decode",
     "gray_encode",
     "hash_word",
+    "high_product",
     "owen_hash",
     "pascal",
     "reverse",
@@ -102,6 +103,24 @@ def gray_decode(word: Array) -> Array:
 def gray_encode(word: Array) -> Array:
     """Invert :func:`gray_decode` (the bidiagonal inverse matrix of Eq. 5.25)."""
     return word ^ (word >> 1)
+
+
+def high_product(a: Array, b: Array) -> Array:
+    """Return the upper word of the product of two words.
+
+    ``jax.lax.mulhi`` does the same, but on CPUs no program for several devices can have it (jax 0.10).
+
+    Parameters
+    ----------
+    a, b : uint32 Array, of one shape
+
+    Returns
+    -------
+    uint32 Array, shape of ``a``
+    """
+    with jax.enable_x64(True):
+        product = a.astype(jnp.uint64) * b.astype(jnp.uint64)
+        return (product >> np.uint64(32)).astype(jnp.uint32)
 
 
 def hash_word(word: Array) -> Array:

@@ -18,6 +18,8 @@ from jax.core import Tracer, eval_jaxpr
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
+from qmcjax.core.varying import alike
+
 State = tuple[Array, Array]
 """A sum, and what rounding has added to it."""
 
@@ -68,7 +70,7 @@ def add_terms(
     -------
     State
     """
-    (state, first, parameters) = _alike((state, first, parameters))
+    state, first, parameters = alike((state, first, parameters))
     leaves, tree = jax.tree.flatten(parameters)
 
     def of_leaves(k: Array, *leaves: Array) -> list[Array]:
@@ -199,25 +201,6 @@ def _replaced(values: Any, places: list[int], others: Any) -> list[Any]:
     for place, other in zip(places, others, strict=True):
         filled[place] = other
     return filled
-
-
-def _alike(values: Any) -> Any:
-    """Return arrays that all vary over the same axes of a mesh, inside ``jax.shard_map``."""
-    axes = frozenset[Any]().union(*map(_varying, jax.tree.leaves(values)))
-
-    def varying(leaf: Any) -> Any:
-        missing = tuple(axes - _varying(leaf))
-        return jax.lax.pcast(leaf, missing, to="varying") if missing else leaf
-
-    return jax.tree.map(varying, values)
-
-
-def _varying(leaf: Any) -> frozenset[Any]:
-    """Return the axes of a mesh over which an array varies, inside ``jax.shard_map``."""
-    aval: Any = jax.typeof(leaf)
-    return (
-        aval.mat.varying if hasattr(aval, "mat") else aval.vma
-    )  # As later or earlier releases of jax have it.
 
 
 sum_p.def_impl(_loop)

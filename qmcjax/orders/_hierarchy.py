@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
+from jax import Array
 
 from qmcjax.core import checks
+from qmcjax.core.bits import high_product
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 
@@ -47,7 +48,7 @@ def unpermuted(number: Array, digit: Array) -> Array:
 
 def scaled(word: Array, count: int) -> Array:
     """Map uniform words to {0, ..., count - 1}: as many words to each, give or take one."""
-    return lax.mulhi(word, jnp.full_like(word, np.uint32(count)))
+    return high_product(word, jnp.full_like(word, np.uint32(count)))
 
 
 def permutation_number(word: Array) -> Array:

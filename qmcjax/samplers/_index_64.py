@@ -1,12 +1,12 @@
 """64-bit indices, for more than 2**32 points: two words of 32 bits."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
 from qmcjax.sequences import BinarySequence, Sequence
 
@@ -20,7 +20,7 @@ def times(factor: Array, number: int | Array) -> Index:
         if number == checks.INDEX_LIMIT:
             return factor, jnp.zeros_like(factor)
         number = jnp.full_like(factor, word(number))
-    return jax.lax.mulhi(factor, number), factor * number
+    return high_product(factor, number), factor * number
 
 
 def plus(index: Index, other: Index | Array) -> Index:

@@ -12,6 +12,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
+from qmcjax.core.varying import alike
 from qmcjax.samplers._base import Sampler
 from qmcjax.samplers._plug_in import as_sampler
 
@@ -58,7 +59,7 @@ class Randomized(Sampler):
             return jnp.where((number == first + k)[..., None], of_pass, values)
 
         with checks.precision(dtype):
-            empty = jnp.zeros((*x.shape, len(dims)), dtype)
+            empty, *_ = alike((jnp.zeros((*x.shape, len(dims)), dtype), self, x, y, number))
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
 
     def check(self, width: int, height: int, spp: int) -> None:

@@ -3,13 +3,12 @@
 from dataclasses import dataclass
 from importlib import resources
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.bits import reverse
+from qmcjax.core.bits import high_product, reverse
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._fraction import Fraction
 from qmcjax.sequences._word_first import WordFirst
@@ -69,7 +68,7 @@ class Lattice64(WordFirst):
         """Return one coordinate as a 32-bit fraction."""
         # The product of phi_2's 64 digits with z modulo 1: the upper of its two words.
         z = jnp.broadcast_to(self.sequence.vector[dim], index.shape)
-        return reverse(index) * z + jax.lax.mulhi(reverse(self.high), z)
+        return reverse(index) * z + high_product(reverse(self.high), z)
 
 
 def lattice(dims: int) -> LatticeSequence:

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.bits import hash_word
+from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, looked_up, word
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._digit_permutations import random_permutations
@@ -50,7 +50,7 @@ class OwenDigits(ScrambledDigits):
         scrambled = []
         for k, number in enumerate(numbers):
             hashed = hash_word(prefix ^ seeds[..., k])
-            moved = number + jax.lax.mulhi(hashed, jnp.broadcast_to(word(size), hashed.shape))
+            moved = number + high_product(hashed, jnp.broadcast_to(word(size), hashed.shape))
             moved = jnp.where(moved < word(size), moved, moved - word(size))
             scrambled.append(looked_up(self.tables, start, moved))
             prefix = prefix + number * word(size**k)

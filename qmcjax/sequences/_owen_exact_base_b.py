@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.bits import hash_word
+from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._digit_sequence import DigitSequence
@@ -89,7 +89,7 @@ def _permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array)
             # In a group with larger bases, swaps of 0 with itself remain.
             size = above - jnp.minimum(which * np.uint32(together) + np.uint32(k), above) + np.uint32(1)
             size = jnp.broadcast_to(size, random.shape)
-            highest, other = size - np.uint32(1), jax.lax.mulhi(random, size)
+            highest, other = size - np.uint32(1), high_product(random, size)
             random = random * size
             position = jnp.where(position == highest, other, jnp.where(position == other, highest, position))
         return position

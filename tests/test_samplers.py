@@ -89,6 +89,39 @@ def test_loops_over_samples_take_the_same_points(sampler):
     assert np.array_equal(second, expected[1])
 
 
+ANY = 2**32
+PADDED, IMAGE = (32, 32), (SIDE, SIDE, SPP)
+LIMITS = {
+    "padded_replications": (*PADDED, ANY),
+    "full_screen, halton": (32, 81, ANY // (32 * 81)),
+    "full_screen, halton, random": (32, 81, ANY // (32 * 81)),
+    "segments, hilbert, halton": (*PADDED, ANY),
+    "segments, hilbert, sobol, doubling": (*PADDED, ANY),
+    "partitioned, hilbert, halton": (*PADDED, ANY // 32**2),
+    "partitioned, peano, halton, exact": (81, 81, ANY // 81**2),
+    "shifted, hilbert, lattice": (*PADDED, ANY),
+    "interleaved": (ANY, ANY, SPP),
+    "interleaved, positions": (ANY, ANY, SPP),
+    **{
+        name: (ANY,) * 3
+        for name in SAMPLERS
+        if name.startswith(("independent", "dither", "ranked", "random"))
+    },
+}
+"""Pixels of the padded raster and samples; of all others those of the image."""
+
+
+@pytest.mark.parametrize("name", SAMPLERS)
+def test_pixels_and_samples_beyond_the_last_are_refused(name):
+    sampler, limits = SAMPLERS[name], LIMITS.get(name, IMAGE)
+    assert tuple(map(int, sampler.limits)) == limits
+    for k, argument in enumerate(("x", "y", "sample")):
+        where = [0, 0, 0]
+        where[k] = limits[k]
+        with pytest.raises(ValueError, match=f"^{argument} must be .* got {limits[k]}"):
+            sampler(*where)
+
+
 def test_only_wanted_dimensions_are_computed():
     """The program for 2 of 9 dimensions is no larger than that of a sampler that has only 2."""
 

@@ -394,6 +394,8 @@ def test_a_new_key_gives_new_points_without_a_new_trace(scramble):
         ("owen_exact", sequences.faure(2, 3), 3 ** np.arange(2, 8), -2.9),
         ("owen", sequences.faure(2, 3), 3 ** np.arange(2, 8), -2.9),
         ("owen_exact", sequences.halton(2), 6 ** np.arange(1, 5), -2.45),
+        ("owen", sequences.halton(2), 6 ** np.arange(1, 5), -2.45),
+        ("owen", sequences.faure(2, 5), 5 ** np.arange(1, 5), -2.9),
     ],
 )
 def test_the_variance_of_a_smooth_mean(name, plain, sizes, slope):
@@ -407,6 +409,56 @@ def test_the_variance_of_a_smooth_mean(name, plain, sizes, slope):
     variances = [np.mean((mean - (np.e - 1) ** plain.dims) ** 2) for mean in means]
     found = np.polyfit(np.log(sizes), np.log(variances), 1)[0]
     assert found == pytest.approx(slope, abs=0.2)
+
+
+def joint_digits(scramble, base, index, places, count=6000):
+    """Return the digits of points at some places (point, digit) over many keys: int (keys, places)."""
+    keys = jax.random.split(jax.random.key(17), count)
+    scramblings = jax.vmap(lambda key: scramble(sequences.van_der_corput(base), key))(keys)
+    index = jnp.asarray(np.array(index, np.uint32))
+    with jax.enable_x64(True):
+        made = jax.jit(jax.vmap(lambda seq: seq(index, dtype=jnp.float64)))(scramblings)
+    x = np.asarray(made)[..., 0]
+    return np.stack([np.floor(x[:, point] * base ** (digit + 1)) % base for point, digit in places], axis=-1)
+
+
+def excess(outcomes, number):
+    """Return chi-square of outcomes, of which ``number`` are equally likely, less its mean, in sigmas."""
+    counts = np.unique(outcomes, axis=0, return_counts=True)[1]
+    assert len(counts) <= number
+    expected = len(outcomes) / number
+    chi_square = ((counts - expected) ** 2).sum() / expected + (number - len(counts)) * expected
+    return (chi_square - (number - 1)) / np.sqrt(2 * (number - 1))
+
+
+@pytest.mark.parametrize("name", [pytest.param("owen", marks=pytest.mark.slow), "owen_exact"])
+@pytest.mark.parametrize(
+    "base", [5, pytest.param(7, marks=pytest.mark.slow), pytest.param(11, marks=pytest.mark.slow)]
+)
+def test_joint_digits_of_pairs_are_uniform(name, base):
+    """Where two points part, all pairs of different digits are equally likely, whatever comes before."""
+    first_digits = joint_digits(SCRAMBLINGS[name], base, [0, 1], [(0, 0), (1, 0)])
+    assert excess(first_digits, base * (base - 1)) < 5
+    second_digits = joint_digits(SCRAMBLINGS[name], base, [1, base + 1], [(0, 0), (0, 1), (1, 1)])
+    assert excess(second_digits, base**2 * (base - 1)) < 5
+    apart = joint_digits(SCRAMBLINGS[name], base, [1, 2 + base], [(0, 1), (1, 1)])
+    assert excess(apart, base**2) < 5
+
+
+@pytest.mark.parametrize("base", [2, 3, pytest.param(5, marks=pytest.mark.slow)])
+def test_joint_digits_of_exactly_scrambled_triples_are_uniform(base):
+    """Three points of which two share the first digit, and three that part at once."""
+    scramble = sequences.owen_exact
+    shared = joint_digits(scramble, base, [0, base, 1], [(0, 0), (2, 0), (0, 1), (1, 1), (2, 1)])
+    assert excess(shared, (base * (base - 1)) ** 2 * base) < 5
+    if base > 2:
+        parted = joint_digits(scramble, base, [0, 1, 2], [(0, 0), (1, 0), (2, 0)])
+        assert excess(parted, base * (base - 1) * (base - 2)) < 5
+
+
+def test_joint_digits_see_permutations_that_are_not_nested():
+    """The limit of the theorem: one permutation for all second digits."""
+    assert excess(joint_digits(sequences.digit_scramble, 5, [1, 7], [(0, 1), (1, 1)]), 25) > 5
 
 
 HALTON = sequences.halton(2)

@@ -224,7 +224,7 @@ def limit_64(base: int) -> int:
 
 
 def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
-    """Reflect the digits of an index of two words at the radix point.
+    """Reflect the digits of a 64-bit index at the radix point.
 
     Parameters
     ----------
@@ -271,7 +271,7 @@ def digit_spans(base: Base) -> tuple[int, ...]:
 
 
 def reflection_tables(rows: Any) -> list[Any]:
-    """Tabulate the permuted and reflected digits of all numbers of each span of digits.
+    """Return tables of the permuted and reflected digits of all numbers of each span of digits.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Lattice64(WordFirst):
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction."""
-        # The product of phi_2's 64 digits with z modulo 1: the upper of its two words.
+        # The product of phi_2's 64 digits with z modulo 1: the upper 32 bits.
         z = jnp.broadcast_to(self.sequence.vector[dim], index.shape)
         return reverse(index) * z + high_product(reverse(self.high), z)
 

@@ -80,7 +80,7 @@ def owen_digits(sequence: DigitSequence, key: Array) -> OwenDigits:
 
 @partial(jax.jit, static_argnames="bases")
 def _nested_tables(permutations: Array, bases: tuple[int, ...]) -> Array:
-    """Tabulate nested permutations of spans of digits: the lowest digit of the argument comes first.
+    """Return tables of nested permutations of spans of digits: the lowest digit of the argument comes first.
 
     For each base and each level, there is one permutation for each number that the digits before can form.
     """

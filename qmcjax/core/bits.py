@@ -1,9 +1,9 @@
 """Words of 32 bits: reversal, carry-free products in log steps, hashes, and the one way to floats.
 
 A coordinate in base 2 is a ``uint32`` fraction: bit 31 is the first digit after the binary point.
-Its *reversed_bits* has the first digit in bit 0. The bits of an index are a bit-reversed fraction already
+A *bit-reversed* fraction has the first digit in bit 0. The bits of an index are one already
 (its van der Corput radical inverse), and carries run from the first digit to later ones there, which
-is what Owen scrambling by hashing needs. So generators and scramblings work on bit_reversed, and
+is what Owen scrambling by hashing needs. So generators and scramblings work on bit-reversed words, and
 :func:`reverse` is applied once, at the end.
 """
 

@@ -171,7 +171,9 @@ def test_any_integer_is_an_index(index):
 
 
 @pytest.mark.parametrize(
-    "seq", [sequences.hammersley_net(5), sequences.rank1_lattice(21), Simple()], ids=repr
+    "seq",
+    [sequences.hammersley_net(5), sequences.rank1_lattice(21), Simple()],
+    ids=["net", "lattice", "plain object"],
 )
 def test_sequences_with_a_size_have_length_slices_and_points(seq):
     seq = sequences.as_sequence("sequence", seq)

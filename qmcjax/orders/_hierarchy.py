@@ -139,6 +139,33 @@ class ScrambledMorton(SquareOrder):
         levels = range(digits - 1, -1, -1)
         return self.scrambled_digits([(code >> (2 * level)) & np.uint32(3) for level in levels], node)
 
+    def scrambled_image(self) -> tuple[Array, Array]:
+        """Permute the digits of all pixels of the image, at a quarter of the cost of :meth:`scrambled`.
+
+        Returns
+        -------
+        position, node : uint32 Array, shape (height, width)
+            As of :meth:`scrambled`.
+        """
+        left = self.log_side
+        node = jnp.broadcast_to(self.root, (1, self.width))
+        position = jnp.zeros_like(node)
+        while left:
+            # Rows that agree in their upper bits share the upper digits in each column.
+            digits = 2 - left % 2
+            left -= digits
+            rows = -(-self.height >> left)
+            x, y = (lax.broadcasted_iota(jnp.uint32, (rows, self.width), axis) for axis in (1, 0))
+            code = spread(x >> left) | (spread(y) << 1)
+            # As look-ups, which XLA does not fuse with what made them: each stage is computed once.
+            position, node = (
+                rows_above.at[np.arange(rows) >> digits].get(mode="promise_in_bounds")
+                for rows_above in (position, node)
+            )
+            lower, node = self._scrambled(code & np.uint32(4**digits - 1), digits, node)
+            position = (position << (2 * digits)) | lower
+        return position, node
+
     def scrambled_digits(self, digits: list[Array], node: Array) -> tuple[Array, Array]:
         """Permute digits from a node on; each has the node's shape, or is a scalar for all nodes.
 

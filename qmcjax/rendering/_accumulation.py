@@ -34,7 +34,10 @@ def accumulate(
     ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first two).
     """
     scene, sampler = pair
-    prepared = sampler.prepare(*(pixels or of_image(width, height)), dims)
+    if pixels:
+        prepared = sampler.prepare(*pixels, dims)
+    else:
+        prepared = sampler.prepare_image(width, height, dims)
     own = is_own(sampler)
 
     def batch_sum(parameters: Any, k: Array) -> Array:

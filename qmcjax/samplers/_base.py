@@ -3,6 +3,7 @@
 import abc
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -50,6 +51,25 @@ class Sampler(abc.ABC):
             By default the pixels themselves, ``(x, y)``.
         """
         return x, y
+
+    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
+        """Return what :meth:`prepare` does for all pixels of an image, in its shape.
+
+        Samplers override it if neighbours share a part of that, too.
+
+        Parameters
+        ----------
+        width, height : int
+            In [1, 65536], those that the sampler is made for.
+        dims : tuple of int
+            The coordinates that will be asked for, static.
+
+        Returns
+        -------
+        pytree of Arrays
+        """
+        x, y = (jax.lax.broadcasted_iota(jnp.uint32, (height, width), axis) for axis in (1, 0))
+        return self.prepare(x, y, dims)
 
     @abc.abstractmethod
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

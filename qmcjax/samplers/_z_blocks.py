@@ -141,8 +141,17 @@ class Z(Sampler):
         code = morton(self.width, self.height).position(x, y)
         if self.orders is None:
             return code
-        wanted = sorted({self._places[j][0] for j in dims})
-        return {c: self.orders.member(c).scrambled(code, self.log_side) for c in wanted}
+        return {c: self.orders.member(c).scrambled(code, self.log_side) for c in self._wanted(dims)}
+
+    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
+        """Return the same for all pixels."""
+        if self.orders is None:
+            return super().prepare_image(width, height, dims)
+        return {c: self.orders.member(c).scrambled_image() for c in self._wanted(dims)}
+
+    def _wanted(self, dims: tuple[int, ...]) -> list[int]:
+        """Return the constituents of some coordinates."""
+        return sorted({self._places[j][0] for j in dims})
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return points of the pixels' blocks."""
@@ -172,7 +181,7 @@ class Z(Sampler):
     ) -> Array:
         """Return points of blocks of ``2**log_count``, by numbers of which some bits may be known."""
         wanted = [self._places[j] for j in dims]
-        indices = {c: self._index(c, state, number, log_count) for c in sorted({c for c, _ in wanted})}
+        indices = {c: self._index(c, state, number, log_count) for c in self._wanted(dims)}
         if len(self.constituents) == 1 and not self._has_64_bits:
             return self.sequence.coordinates(indices[0][1], dims, dtype)
         return jnp.stack([self._coordinate(indices[c], j, dtype) for c, j in wanted], axis=-1)
@@ -231,6 +240,10 @@ class AdaptiveZ(Sampler):
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return what the sampler prepares, and the logarithms of the pixels' numbers of samples."""
         return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
+
+    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
+        """Return the same for all pixels."""
+        return self.sampler.prepare_image(width, height, dims), self.log_counts
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return points of the pixels' blocks."""

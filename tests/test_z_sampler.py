@@ -129,6 +129,16 @@ def drawn(variant, spp):
     return sampler, (x, y, sample), words, index
 
 
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("size", [(1, 1), (13, 10), (3, 17)])
+def test_a_whole_image_is_prepared_as_its_pixels_are(variant, size):
+    sampler = samplers.z(*size, 4, 11, variant, dims=3)
+    x, y = jnp.meshgrid(*map(first, size))
+    assert jax.tree.all(
+        jax.tree.map(np.array_equal, sampler.prepare_image(*size, (0, 2)), sampler.prepare(x, y, dims=(0, 2)))
+    )
+
+
 @each_case
 def test_indices_equal_their_recursion(variant, spp):
     sampler, where, _, index = drawn(variant, spp)

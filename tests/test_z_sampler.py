@@ -327,6 +327,23 @@ def test_any_pixel_any_sample_any_coordinate_on_its_own(sampler):
     assert np.array_equal(image, points.reshape(6, 8, 8, 5)[:, :, 5, 2:3])
 
 
+@pytest.mark.parametrize("rounds, count", [(1, 4), (1, 3), (3, 4), (3, 6), (3, 16)])
+def test_samples_together_are_those_alone(rounds, count):
+    """Also such numbers of them as do not share their leading digits, in and across rounds of 8."""
+    sampler, x = samplers.z(8, 8, 8, 1, "tree").extended(rounds), first(8)
+
+    @jax.jit
+    def both(block):
+        state = sampler.prepare(x, x, (0, 1))
+        numbers = [block * np.uint32(count) + np.uint32(k) for k in range(count)]
+        alone = [sampler.points(state, number, (0, 1), jnp.float32) for number in numbers]
+        return alone, sampler.consecutive(state, block, count, (0, 1), jnp.float32)
+
+    for block in range(8 * rounds // count):
+        alone, together = both(jnp.full_like(x, block))
+        assert np.array_equal(alone, together)
+
+
 @pytest.mark.parametrize("variant", ["hash", "tree"])
 def test_only_constituents_of_wanted_dimensions_are_computed(variant):
     def operations(sampler, dims):

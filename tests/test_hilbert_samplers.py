@@ -418,22 +418,22 @@ class Constant:
 
 @dataclass
 class Prescribed:
-    """Passes with given values."""
+    """Passes of ``Doubled`` with given values in [0, 1]."""
 
     values: tuple[float, ...]
     spp = 1
 
     def of_pass(self, number):
-        return Constant(jnp.float32(self.values[number]))
+        return Constant(jnp.float32(self.values[number] / 2))
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Third:
+class Doubled:
     needs = ("x", "y", "u")
 
     def __call__(self, point):
-        return point[..., 2]
+        return 2 * point[..., 2]
 
 
 def test_stopping_by_the_criterion_is_biased():
@@ -441,13 +441,14 @@ def test_stopping_by_the_criterion_is_biased():
     p, expected = 0.25, {"all": 0.0, "stopped": 0.0}
     for values in product((0.0, 1.0), repeat=4):
         chance = prod(p if v else 1 - p for v in values)
-        result = qj.render_passes(Third(), Prescribed(values), 1, 1, 4, tolerance=0.1)
+        result = qj.render_passes(Doubled(), Prescribed(values), 1, 1, 4, tolerance=0.1)
         used = 2 if values[0] == values[1] else 4
         assert result.passes == used
         assert float(result.image[0, 0]) == np.mean(values[:used])
         assert float(result.error) == pytest.approx(np.std(values[:used], ddof=1) / np.sqrt(used))
         expected["stopped"] += chance * float(result.image[0, 0])
-        expected["all"] += chance * float(qj.render_passes(Third(), Prescribed(values), 1, 1, 4).image[0, 0])
+        every = qj.render_passes(Doubled(), Prescribed(values), 1, 1, 4)
+        expected["all"] += chance * float(every.image[0, 0])
     assert expected["all"] == pytest.approx(p)
     assert expected["stopped"] == pytest.approx(0.203125)
 
@@ -458,10 +459,10 @@ def test_the_criterion_stops_where_it_holds():
     values = (0.0, 1.0, *rng.random(38, np.float32).tolist())
     errors = [np.std(values[:k], ddof=1) / np.sqrt(k) for k in range(2, 41)]
     for tolerance in (0.1, 0.06):
-        result = qj.render_passes(Third(), Prescribed(values), 1, 1, 40, tolerance=tolerance)
+        result = qj.render_passes(Doubled(), Prescribed(values), 1, 1, 40, tolerance=tolerance)
         assert result.passes == 2 + int(np.argmax(np.array(errors) <= tolerance)) > 5
         assert float(result.error) <= tolerance
-    assert qj.render_passes(Third(), Prescribed(values), 1, 1, 3, tolerance=1e-6).passes == 3
+    assert qj.render_passes(Doubled(), Prescribed(values), 1, 1, 3, tolerance=1e-6).passes == 3
 
 
 # -- bad input

@@ -10,7 +10,6 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.rendering._render import render
-from qmcjax.samplers import Randomized
 from qmcjax.scenes import as_scene
 
 __all__ = ["Passes", "render_passes"]
@@ -46,7 +45,8 @@ def render_passes(
     scene : Scene
         As for :func:`render`.
     sampler : Randomized
-        Made by :func:`qmcjax.samplers.randomized`; a pass has ``sampler.spp`` samples per pixel.
+        Made by :func:`qmcjax.samplers.randomized`, or any object whose ``of_pass(number)`` returns the
+        sampler of a pass; a pass has ``sampler.spp`` samples per pixel.
     width, height : int
         In [1, 65536].
     passes : int
@@ -92,7 +92,7 @@ def render_passes(
     True True
     """
     scene = as_scene("scene", scene)
-    if not isinstance(sampler, Randomized):
+    if not callable(getattr(sampler, "of_pass", None)):
         raise TypeError(f"sampler must be made by samplers.randomized, got {checks.shown(sampler)}")
     passes = checks.integer("passes", passes, 2, checks.INDEX_LIMIT)
     if tolerance is not None:

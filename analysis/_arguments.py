@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["FLOATS", "array", "error", "flag", "points", "positive", "real", "shaped"]
+__all__ = ["FLOATS", "array", "error", "points", "positive", "real", "shaped"]
 
 FLOATS = (np.float16, np.float32, np.float64)
 """Types of coordinates that float64 holds exactly."""
@@ -119,10 +119,3 @@ def real(name: str, value: Any, wanted: str, holds: Callable[[float], bool]) -> 
 def positive(name: str, value: Any) -> float:
     """Return a positive finite number as a float."""
     return real(name, value, "positive and finite", lambda x: 0 < x < math.inf)
-
-
-def flag(name: str, value: Any) -> bool:
-    """Return True or False, or raise a TypeError."""
-    if not isinstance(value, bool | np.bool_):
-        raise TypeError(f"{name} must be True or False, got {checks.shown(value)}")
-    return bool(value)

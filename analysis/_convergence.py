@@ -44,6 +44,9 @@ class ConvergenceTable:
 
     def errors(self, sampler: str, region: str = "whole") -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the numbers of samples per pixel, and the errors, of one sampler in one region."""
+        if not isinstance(sampler, str) or not isinstance(region, str):
+            wrong = ("region", region) if isinstance(sampler, str) else ("sampler", sampler)
+            raise TypeError(f"{wrong[0]} must be a name, got {checks.shown(wrong[1])}")
         rows = [row for row in self.rows if row.sampler == sampler]
         if not rows:
             known = list(dict.fromkeys(row.sampler for row in self.rows))
@@ -189,9 +192,11 @@ def convergence(
     scene = as_scene("scene", scene)
     width, height = checks.image_size(width, height)
     repeats = checks.integer("repeats", repeats, 1, 2**16)
-    if not isinstance(spps, Iterable) or isinstance(spps, str):
-        raise TypeError(f"spps must be numbers of samples per pixel, got {checks.shown(spps)}")
-    wanted = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in spps]
+    try:
+        wanted = list(spps)
+    except TypeError:
+        raise TypeError(f"spps must be numbers of samples per pixel, got {checks.shown(spps)}") from None
+    wanted = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in wanted]
     if not wanted or len(set(wanted)) < len(wanted):
         raise ValueError(f"spps must be one or more different numbers, got {wanted}")
     if not isinstance(samplers, Mapping):

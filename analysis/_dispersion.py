@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import Delaunay, KDTree
 
 from analysis import _arguments
+from qmcjax.core import checks
 
 __all__ = ["dispersion"]
 
@@ -70,7 +71,7 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     0.707106781
     """
     array = _arguments.points(points, most_dims=3).astype(np.float64)
-    torus = _arguments.flag("torus", torus)
+    torus = checks.flag("torus", torus)
     distinct = np.unique(array, axis=0)
     dims = distinct.shape[1]
     if dims == 1:

@@ -128,7 +128,7 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     if outside.any():
         raise ValueError(f"points must be in [0, {side}), got {given[outside][0]!r}")
     array = _arguments.shaped("points", given, least=2).astype(np.int64)
-    torus = _arguments.flag("torus", torus)
+    torus = checks.flag("torus", torus)
     shear = checks.integer("shear", shear, -side, side)
     _check_tiling(array.shape[1], torus, shear)
     square = _sorted_squared_distance(array.astype(np.float64), side, torus, shear)
@@ -149,7 +149,7 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
 def checked_tiling(points: Any, torus: Any, shear: Any) -> tuple[NDArray[np.float64], bool, float]:
     """Return points as float64, torus and shear in [-1/2, 1/2], or raise unless they fit together."""
     array = _arguments.points(points, least=2).astype(np.float64)
-    torus = _arguments.flag("torus", torus)
+    torus = checks.flag("torus", torus)
     shear = _arguments.real("shear", shear, "a finite number", math.isfinite)
     _check_tiling(array.shape[1], torus, shear)
     return array, torus, math.remainder(shear, 1.0)  # exact

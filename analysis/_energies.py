@@ -116,7 +116,7 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
 
 def _checked(points: Any, torus: Any) -> tuple[Any, bool]:
     given = _arguments.points(points, least=2, traced=True, dtypes=(np.float32, np.float64))
-    return given, _arguments.flag("torus", torus)
+    return given, checks.flag("torus", torus)
 
 
 class _Measure(NamedTuple):

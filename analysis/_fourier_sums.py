@@ -20,7 +20,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
-__all__ = ["direct_slopes", "direct_sums", "fast_sums"]
+__all__ = ["direct_gradient", "direct_sums", "fast_sums"]
 
 _BATCH = 2**20
 """Numbers in one batch of waves or of kernel values, as long as there is more than one point."""
@@ -60,7 +60,7 @@ def direct_sums(points: Array, highest: int) -> Array:
     return _over_batches(batch, zero, points, len(both) ** (dims - 1) + len(positive))
 
 
-def direct_slopes(points: Array, factors: Array) -> Array:
+def direct_gradient(points: Array, factors: Array) -> Array:
     """Return the derivatives of the real part of the sums times complex factors, added up.
 
     That is 2 pi times the imaginary part of sum_k factor(k) k_j exp(-2 pi i k.x), for each point x and

@@ -140,7 +140,7 @@ def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
     base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
     if not isinstance(digits, Sequence | np.ndarray) or isinstance(digits, str):
         raise TypeError(f"digits must be {dims} integers, one a coordinate, got {checks.shown(digits)}")
-    if np.ndim(digits) > 1 or len(digits) != dims:
+    if len(digits) != dims:
         raise ValueError(f"digits must be {dims} integers, one a coordinate, got {checks.shown(digits)}")
     numbers = [checks.integer(f"digits[{j}]", d, 0, _LOG_COUNTS) for j, d in enumerate(digits)]
     if base ** sum(numbers) > 2**_LOG_COUNTS:

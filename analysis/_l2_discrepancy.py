@@ -259,13 +259,15 @@ def _measure(points: Array, kernel: Kernel, strips: int, dtype: DTypeLike) -> Ar
 
 
 def _forward(points: Array, kernel: Kernel, strips: int, dtype: DTypeLike) -> tuple[Array, Array]:
-    value, slopes = _computed(points, kernel, strips, True)
-    return value.astype(dtype), slopes.astype(points.dtype)
+    value, gradients = _computed(points, kernel, strips, True)
+    return value.astype(dtype), gradients.astype(points.dtype)
 
 
-def _backward(kernel: Kernel, strips: int, dtype: DTypeLike, slopes: Array, cotangent: Array) -> tuple[Array]:
+def _backward(
+    kernel: Kernel, strips: int, dtype: DTypeLike, gradients: Array, cotangent: Array
+) -> tuple[Array]:
     with jax.enable_x64(True):
-        return (slopes * cotangent.astype(slopes.dtype),)
+        return (gradients * cotangent.astype(gradients.dtype),)
 
 
 _measure.defvjp(_forward, _backward)
@@ -274,11 +276,11 @@ _measure.defvjp(_forward, _backward)
 def _computed(points: Array, kernel: Kernel, strips: int, gradient: bool) -> tuple[Array, Array]:
     """Call the program for this shape; with one strip it is the same for all kernels."""
     rank = kernel.rank if strips > 1 else 1
-    return value_and_slopes(jnp.asarray(points, jnp.float64), kernel, strips, rank, gradient)
+    return value_and_gradient(jnp.asarray(points, jnp.float64), kernel, strips, rank, gradient)
 
 
 @partial(jax.jit, static_argnums=(2, 3, 4))
-def value_and_slopes(
+def value_and_gradient(
     points: Array, kernel: Kernel, strips: int, rank: int, gradient: bool
 ) -> tuple[Array, Array]:
     """Return the discrepancy and its derivatives; without gradient there are none, of shape (0, d).
@@ -287,7 +289,7 @@ def value_and_slopes(
     plus n^2 times the mean of K.
     """
     n, dims = points.shape
-    pairs, slopes = pair_sum(points, kernel, strips, rank, gradient)
+    pairs, gradients = pair_sum(points, kernel, strips, rank, gradient)
     high, low = kernel.average(points.T)
     one = jnp.ones(())
     mean, _ = lax.scan(
@@ -302,5 +304,5 @@ def value_and_slopes(
     root = jnp.sqrt(square[0] + square[1])
     if gradient:
         _, after = lax.scan(lambda product, axis: (product * axis, product), ones, high, reverse=True)
-        slopes = slopes - 2 * n * (before * after * kernel.average_slope(points.T)).T
-    return root / n, slopes / (2 * n * root)
+        gradients = gradients - 2 * n * (before * after * kernel.average_derivative(points.T)).T
+    return root / n, gradients / (2 * n * root)

@@ -45,7 +45,7 @@ class Kernel:
         """Return e(x)."""
         return self.linear * x + self.bend * jnp.abs(x - 0.5)
 
-    def own_slope(self, x: Array) -> Array:
+    def own_derivative(self, x: Array) -> Array:
         return self.linear + self.bend * jnp.sign(x - 0.5)
 
     def average(self, x: Array) -> Wide:
@@ -57,8 +57,8 @@ class Kernel:
         curve = self.distance + self.square
         return add(self._with_third(dyadic, self.square), self._quadratic(x, -curve, curve))
 
-    def average_slope(self, x: Array) -> Array:
-        return self.own_slope(x) + (self.distance + self.square) * (2 * x - 1)
+    def average_derivative(self, x: Array) -> Array:
+        return self.own_derivative(x) + (self.distance + self.square) * (2 * x - 1)
 
     def factors(self, x: Array, rank: int) -> tuple[list[Wide], list[Wide]]:
         """Return functions such that K(x, y) = sum_r lower_r(min(x, y)) upper_r(max(x, y))."""
@@ -68,10 +68,10 @@ class Kernel:
         product = two_product(-2 * self.square * one, x)
         return [(one, zero), lower, (x, zero)][:rank], [upper, (one, zero), product][:rank]
 
-    def factor_slopes(self, x: Array, rank: int) -> tuple[list[Array], list[Array]]:
+    def factor_derivatives(self, x: Array, rank: int) -> tuple[list[Array], list[Array]]:
         """Return the derivatives of the factors."""
         zero, one = jnp.zeros_like(x), jnp.ones_like(x)
-        fixed, moving = self.own_slope(x), 2 * self.square * x
+        fixed, moving = self.own_derivative(x), 2 * self.square * x
         upper, lower = fixed + self.distance + moving, fixed - self.distance + moving
         return [zero, lower, one][:rank], [upper, zero, -2 * self.square * one][:rank]
 

@@ -51,8 +51,8 @@ def pair_sum(points: Array, kernel: Kernel, strips: int, rank: int, gradient: bo
         Whether to return derivatives.
     """
     if strips == 1:
-        value, slopes = _all_pairs(points, kernel, gradient)
-        return value, 2 * slopes
+        value, gradients = _all_pairs(points, kernel, gradient)
+        return value, 2 * gradients
     n, dims = points.shape
     width = -(-n // strips)
     order = jnp.argsort(points, axis=0)
@@ -92,7 +92,7 @@ def _all_pairs(points: Array, kernel: Kernel, gradient: bool) -> Sums:
         return delta, jnp.maximum(kernel_here, _LEAST)
 
     def step(i: Array, j: Array, sums: tuple[Array, ...]) -> tuple[Array, ...]:
-        high, low, slopes = sums
+        high, low, gradients = sums
         axes = cut(x, i), cut(x, j), cut(own, i), cut(own, j)
         weight = jnp.where(i == j, 1.0, 2.0) * cut(present, i)[:, None] * cut(present, j)[None, :]
         value, _ = lax.scan(lambda product, axis: (product * factor(axis)[1], None), weight, axes)
@@ -100,7 +100,7 @@ def _all_pairs(points: Array, kernel: Kernel, gradient: bool) -> Sums:
         more_high, more_low = rounded(few, 2.0 ** (dims + 2) * n * n)
         if gradient:
 
-            def slope_sums(_: None, axis: tuple[Array, ...]) -> tuple[None, tuple[Array, Array]]:
+            def derivative_sums(_: None, axis: tuple[Array, ...]) -> tuple[None, tuple[Array, Array]]:
                 delta, kernel_here = factor(axis)
                 others = value / kernel_here
                 moved = others * (kernel.distance * jnp.sign(delta) + 2 * kernel.square * delta)
@@ -108,20 +108,22 @@ def _all_pairs(points: Array, kernel: Kernel, gradient: bool) -> Sums:
                 rows = jnp.matmul(both.reshape(-1, side), ones).reshape(side, 2).T
                 return None, (rows, jnp.matmul(ones, both).reshape(2, side))
 
-            _, (rows, columns) = lax.scan(slope_sums, None, axes)
+            _, (rows, columns) = lax.scan(derivative_sums, None, axes)
             # A tile on the diagonal holds each pair in both orders, and any other one has weight 2.
             for tile, at, sums_at, sign in ((i, axes[0], rows, 1), (j, axes[1], columns, -1)):
-                more = (kernel.own_slope(at) * sums_at[:, 0] + sign * sums_at[:, 1]) / 2
-                slopes = lax.dynamic_update_slice_in_dim(slopes, cut(slopes, tile) + more, tile * side, 1)
-        return high + more_high, low + more_low, slopes
+                more = (kernel.own_derivative(at) * sums_at[:, 0] + sign * sums_at[:, 1]) / 2
+                gradients = lax.dynamic_update_slice_in_dim(
+                    gradients, cut(gradients, tile) + more, tile * side, 1
+                )
+        return high + more_high, low + more_low, gradients
 
     zeros = jnp.zeros((side // _TOGETHER, side))
     start = zeros, zeros, jnp.zeros((dims, tiles * side if gradient else 0))
     first, last = jnp.int32(0), jnp.int32(tiles)
-    high, low, slopes = lax.fori_loop(
+    high, low, gradients = lax.fori_loop(
         first, last, lambda i, sums: lax.fori_loop(i, last, partial(step, i), sums), start
     )
-    return two_sum(high.sum(), low.sum()), slopes[:, :n].T
+    return two_sum(high.sum(), low.sum()), gradients[:, :n].T
 
 
 def _plus(sums: Sums, others: Sums) -> Sums:
@@ -172,27 +174,27 @@ def _near(
         *before, value = itertools.accumulate(parts, operator.mul, initial=weight)
         found, after = [value], 1.0
         for j in reversed(range(dims if gradient else 0)):
-            slope = kernel.own_slope(x[j]) + kernel.distance * jnp.sign(delta[j])
-            slope = slope + 2 * kernel.square * delta[j]
-            found.insert(1, slope * (before[j] * after))
+            derivative = kernel.own_derivative(x[j]) + kernel.distance * jnp.sign(delta[j])
+            derivative = derivative + 2 * kernel.square * delta[j]
+            found.insert(1, derivative * (before[j] * after))
             after = parts[j] * after
         return found
 
     def step(k: Array, sums: tuple[Array, ...]) -> tuple[Array, ...]:
-        value, *slopes = pairs(k * _TOGETHER)
+        value, *gradients = pairs(k * _TOGETHER)
         for i in range(1, _TOGETHER):
-            more, *more_slopes = pairs(k * _TOGETHER + i)
+            more, *more_gradients = pairs(k * _TOGETHER + i)
             value = value + more
-            slopes = [s + t for s, t in zip(slopes, more_slopes, strict=True)]
+            gradients = [s + t for s, t in zip(gradients, more_gradients, strict=True)]
         high, low = rounded(value, 2.0 ** (dims + 2) * n * n)
-        return tuple(s + t for s, t in zip(sums, (high, low, *slopes), strict=True))
+        return tuple(s + t for s, t in zip(sums, (high, low, *gradients), strict=True))
 
     start = (jnp.zeros((strips, padded)),) * (2 + dims * gradient)
-    high, low, *slopes = lax.fori_loop(0, padded // _TOGETHER, step, start)
+    high, low, *gradients = lax.fori_loop(0, padded // _TOGETHER, step, start)
     value = two_sum((high * present).sum(), (low * present).sum())
     if not gradient:
         return value, jnp.zeros((0, dims))
-    found = jnp.stack([s.ravel()[place] for s in slopes], axis=1)
+    found = jnp.stack([s.ravel()[place] for s in gradients], axis=1)
     return value, jnp.zeros((n, dims)).at[order].set(found)
 
 
@@ -204,7 +206,7 @@ def _far(points: Array, strip: Array, strips: int, kernel: Kernel, rank: int, gr
     n, dims = points.shape
     table = [kernel.factors(points[:, j], rank) for j in range(dims)]
     factors = [jnp.array([[[f[part] for f in role] for role in axis] for axis in table]) for part in (0, 1)]
-    slopes = jnp.array([kernel.factor_slopes(points[:, j], rank) for j in range(dims)])
+    gradients = jnp.array([kernel.factor_derivatives(points[:, j], rank) for j in range(dims)])
     # Pairs come in both orders: without derivatives one of them serves for both.
     sides = list(itertools.product((0, 1), repeat=dims))[: 2**dims if gradient else 2 ** (dims - 1)]
     terms = np.array(list(itertools.product(sides, itertools.product(range(rank), repeat=dims))), np.int32)
@@ -235,7 +237,7 @@ def _far(points: Array, strip: Array, strips: int, kernel: Kernel, rank: int, gr
         if gradient:
             others = before.sum(axis=1)[cell]
             own = [factor(1 - above, j)[0] for j in range(dims)]
-            moved = [slopes[j, 1 - above[j], index[j]] for j in range(dims)]
+            moved = [gradients[j, 1 - above[j], index[j]] for j in range(dims)]
             for j in range(dims):
                 found = found.at[:, j].add(math.prod([*own[:j], moved[j], *own[j + 1 :]], start=others))
         return (value, found), None

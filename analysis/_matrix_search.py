@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis import _arguments
 from analysis._distance import squared_min_distance
 from qmcjax.core import checks
 
@@ -163,8 +164,7 @@ def search_matrices(
     dims = checks.integer("dims", dims, 2, 3)
     seed = checks.integer("seed", seed, 0, checks.INDEX_LIMIT - 1)
     steps = checks.integer("steps", steps, 1, 2**63 - 1)
-    if budget_s != math.inf:
-        checks.positive("budget_s", budget_s)
+    budget_s = _arguments.real("budget_s", budget_s, "positive", lambda seconds: seconds > 0)
     nets = [_Net(m, target, dims) for m, target in _checked(targets, dims).items()]
     deadline = time.monotonic() + budget_s
     trials = _trials(nets, np.random.default_rng(seed))

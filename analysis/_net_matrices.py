@@ -80,7 +80,7 @@ def matrix_net(matrices: NDArray, base: int, m: int | None) -> MatrixNet:
     if matrices.ndim == 2:
         matrices = _unpacked(matrices, q)
     if matrices.ndim != 3 or 0 in matrices.shape:
-        raise ValueError(f"matrices must have shape (s, rows, columns), got {matrices.shape}")
+        raise ValueError(f"points_or_matrices must have shape (s, rows, columns), got {matrices.shape}")
     largest = min(matrices.shape[1:])
     m = matrices.shape[2] if m is None else m
     m = checks.integer("m", m, 0, largest)
@@ -95,8 +95,8 @@ def _unpacked(words: NDArray, q: int) -> NDArray:
     """Return packed matrices, column k with its first row in bit 31, as digits (s, 32, 32)."""
     if q != 2 or words.dtype != np.uint32 or words.shape[1] != _WORD:
         raise ValueError(
-            f"matrices must be uint32 of shape (s, 32) with base=2, or have shape (s, rows, columns), "
-            f"got {words.dtype} {words.shape} with base={q}"
+            "points_or_matrices must be uint32 of shape (s, 32) with base=2, or have shape "
+            f"(s, rows, columns), got {words.dtype} {words.shape} with base={q}"
         )
     row = np.arange(_WORD, dtype=np.uint32)
     return words[:, None, :] >> (np.uint32(_WORD - 1) - row)[None, :, None] & np.uint32(1)

@@ -17,6 +17,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis import _arguments
 from analysis._distance import squared_min_distance
 from qmcjax.core import checks
 
@@ -93,7 +94,7 @@ def search_net(
     largest = dims * 4 ** (m - 1)
     wanted = checks.integer("minimum_squared_distance", minimum_squared_distance, 1, largest)
     if budget_s is not None:
-        checks.positive("budget_s", budget_s)
+        budget_s = _arguments.positive("budget_s", budget_s)
     deadline = math.inf if budget_s is None else time.monotonic() + budget_s
     points, squared_distance = None, None
     reached, impossible = wanted - 1, largest + 1

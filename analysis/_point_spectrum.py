@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
 from analysis import _arguments
-from analysis._fourier_sums import direct_slopes, direct_sums, fast_sums
+from analysis._fourier_sums import direct_gradient, direct_sums, fast_sums
 from qmcjax.core import checks
 
 __all__ = ["point_spectrum"]
@@ -142,6 +142,6 @@ def _pull_back(points: Array, sums: Array, cotangent: Array, resolution: int, fa
     _, through_power = jax.vjp(lambda s: _power(s, len(points), resolution), sums)
     (factors,) = through_power(cotangent)
     if not fast:
-        return direct_slopes(points[:, ::-1], factors)[:, ::-1]
+        return direct_gradient(points[:, ::-1], factors)[:, ::-1]
     _, through_sums = jax.vjp(lambda x: _sums(x, resolution, fast), points)
     return through_sums(factors)[0]

@@ -171,8 +171,10 @@ def mean_spectrum(
     """
     if not callable(make):
         raise TypeError(f"make must be a function from a key to an array, got {checks.shown(make)}")
-    if not isinstance(keys, Iterable):
-        raise TypeError(f"keys must be an iterable of keys, got {checks.shown(keys)}")
+    try:
+        keys = iter(keys)
+    except TypeError:
+        raise TypeError(f"keys must be an iterable of keys, got {checks.shown(keys)}") from None
     count, mean, squares = 0, np.zeros(()), np.zeros(())
     for key in keys:
         made = make(key)
@@ -194,6 +196,8 @@ def _checked(spectrum: ArrayLike) -> NDArray[np.float64]:
     array = _arguments.array("spectrum", spectrum, "an array of real numbers").astype(np.float64)
     if array.ndim != 2 or array.size < 2:
         raise ValueError(f"spectrum must have shape (height, width), more than one value, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"spectrum must be finite, got {array[~np.isfinite(array)][0]}")
     return array
 
 

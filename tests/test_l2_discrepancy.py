@@ -15,7 +15,7 @@ import analysis
 from analysis import _l2_double_double as double_double
 from analysis import _l2_kernels as kernels
 from analysis import _l2_pairs
-from analysis._l2_discrepancy import value_and_slopes
+from analysis._l2_discrepancy import value_and_gradient
 from qmcjax import sequences
 
 HALF = Fraction(1, 2)
@@ -230,7 +230,7 @@ def assert_strips(kind, points, strips):
     n, dims = points.shape
     kernel = KERNELS[kind]
     with jax.enable_x64(True):
-        value, slopes = value_and_slopes(jnp.asarray(points), kernel, strips, kernel.rank, True)
+        value, slopes = value_and_gradient(jnp.asarray(points), kernel, strips, kernel.rank, True)
     assert_square(value, points, kind)
     for i in range(0, n, max(3, n // 5)):
         expected = exact_slope(fractions(points), kind, i, i % dims)
@@ -261,7 +261,7 @@ def test_strips_in_any_shape(kind, shape, strips):
     assert_strips(kind, points, strips)
     with jax.enable_x64(True):
         kernel = KERNELS[kind]
-        value, nothing = value_and_slopes(jnp.asarray(points), kernel, strips, kernel.rank, False)
+        value, nothing = value_and_gradient(jnp.asarray(points), kernel, strips, kernel.rank, False)
     assert nothing.shape == (0, shape[1])
     assert_square(value, points, kind)
 
@@ -295,7 +295,7 @@ def test_large_sets_lose_nothing_by_cancellation():
 def test_larger_sets_lose_nothing_by_cancellation(dims, bits, strips):
     fixed, points = full_precision_sobol(dims, bits)
     with jax.enable_x64(True):
-        value, _ = value_and_slopes(jnp.asarray(points), kernels.STAR, strips, 1, False)
+        value, _ = value_and_gradient(jnp.asarray(points), kernels.STAR, strips, 1, False)
     assert abs(Fraction(float(value)) ** 2 / star_square(fixed) - 1) < 1e-12
 
 
@@ -305,7 +305,7 @@ def test_large_sets_are_cut_into_strips(kind):
     """Which changes nothing."""
     points = np.random.default_rng(6).random((1100, 2))
     with jax.enable_x64(True):
-        value, _ = value_and_slopes(jnp.asarray(points), KERNELS[kind], 1, 1, False)
+        value, _ = value_and_gradient(jnp.asarray(points), KERNELS[kind], 1, 1, False)
     np.testing.assert_allclose(measure(kind)(points), value, rtol=1e-12)
 
 

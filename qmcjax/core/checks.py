@@ -59,6 +59,13 @@ def integer(name: str, value: Any, low: int, high: int) -> int:
     return number
 
 
+def flag(name: str, value: Any) -> bool:
+    """Return True or False, or raise a TypeError."""
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} must be True or False, got {shown(value)}")
+    return bool(value)
+
+
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """Return ``value``, one of some words.
 
@@ -170,13 +177,16 @@ def prng_key(name: str, value: Any) -> Array:
     ValueError
         If it is an integer out of range.
     """
-    dtype = getattr(value, "dtype", None)
-    if dtype is not None and jnp.issubdtype(dtype, jax.dtypes.prng_key) and value.ndim == 0:
+    if isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and value.ndim == 0:
         return value
-    if isinstance(value, np.ndarray | Array) and dtype == jnp.uint32 and value.shape in ((2,), (4,)):
-        # As jax.random.PRNGKey makes it; only the default generator can have four words.
-        return jax.random.wrap_key_data(jnp.asarray(value), impl=PRNG if value.shape == (2,) else None)
     try:
+        if (
+            isinstance(value, np.ndarray | Array)
+            and value.dtype == jnp.uint32
+            and value.shape in ((2,), (4,))
+        ):
+            # As jax.random.PRNGKey makes it; only the default generator can have four words.
+            return jax.random.wrap_key_data(jnp.asarray(value), impl=PRNG if value.shape == (2,) else None)
         number = integer(name, value, 0, INDEX_LIMIT - 1)
     except TypeError:
         raise TypeError(

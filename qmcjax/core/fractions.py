@@ -58,7 +58,7 @@ def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Ar
 
 def fractions_or_key(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     """Return :func:`fractions` of a shape, or random ones from a key or an integer."""
-    typed = jnp.issubdtype(getattr(value, "dtype", np.float32), jax.dtypes.prng_key)
+    typed = isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
     if typed or isinstance(value, int | np.integer):
         return jax.random.bits(checks.prng_key(name, value), shape, jnp.uint32)
     return fractions(name, value, shape)

@@ -38,7 +38,14 @@ def pytree(cls: T) -> T:
     -------
     type
         ``cls``.
+
+    Raises
+    ------
+    TypeError
+        If it is no dataclass.
     """
+    if not isinstance(cls, type) or not hasattr(cls, "__dataclass_fields__"):
+        raise TypeError(f"cls must be a frozen dataclass, got {cls!r}")
     static = [f.name for f in fields(cls) if f.metadata.get("static")]
     leaves = [f.name for f in fields(cls) if not f.metadata.get("static")]
 

@@ -103,4 +103,5 @@ class SquareOrder(Order):
 
 def log_side(width: int, height: int) -> int:
     """Return the binary logarithm of the smallest power of two that covers both."""
+    width, height = checks.image_size(width, height)
     return (max(width, height) - 1).bit_length()

@@ -84,8 +84,9 @@ def render_layers(
     moving, still = as_scene("moving", moving), as_scene("still", still)
     if isinstance(shade, bool) or not isinstance(shade, int | float | np.integer | np.floating):
         raise TypeError(f"shade must be a finite number, got {checks.shown(shade)}")
-    if not np.isfinite(shade):
+    if not abs(shade) <= np.finfo(np.float32).max:
         raise ValueError(f"shade must be a finite number, got {shade!r}")
+    shade = float(shade)
     still_spp = checks.integer("still_spp", still_spp, 1, checks.INDEX_LIMIT - 1)
     cover = render_adaptive(moving, sampler, width, height, spp, dtype=dtype)
     behind = render_adaptive(still, sampler, width, height, still_spp, dtype=dtype)

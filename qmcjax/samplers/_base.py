@@ -233,5 +233,5 @@ def check_size(name: str, made_for: tuple[int, int], wanted: tuple[int, int]) ->
 
 def check_count(spp: int, limit: int, why: str) -> None:
     """Raise a ValueError if more samples are wanted than there are."""
-    if spp > limit:
+    if checks.integer("spp", spp, 1, checks.INDEX_LIMIT) > limit:
         raise ValueError(f"spp must be at most {limit} {why}, got {spp}")

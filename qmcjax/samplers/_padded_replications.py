@@ -146,6 +146,7 @@ def padded_replications(
     [0.875 0.875] [0.875 0.875]
     """
     width, height = checks.image_size(width, height)
+    jitter = checks.flag("jitter", jitter)
     cells = log_side(width, height)
     net = inverted(net, cells)
     if net.size is not None and net.points_per_cell(cells) != 1:

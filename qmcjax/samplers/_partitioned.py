@@ -207,7 +207,7 @@ def partitioned(
         raise ValueError(
             f"order.length must be a power of {base}, the base of component={component}, got {order.length}"
         )
-    if not exact:
+    if not checks.flag("exact", exact):
         return Partitioned(order, sequence, component)
     try:
         inverses = sequence.index_digits(component, count)

@@ -166,6 +166,7 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     """
     order, sequence = as_order("order", order), as_sequence("sequence", sequence)
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
+    doubling = checks.flag("doubling", doubling)
     sampler = Segments(order, sequence, spp, doubling)
     if spp > sampler._limit // order.length:
         raise ValueError(

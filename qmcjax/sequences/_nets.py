@@ -70,7 +70,7 @@ class Net(BinarySequence):
         """
         if self.m < 2 * log_side:
             raise ValueError(
-                f"m must be at least {2 * log_side} for one point in each of "
+                f"net's m must be at least {2 * log_side} for one point in each of "
                 f"{2**log_side} x {2**log_side} cells, got m={self.m}"
             )
         return 2 ** (self.m - 2 * log_side)

@@ -189,13 +189,15 @@ def test_constant_pixels_take_no_passes():
 
 
 def test_progress_is_reported_and_ends():
-    options: list[dict[str, Any]] = [{}, {"tolerance": 0.1}]
+    options: list[dict[str, Any]] = [{}, {"tolerance": 0.1}, {"tolerance": 0.1, "unbiased": True}]
     for more in options:
         seen: list[float] = []
         qj.render_adaptive(scenes.zone_plate(10.0), passes(), SIDE, SIDE, 64, progress=seen.append, **more)
         assert seen == sorted(seen)
         assert seen[0] > 0
         assert seen[-1] == 1
+        if "tolerance" in more:
+            np.testing.assert_allclose(seen[:-1], seen[0] * np.arange(1, len(seen)), err_msg="pass by pass")
 
 
 @pytest.mark.parametrize("render", [qj.render, qj.render_adaptive])

@@ -61,6 +61,13 @@ def test_points_outside_are_named(render, points, message):
         render(scenes.zone_plate(), Made(points), 4, 4, 8)
 
 
+def test_what_is_below_one_stays_below_one():
+    """A NumPy float64 that float32 would round up to 1."""
+    sampler = samplers.function(lambda x, y, sample: np.full((*x.shape, 2), 1 - 2.0**-40), 2)
+    assert sampler(0, 0, 0).tolist() == [1 - 2.0**-24] * 2
+    assert sampler(0, 0, 0, dtype=jnp.float64).tolist() == [1 - 2.0**-40] * 2
+
+
 def test_points_outside_are_not_a_number_inside_jit():
     """There nothing can be raised, and nothing looks right."""
     image = jax.jit(lambda: qj.render(scenes.zone_plate(), Made(LATE), 4, 4, 8))()

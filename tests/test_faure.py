@@ -242,6 +242,7 @@ MATRICES = faure_matrices(2, 3, 4)
         (lambda: faure(3, modified=3), r"modified must be an integer in \[0, 2\], got 3"),
         (lambda: replace_component(MATRICES, 0, ones(4), 9), "q must be prime, got 9"),
         (lambda: replace_component(MATRICES[0], 0, ones(4), 3), r"matrices .* got \(4, 4\)"),
+        (lambda: replace_component(MATRICES[:, :3], 0, ones(4), 3), r"matrices .* got \(2, 3, 4\)"),
         (lambda: replace_component(MATRICES, 0, ones(5), 3), r"replacement .* \(4, 4\), got \(5, 5\)"),
         (lambda: replace_component(MATRICES, 2, ones(4), 3), r"component must be .* \[0, 1\], got 2"),
         (lambda: replace_component(MATRICES * 0, 0, ones(4), 3), r"matrices\[0\] must be regular .* rank 0"),

@@ -85,6 +85,9 @@ def layered(key):
 def test_layers_have_even_noise_and_the_right_mean():
     """Noise of the still scene, where the object passes: that of few samples times what the object leaves."""
     images = np.stack([np.asarray(layered(key).image) for key in range(24)])
+    one = layered(0)
+    every = 32 * 32 * (SPP_MOVING + SPP_STILL)
+    assert 0 < one.saving == pytest.approx(1 - int(one.counts.sum()) / every)
     cover = LAYERS["moving"].reference(32, 32)[0]
     behind = LAYERS["still"].reference(32, 32)[0]
     passed = (cover > 0.05) & (cover < 0.3)

@@ -93,7 +93,24 @@ ENTRIES = {
 }
 
 
-@pytest.mark.parametrize("name", ENTRIES)
+QUICK = (
+    "sequence: sobol(2)",
+    "sequence: halton(3)",
+    "sequence: owen(sobol(2))",
+    "sequence: owen(halton(3))",
+    "sequence: permutation_net(12)",
+    "order: hilbert",
+    "order: scrambled_morton, hash",
+    "sampler: independent, owen",
+    "sampler: contiguous, raster, halton",
+    "sampler: z, hash",
+    "large: contiguous, hilbert, sobol",
+)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in ENTRIES]
+)
 def test_bits_are_those_of_the_table(name):
     assert ENTRIES[name]() == json.loads(TABLE.read_text())[name]
 

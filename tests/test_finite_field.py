@@ -93,7 +93,6 @@ def test_primes_by_the_sieve():
         (lambda: finite_field.rank(np.eye(2, dtype=int), 4), "q must be prime, got 4"),
         (lambda: finite_field.rank(np.eye(2, dtype=int), 1), r"q must be an integer in \[2, 65535\], got 1"),
         (lambda: finite_field.inverse(np.eye(2, dtype=int), 65537), "q .* got 65537"),
-        (lambda: finite_field.inverse(np.eye(2, dtype=int), 3.0), "q .* got 3.0"),
         (lambda: finite_field.rank(np.eye(2), 3), "matrix must hold integers, got float64"),
         (lambda: finite_field.rank(np.arange(3), 3), r"matrix must have two axes, got shape \(3,\)"),
         (lambda: finite_field.inverse(np.ones((2, 3), int), 3), r"matrix must be square, got shape \(2, 3\)"),
@@ -115,3 +114,8 @@ def test_primes_by_the_sieve():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_a_modulus_is_an_integer():
+    with pytest.raises(TypeError, match=r"q must be an integer .* got 3.0"):
+        finite_field.inverse(np.eye(2, dtype=int), 3.0)

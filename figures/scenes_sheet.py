@@ -24,6 +24,9 @@ SUMMED = ((1, 7), (37, 23), (64, 64), (256, 256))
 GENZ_DIMS = 4
 FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous", "discontinuous")
 
+WITH_ARGUMENTS = ("genz", "function", "as_scene")
+"""Functions of `qmcjax.scenes` that do not make a scene when asked for nothing."""
+
 NOTE = (
     "Exact means of {side} x {side} pixels; gray values from the least to the largest, which the captions "
     "give in brackets. 'bound' is of the error of every pixel. 'sum against integral' is the largest "
@@ -35,9 +38,8 @@ NOTE = (
 
 def every_scene() -> dict[str, Any]:
     """Return the scenes that the factories of `qmcjax.scenes` make when asked for nothing special."""
-    named = {
-        name: make() for name, make in vars(scenes).items() if inspect.isfunction(make) and name != "genz"
-    }
+    factories = {name: make for name, make in vars(scenes).items() if inspect.isfunction(make)}
+    named = {name: make() for name, make in factories.items() if name not in WITH_ARGUMENTS}
     return named | {f"genz, {family}": scenes.genz(family, GENZ_DIMS, 3.0) for family in FAMILIES}
 
 

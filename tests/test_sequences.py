@@ -71,7 +71,7 @@ def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
     assert np.array_equal(np.asarray(seq.points(N, start))[:-start], single[start:])
 
 
-@each("seq", SEQUENCES)
+@some("seq", SEQUENCES, *KINDS)
 def test_last_indices_stay_below_one(seq):
     points = np.asarray(seq(jnp.asarray(np.uint32(seq.limit - 1) - first(N))))
     assert points.min() >= 0

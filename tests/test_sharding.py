@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from jax.sharding import AxisType, NamedSharding
 from jax.sharding import PartitionSpec as P
+from tables import some
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -61,7 +62,7 @@ def test_keys_over_devices(mesh, scene):
     check(mesh, partial(image, scene), jax.random.split(jax.random.key(1), 4))
 
 
-@pytest.mark.parametrize("make", SAMPLERS.values(), ids=SAMPLERS.keys())
+@some("make", SAMPLERS, "independent", "z", "owen, base b")
 def test_samplers_over_devices(mesh, make):
     render = lambda key: qj.render(scenes.step(), make(key), SIDE, SIDE, SPP)  # noqa: E731
     check(mesh, render, jax.random.split(jax.random.key(1), 2))

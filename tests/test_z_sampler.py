@@ -130,7 +130,9 @@ def drawn(variant, spp):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("size", [(1, 1), (13, 10), (3, 17)])
+@pytest.mark.parametrize(
+    "size", [(13, 10), *(pytest.param(size, marks=pytest.mark.slow) for size in ((1, 1), (3, 17)))]
+)
 def test_a_whole_image_is_prepared_as_its_pixels_are(variant, size):
     sampler = samplers.z(*size, 4, 11, variant, dims=3)
     x, y = jnp.meshgrid(*map(first, size))

@@ -1,0 +1,83 @@
+"""Parameters of scenes and motions: real numbers and arrays of them, with all their digits."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import DTypeLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+
+
+def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
+    """Return finite real numbers of a shape as an array.
+
+    What holds JAX arrays becomes one of JAX, anything else a float64 array of NumPy of its own: what callers
+    do to theirs leaves it alone, and references see all digits.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    value : ArrayLike
+    shape : tuple of int or None
+        None stands for any length of at least 1.
+
+    Raises
+    ------
+    TypeError
+        If the values are no real numbers; bools are none.
+    ValueError
+        If they have another shape or one is known not to be finite.
+    """
+    traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
+    array = _of_jax(name, value) if traced else known(name, value)
+    found = jnp.shape(array)
+    if len(found) != len(shape) or any(
+        a != b if b is not None else a < 1 for a, b in zip(found, shape, strict=True)
+    ):
+        wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
+        raise ValueError(f"{name} must have shape {wanted}, got {found}")
+    if not isinstance(array, Tracer) and not np.all(np.isfinite(np.asarray(array))):
+        raise ValueError(f"{name} must be finite, got {checks.shown(value)}")
+    return array
+
+
+def known(name: str, value: Any) -> NDArray[np.float64]:
+    """Return real numbers as a float64 array of NumPy, or raise a TypeError, also if they are traced."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value)):
+        raise TypeError(f"{name} must be known before tracing, got {checks.shown(value)}")
+    try:
+        array = np.array(value)
+    except ValueError:
+        array = np.array(None)
+    if not (np.issubdtype(array.dtype, np.integer) or np.issubdtype(array.dtype, np.floating)):
+        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}")
+    array = array.astype(np.float64)
+    array.setflags(write=False)
+    return array
+
+
+def require(name: str, value: Any, holds: Callable[[NDArray], Any], rule: str) -> None:
+    """Raise a ValueError if ``value`` is known and does not hold the rule everywhere."""
+    if not isinstance(value, Tracer) and not np.all(holds(np.asarray(value))):
+        raise ValueError(f"{name} must be {rule}, got {checks.shown(value)}")
+
+
+def cast(parameters: Any, dtype: DTypeLike) -> Any:
+    """Return a pytree with all its numbers in ``dtype``."""
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), parameters)
+
+
+def _of_jax(name: str, value: Any) -> Array:
+    array = jnp.asarray(value)
+    if jnp.issubdtype(array.dtype, jnp.integer):
+        return array.astype(jnp.float32)
+    if not jnp.issubdtype(array.dtype, jnp.floating):
+        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}")
+    return array

@@ -1,0 +1,24 @@
+"""Motion as pure functions of time: curves, rotations, matrices, and what bounds them (thesis, Chapter 2).
+
+A path maps times, shape (...), to points, shape (..., d); a rotation path maps them to unit quaternions,
+shape (..., 4), with the scalar last.
+"""
+
+from qmcjax.tracing.motion._decomposition import Decomposition as Decomposition
+from qmcjax.tracing.motion._decomposition import compose as compose
+from qmcjax.tracing.motion._decomposition import decompose as decompose
+from qmcjax.tracing.motion._nurbs import Nurbs as Nurbs
+from qmcjax.tracing.motion._nurbs import nurbs as nurbs
+from qmcjax.tracing.motion._polyline import ArcLength as ArcLength
+from qmcjax.tracing.motion._polyline import LinearSegments as LinearSegments
+from qmcjax.tracing.motion._polyline import approximated as approximated
+from qmcjax.tracing.motion._polyline import linear_segments as linear_segments
+from qmcjax.tracing.motion._quaternions import RotationSpline as RotationSpline
+from qmcjax.tracing.motion._quaternions import conjugate as conjugate
+from qmcjax.tracing.motion._quaternions import multiply as multiply
+from qmcjax.tracing.motion._quaternions import quaternion as quaternion
+from qmcjax.tracing.motion._quaternions import rotate as rotate
+from qmcjax.tracing.motion._quaternions import rotation_matrix as rotation_matrix
+from qmcjax.tracing.motion._quaternions import rotation_spline as rotation_spline
+from qmcjax.tracing.motion._quaternions import slerp as slerp
+from qmcjax.tracing.motion._rotation_box import rotation_box as rotation_box

@@ -1,0 +1,180 @@
+"""Non-uniform rational B-spline curves as functions of their parameter."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import cast, known, numbers, require
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing.motion._polyline import ArcLength, by_arc_length
+
+MAX_DEGREE = 16
+
+
+@pytree
+@dataclass(frozen=True)
+class Nurbs:
+    """A curve over ``[knots[0], knots[-1]]``; parameters outside are moved to the nearest end."""
+
+    control: Any
+    """(n + 1, d): control points."""
+    weights: Any
+    """(n + 1,), none negative."""
+    knots: Any
+    """(n + degree + 2,), nondecreasing."""
+    degree: int = field(metadata={"static": True})
+
+    def __call__(self, u: ArrayLike) -> Array:
+        """Evaluate the curve.
+
+        Parameters
+        ----------
+        u : float ArrayLike, shape (...)
+
+        Returns
+        -------
+        Array, shape (..., d), of the dtype of ``u``
+        """
+        u = jnp.asarray(u)
+        control, weights, knots = cast((self.control, self.weights, self.knots), u.dtype)
+        span, basis = _basis(jnp.clip(u, knots[0], knots[-1]), knots, self.degree)
+        numerator, denominator = jnp.zeros((*u.shape, control.shape[1]), u.dtype), jnp.zeros_like(u)
+        for j, of_point in enumerate(basis):
+            index = span + (j - self.degree)
+            factor = of_point * weights[index]
+            numerator = numerator + factor[..., None] * control[index]
+            denominator = denominator + factor
+        return numerator / denominator[..., None]
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Parameters inside the curve where its direction may jump: knots as multiple as the degree."""
+        inner = known("knots", self.knots)[self.degree + 1 : -self.degree - 1]
+        places, times = np.unique(inner, return_counts=True)
+        return places[times >= self.degree]
+
+    def by_arc_length(self, segments: int) -> ArcLength:
+        """Approximate the curve by chords of equal arc length, for constant speed at constant cost.
+
+        Parameters
+        ----------
+        segments : int
+            Number of chords, in [1, 65536].
+
+        Returns
+        -------
+        ArcLength
+            From the part of the curve's length that is travelled, in [0, 1], to a point. ``length`` is the
+            whole length, ``bound`` a bound on the distance from the curve.
+
+        Raises
+        ------
+        TypeError
+            If the curve is traced.
+        ValueError
+            If ``segments`` is out of range, or the curve is a single point.
+
+        References
+        ----------
+        .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 2.3.1, Fig. 2.4 and 2.5.
+        """
+        return by_arc_length(self, np.unique(known("knots", self.knots)), segments)
+
+
+def _basis(u: Array, knots: Array, degree: int) -> tuple[Array, list[Array]]:
+    """Return the knot span of parameters, and the basis functions that do not vanish there [PT97, p. 68].
+
+    The inverted triangular scheme never divides by an empty span.
+    """
+    last = knots.shape[0] - degree - 2
+    span = jnp.clip(jnp.searchsorted(knots, u, side="right") - 1, degree, last)
+    basis = [jnp.ones_like(u)]
+    left = [u - knots[span + 1 - j] for j in range(1, degree + 1)]
+    right = [knots[span + j] - u for j in range(1, degree + 1)]
+    for j in range(1, degree + 1):
+        saved = jnp.zeros_like(u)
+        for r in range(j):
+            share = basis[r] / (right[r] + left[j - r - 1])
+            basis[r] = saved + right[r] * share
+            saved = left[j - r - 1] * share
+        basis.append(saved)
+    return span, basis
+
+
+def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
+    """Make a non-uniform rational B-spline curve.
+
+    Parameters
+    ----------
+    control : float ArrayLike, shape (n + 1, d)
+        Control points. May be traced, as may the weights.
+    weights : float ArrayLike, shape (n + 1,), optional
+        None negative. A weight of zero switches its control point off; of ``degree + 1`` in a row at least
+        one is positive. All one by default: a B-spline.
+    knots : float ArrayLike, shape (n + degree + 2,)
+        Nondecreasing, the first and the last ``degree + 1`` of them equal: the curve begins at the first and
+        ends at the last control point. Those inside are at most ``degree`` times equal: as many
+        make the curve pass through a control point, where its direction may jump.
+    degree : int
+        In [1, 16].
+
+    Returns
+    -------
+    Nurbs
+        ``curve(u)``, shape (...) to (..., d), for u in ``[knots[0], knots[-1]]``. ``curve.corners`` are the
+        parameters of possible jumps of its direction.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If shapes do not fit, a value is not finite, weights are negative, knots decrease, are too often
+        equal, or not often enough at the ends.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 2.1 to 2.4.
+    .. [2] L. Piegl, W. Tiller, "The NURBS Book", 1997, p. 68.
+
+    Examples
+    --------
+    A quarter of a circle:
+
+    >>> curve = nurbs([[1, 0], [1, 1], [0, 1]], [1, 0.5**0.5, 1], [0, 0, 0, 1, 1, 1], degree=2)
+    >>> print(jnp.linalg.norm(curve(jnp.array([0.0, 0.3, 1.0])), axis=1).round(6))
+    [1. 1. 1.]
+    """
+    degree = checks.integer("degree", degree, 1, MAX_DEGREE)
+    control = numbers("control", control, (None, None))
+    count = control.shape[0]
+    if count <= degree:
+        raise ValueError(f"control must be at least {degree + 1} points for degree={degree}, got {count}")
+    weights = numbers("weights", np.ones(count) if weights is None else weights, (count,))
+    require("weights", weights, lambda w: w >= 0, "not negative")
+    windows = partial(np.lib.stride_tricks.sliding_window_view, window_shape=degree + 1)
+    rule = f"positive for at least one of any {degree + 1} control points in a row"
+    require("weights", weights, lambda w: (windows(w) > 0).any(axis=1), rule)
+    return Nurbs(control, weights, _knots(knots, count, degree), degree)
+
+
+def _knots(knots: ArrayLike, count: int, degree: int) -> NDArray[np.float64]:
+    known("knots", knots)
+    given = numbers("knots", knots, (count + degree + 1,))
+    require("knots", given, lambda k: np.diff(k) >= 0, "nondecreasing")
+    ends = "the same for the first, and for the last, degree + 1"
+    require("knots", given, lambda k: (k[0] == k[degree]) & (k[-1] == k[-degree - 1]), ends)
+    inner = given[degree + 1 : -degree - 1]
+    _, times = np.unique(np.concatenate([given[:1], inner, given[-1:]]), return_counts=True)
+    if given[0] == given[-1] or times[0] > 1 or times[-1] > 1 or times.max() > degree:
+        raise ValueError(
+            f"knots must be at most {degree} times equal between two different ends, got {given.tolist()}"
+        )
+    return np.asarray(given)

@@ -1,0 +1,231 @@
+"""Curves as linear segments: of equal arc length, or with ends where the direction jumps."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import cast, known, numbers, require
+from qmcjax.core.pytrees import pytree
+
+Curve = Callable[[Array], Array]
+
+_PIECES = 64
+"""At least so many pieces of each smooth part of a curve are integrated by themselves, and 4 of a segment."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+"""Gauss-Legendre quadrature on [-1, 1]."""
+
+
+@pytree
+@dataclass(frozen=True)
+class ArcLength:
+    """Chords between points of a curve that are equally far apart along it."""
+
+    points: Any
+    """(segments + 1, d)."""
+
+    length: float = field(metadata={"static": True})
+    """Of the whole curve."""
+
+    bound: float = field(metadata={"static": True})
+    """No point is farther from that of the curve at the same arc length."""
+
+    def __call__(self, part: ArrayLike) -> Array:
+        """Return points by the part of the curve's length that is travelled, in constant time.
+
+        Parameters
+        ----------
+        part : float ArrayLike, shape (...)
+            In [0, 1]; others are moved to the nearest end.
+
+        Returns
+        -------
+        Array, shape (..., d), of the dtype of ``part``
+        """
+        part = jnp.asarray(part)
+        points = cast(self.points, part.dtype)
+        count = points.shape[0] - 1
+        place = jnp.clip(part, 0, 1) * count
+        index = jnp.minimum(place.astype(jnp.int32), count - 1)
+        start = points[index]
+        return start + (place - index.astype(part.dtype))[..., None] * (points[index + 1] - start)
+
+
+def by_arc_length(curve: Curve, knots: NDArray[np.float64], segments: int) -> ArcLength:
+    """Divide a curve, smooth between known knots, into segments of equal arc length.
+
+    A point of an arc of length h and the point of its chord c at the same part are at most
+    ``sqrt(h**2 - c**2) / 2`` apart: at the part a, Stewart's theorem bounds the squared distance by
+    ``a (1 - a) (h**2 - c**2)``, since the arc reaches no farther from either end than it is long.
+    """
+    segments = checks.integer("segments", segments, 1, 2**16)
+    with jax.enable_x64(True):
+        fine = max(_PIECES, -(-4 * segments // (len(knots) - 1)))
+        pieces = np.concatenate([np.linspace(a, b, fine, endpoint=False) for a, b in pairwise(knots)])
+        pieces = np.append(pieces, knots[-1])
+        speed = jax.jit(lambda u: jnp.linalg.norm(jax.jvp(curve, (u,), (jnp.ones_like(u),))[1], axis=-1))
+        arcs = np.append(0.0, np.cumsum(_integrals(speed, pieces[:-1], pieces[1:])))
+        length = float(arcs[-1])
+        if not length > 0:
+            raise ValueError(f"the curve must not be a single point, got the length {length}")
+        # Newton's method from the linear interpolation of the table; pieces are short, so that few steps do.
+        wanted = np.linspace(0.0, length, segments + 1)
+        piece = np.clip(np.searchsorted(arcs, wanted, side="right") - 1, 0, len(arcs) - 2)
+        left, right = pieces[piece], pieces[piece + 1]
+        rest, share = wanted - arcs[piece], arcs[piece + 1] - arcs[piece]
+        u = left + (right - left) * np.divide(rest, share, out=np.zeros_like(rest), where=share > 0)
+        for _ in range(8):
+            slope = np.asarray(speed(u))
+            step = np.divide(_integrals(speed, left, u) - rest, slope, out=np.zeros_like(u), where=slope > 0)
+            u = np.clip(u - step, left, right)
+        points = np.asarray(curve(jnp.asarray(u)))
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    arc = length / segments
+    bound = 0.5 * np.sqrt(max(arc**2 * (1 + 1e-9) - float(chords.min()) ** 2, 0.0))
+    return ArcLength(points, length, float(bound))
+
+
+def _integrals(function: Callable[[NDArray], Any], a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return the integrals from ``a`` to ``b``."""
+    half = 0.5 * (b - a)
+    return half * (np.asarray(function(a[:, None] + half[:, None] * (1 + _NODES))) @ _WEIGHTS)
+
+
+@pytree
+@dataclass(frozen=True)
+class LinearSegments:
+    """Straight lines from point to point, each of them left and reached at given times."""
+
+    times: Any
+    """(segments + 1,), increasing."""
+    points: Any
+    """(segments + 1, d)."""
+
+    def __call__(self, time: ArrayLike) -> Array:
+        """Return the points at times; before the first and after the last time those of the ends.
+
+        Parameters
+        ----------
+        time : float ArrayLike, shape (...)
+
+        Returns
+        -------
+        Array, shape (..., d), of the dtype of ``time``
+        """
+        time = jnp.asarray(time)
+        times, points = cast((self.times, self.points), time.dtype)
+        index = jnp.clip(jnp.searchsorted(times, time, side="right") - 1, 0, times.shape[0] - 2)
+        begin, end = times[index], times[index + 1]
+        part = jnp.clip((time - begin) / (end - begin), 0, 1)[..., None]
+        return (1 - part) * points[index] + part * points[index + 1]
+
+
+def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
+    """Make a path of straight lines, travelled at constant speed each.
+
+    Parameters
+    ----------
+    times : float ArrayLike, shape (segments + 1,)
+        Increasing.
+    points : float ArrayLike, shape (segments + 1, d)
+        May be traced.
+
+    Returns
+    -------
+    LinearSegments
+        From a time to a point.
+
+    Raises
+    ------
+    TypeError
+        If an argument is not of numbers.
+    ValueError
+        If shapes do not fit, a value is not finite, or times do not increase.
+
+    Examples
+    --------
+    >>> path = linear_segments([0, 0.5, 1], [[0.0, 1.0], [1.0, 0.0], [2.0, 1.0]])
+    >>> print(path(0.75))
+    [1.5 0.5]
+    """
+    known_times = numbers("times", times, (None,))
+    require("times", known_times, lambda t: (np.diff(t) > 0).all() and len(t) > 1, "two or more, increasing")
+    return LinearSegments(known_times, numbers("points", points, (known_times.shape[0], None)))
+
+
+def approximated(curve: Curve, start: float, end: float, segments: int, corners: Any = ()) -> LinearSegments:
+    """Approximate a motion by linear segments that end where its direction jumps.
+
+    Without an end there, a ball that jumps on the floor would never touch it [1]_.
+
+    Parameters
+    ----------
+    curve : callable
+        From times, shape (n,), to points, shape (n, d).
+    start, end : float
+        The interval of times, ``start < end``.
+    segments : int
+        Their number, in [1, 65536], and more than there are corners. Each interval between corners has a
+        share in proportion to its length, and at least one.
+    corners : float ArrayLike, shape (k,), optional
+        Times at which the direction jumps, such as :attr:`Nurbs.corners`.
+
+    Returns
+    -------
+    LinearSegments
+        Its points are points of the curve.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of another type.
+    ValueError
+        If a corner is not inside the interval, or there are as many corners as segments.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 2.4, Fig. 2.8.
+
+    Examples
+    --------
+    >>> corners = [np.pi / 7, 2 * np.pi / 7]
+    >>> path = approximated(lambda t: jnp.abs(jnp.sin(7 * t))[:, None], 0.0, 1.0, 8, corners)
+    >>> print(path(np.pi / 7).round(6) + 0.0)
+    [0.]
+    """
+    if not callable(curve):
+        raise TypeError(f"curve must be callable, got {checks.shown(curve)}")
+    interval = known("start and end", [start, end])
+    if not np.isfinite(interval).all() or not interval[0] < interval[1]:
+        raise ValueError(f"start must be before end, got {start!r} and {end!r}")
+    inside = np.unique(
+        known("corners", np.reshape(np.asarray(corners, dtype=None if np.size(corners) else float), -1))
+    )
+    if inside.size and not (interval[0] < inside[0] and inside[-1] < interval[1]):
+        raise ValueError(f"corners must be inside ({start}, {end}), got {inside.tolist()}")
+    segments = checks.integer("segments", segments, inside.size + 1, 2**16)
+    ends = np.concatenate([interval[:1], inside, interval[1:]])
+    times = [interval[:1]]
+    for (a, b), count in zip(pairwise(ends), _shares(np.diff(ends), segments), strict=True):
+        times.append(np.linspace(a, b, count + 1)[1:])
+    all_times = np.concatenate(times)
+    with jax.enable_x64(True):
+        points = np.asarray(curve(jnp.asarray(all_times)))
+    return linear_segments(all_times, points)
+
+
+def _shares(lengths: NDArray[np.float64], count: int) -> list[int]:
+    """Divide a number in proportion to lengths, at least one each: the next goes where steps are longest."""
+    shares = np.ones(len(lengths), int)
+    for _ in range(count - len(lengths)):
+        shares[np.argmax(lengths / shares)] += 1
+    return shares.tolist()

@@ -1,0 +1,251 @@
+"""Unit quaternions: orientations that interpolate."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike
+
+from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.pytrees import pytree
+
+UNIT = 1e-4
+"""How far from 1 the length of a quaternion may be that is meant to be a rotation; it is normalised."""
+
+
+def unit_quaternions(name: str, value: Any, shape: tuple[int | None, ...]) -> Any:
+    """Return quaternions normalised, or raise a ValueError if one is known not to be of unit length."""
+    given = numbers(name, value, (*shape, 4))
+    require(name, given, lambda q: abs(np.linalg.norm(q, axis=-1) - 1) < UNIT, "of unit length")
+    norm = (jnp if isinstance(given, Tracer | Array) else np).linalg.norm(given, axis=-1, keepdims=True)
+    return given / norm
+
+
+def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
+    """Return the rotation about an axis by an angle.
+
+    Parameters
+    ----------
+    axis : float ArrayLike, shape (..., 3)
+        Not of zero length; it is normalised.
+    angle : float ArrayLike, shape (...)
+        In radians, counterclockwise for a viewer to whom the axis points.
+
+    Returns
+    -------
+    Array, shape (..., 4)
+        ``(x, y, z, w)``, the scalar last as in ``scipy.spatial.transform``.
+
+    Examples
+    --------
+    >>> print(rotate(quaternion([0, 0, 1], jnp.pi / 2), jnp.array([1.0, 0, 0])).round(6))
+    [0. 1. 0.]
+    """
+    axis, half = jnp.asarray(axis), 0.5 * jnp.asarray(angle)
+    dtype = np.result_type(half.dtype, np.float32)
+    axis, half = axis.astype(dtype), half.astype(dtype)
+    axis = axis / jnp.linalg.norm(axis, axis=-1, keepdims=True)
+    sine = jnp.sin(half)[..., None] * axis
+    return jnp.concatenate([sine, jnp.broadcast_to(jnp.cos(half)[..., None], (*sine.shape[:-1], 1))], axis=-1)
+
+
+def multiply(a: Array, b: Array) -> Array:
+    """Return the rotation that is ``b``, then ``a``: their Hamilton product.
+
+    Parameters
+    ----------
+    a, b : float Array, shape (..., 4)
+
+    Returns
+    -------
+    Array, shape (..., 4)
+    """
+    a, b = _matched(a, b)
+    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + jnp.cross(a[..., :3], b[..., :3])
+    scalar = a[..., 3:] * b[..., 3:] - jnp.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
+    return jnp.concatenate([vector, scalar], axis=-1)
+
+
+def _matched(a: Array, b: Array) -> tuple[Array, Array]:
+    """Broadcast all axes but the last."""
+    shape = jnp.broadcast_shapes(a.shape[:-1], b.shape[:-1])
+    return jnp.broadcast_to(a, (*shape, a.shape[-1])), jnp.broadcast_to(b, (*shape, b.shape[-1]))
+
+
+def conjugate(q: Array) -> Array:
+    """Return the inverse of a rotation."""
+    return jnp.concatenate([-q[..., :3], q[..., 3:]], axis=-1)
+
+
+def rotate(q: Array, vector: Array) -> Array:
+    """Rotate vectors.
+
+    Parameters
+    ----------
+    q : float Array, shape (..., 4)
+        Of unit length.
+    vector : float Array, shape (..., 3)
+
+    Returns
+    -------
+    Array, shape (..., 3)
+    """
+    q, vector = _matched(q, vector)
+    twice = 2 * jnp.cross(q[..., :3], vector)
+    return vector + q[..., 3:] * twice + jnp.cross(q[..., :3], twice)
+
+
+def rotation_matrix(q: Array) -> Array:
+    """Return the matrices of rotations, shape (..., 4) to (..., 3, 3)."""
+    columns = [rotate(q, jnp.asarray(e, q.dtype)) for e in np.eye(3)]
+    return jnp.stack(columns, axis=-1)
+
+
+def exponential(half_turn: Array) -> Array:
+    """Return the rotations whose axes times half their angles are these vectors, (..., 3) to (..., 4)."""
+    squared = jnp.sum(half_turn * half_turn, axis=-1, keepdims=True)
+    small = squared < 1e-12
+    length = jnp.sqrt(jnp.where(small, 1, squared))
+    factor = jnp.where(small, 1 - squared / 6, jnp.sin(length) / length)
+    scalar = jnp.where(small, 1 - squared / 2, jnp.cos(length))
+    return jnp.concatenate([factor * half_turn, scalar], axis=-1)
+
+
+def logarithm(q: Array) -> Array:
+    """Invert :func:`exponential`: half angles in [0, pi)."""
+    squared = jnp.sum(q[..., :3] * q[..., :3], axis=-1, keepdims=True)
+    small = squared < 1e-12
+    length = jnp.sqrt(jnp.where(small, 1, squared))
+    angle = jnp.arctan2(length, q[..., 3:])
+    # Near the identity the angle is the sine, over the cosine.
+    return q[..., :3] * jnp.where(small, 1 / jnp.where(small, q[..., 3:], 1), angle / length)
+
+
+def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
+    """Interpolate between two rotations at constant angular velocity, the shorter way.
+
+    Parameters
+    ----------
+    a, b : float ArrayLike, shape (4,)
+        Of unit length.
+    t : float ArrayLike, shape (...)
+        0 gives ``a``, 1 gives ``b``.
+
+    Returns
+    -------
+    Array, shape (..., 4)
+
+    Raises
+    ------
+    ValueError
+        If a quaternion is known not to be of unit length.
+
+    References
+    ----------
+    .. [1] K. Shoemake, "Animating Rotation with Quaternion Curves", 1985.
+
+    Examples
+    --------
+    >>> half = slerp([0, 0, 0, 1], [0, 0, 1, 0], 0.5)  # half of a half turn
+    >>> print(half.round(4))
+    [0.     0.     0.7071 0.7071]
+    """
+    t = jnp.asarray(t)
+    t = t.astype(np.result_type(t.dtype, np.float32))
+    a, b = (jnp.asarray(unit_quaternions(n, q, ())).astype(t.dtype) for n, q in (("a", a), ("b", b)))
+    turn = logarithm(_shorter(multiply(conjugate(a), b)))
+    return multiply(a, exponential(t[..., None] * jnp.broadcast_to(turn, (*t.shape, 3))))
+
+
+def _shorter(q: Array) -> Array:
+    """Return the one of q and -q, the same rotation, that turns by half a turn at most."""
+    return jnp.where(q[..., 3:] < 0, -q, q)
+
+
+@pytree
+@dataclass(frozen=True)
+class RotationSpline:
+    """Cubic Hermite curves of rotations between keys, with continuous angular velocity."""
+
+    times: Any
+    """(n,), increasing."""
+    keys: Any
+    """(n, 4)."""
+
+    def __call__(self, time: ArrayLike) -> Array:
+        """Return the rotations at times; before the first and after the last time those of the ends.
+
+        Parameters
+        ----------
+        time : float ArrayLike, shape (...)
+
+        Returns
+        -------
+        Array, shape (..., 4), of the dtype of ``time``
+        """
+        time = jnp.asarray(time)
+        times, keys = cast((self.times, self.keys), time.dtype)
+        steps = times[1:] - times[:-1]
+        turns = logarithm(_shorter(multiply(conjugate(keys[:-1]), keys[1:])))
+        velocity = _velocities(turns / steps[:, None], steps)
+        # The inner factor of the Bezier form of each interval makes it arrive at its second key.
+        first, last = velocity[:-1] * steps[:, None] / 3, velocity[1:] * steps[:, None] / 3
+        inner = logarithm(multiply(multiply(exponential(-first), exponential(turns)), exponential(-last)))
+        i = jnp.clip(jnp.searchsorted(times, time, side="right") - 1, 0, times.shape[0] - 2)
+        s = jnp.clip((time - times[i]) / steps[i], 0, 1)
+        result = keys[i]
+        # Cumulative Bernstein polynomials.
+        for weight, turn in ((1 - (1 - s) ** 3, first), (s * s * (3 - 2 * s), inner), (s**3, last)):
+            result = multiply(result, exponential(weight[..., None] * turn[i]))
+        return result
+
+
+def _velocities(mean: Array, steps: Array) -> Array:
+    """Return halved angular velocities at keys: those of parabolas through three, one-sided at the ends."""
+    before, after = steps[:-1, None], steps[1:, None]
+    inside = (after * mean[:-1] + before * mean[1:]) / (before + after)
+    return jnp.concatenate([mean[:1], inside, mean[-1:]])
+
+
+def rotation_spline(times: ArrayLike, keys: ArrayLike) -> RotationSpline:
+    """Make a smooth path through rotations.
+
+    Parameters
+    ----------
+    times : float ArrayLike, shape (n,)
+        Two or more, increasing.
+    keys : float ArrayLike, shape (n, 4)
+        Unit quaternions ``(x, y, z, w)``: the rotations at these times. From each to the next goes the
+        shorter way.
+
+    Returns
+    -------
+    RotationSpline
+        From a time to a unit quaternion. Angular velocity is continuous; through two keys it is
+        :func:`slerp`.
+
+    Raises
+    ------
+    TypeError
+        If an argument is not of numbers.
+    ValueError
+        If times do not increase, shapes do not fit or a quaternion is known not to be of unit length.
+
+    References
+    ----------
+    .. [1] M.-J. Kim, M.-S. Kim, S. Y. Shin, "A General Construction Scheme for Unit Quaternion Curves with
+    Simple
+       High Order Derivatives", 1995.
+
+    Examples
+    --------
+    >>> path = rotation_spline([0, 1, 3], [[0, 0, 0, 1], [0, 0, 0.6, 0.8], [0, 0.6, 0, 0.8]])
+    >>> print(jnp.allclose(path(1.0), jnp.array([0, 0, 0.6, 0.8])))
+    True
+    """
+    known_times = numbers("times", times, (None,))
+    require("times", known_times, lambda t: (np.diff(t) > 0).all() and len(t) > 1, "two or more, increasing")
+    return RotationSpline(known_times, unit_quaternions("keys", keys, (known_times.shape[0],)))

@@ -1,0 +1,316 @@
+"""Motion as functions of time, against scipy, closed forms and dense samples."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+from scipy.spatial.transform import Rotation
+
+from qmcjax.tracing import motion
+
+S = np.sqrt(0.5)
+CIRCLE = motion.nurbs(
+    [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]],
+    [1, S, 1, S, 1, S, 1, S, 1],
+    [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4],
+    degree=2,
+)
+# Thesis, Fig. 2.3: the direction jumps at 2.
+POINTS = np.array([[0, 0], [0, 3], [2, 4], [3, 3], [3, 0], [4, 3], [6, 3], [7, 0.5]])
+CORNER = motion.nurbs(POINTS, None, [0, 0, 0, 0, 1, 2, 2, 2, 6, 6, 6, 6], degree=3)
+
+
+def in_float64(curve, u):
+    with jax.enable_x64(True):
+        return np.asarray(curve(jnp.asarray(np.asarray(u, np.float64))))
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_b_splines_are_scipys(degree):
+    """Knots of every multiplicity up to the degree, at knots and at both ends, too."""
+    rng = np.random.default_rng(degree)
+    inner = np.repeat([0.3, 1.0, 1.7, 2.5], [1, min(2, degree), degree, 1])
+    knots = np.concatenate([np.full(degree + 1, -1.0), inner, np.full(degree + 1, 3.0)])
+    control = rng.normal(size=(len(knots) - degree - 1, 3))
+    u = np.concatenate([np.linspace(-1, 3, 301), knots])
+    expected = BSpline(knots, control, degree)(u)
+    found = in_float64(motion.nurbs(control, None, knots, degree), u)
+    assert np.allclose(found, expected, rtol=0, atol=1e-13)
+    single = motion.nurbs(control, None, knots, degree)(jnp.asarray(u, jnp.float32))
+    # Away from knots, where float32 cannot put a parameter on the other side.
+    assert single.dtype == jnp.float32 and np.allclose(single[:301], expected[:301], rtol=0, atol=2e-4)
+
+
+def test_weights_are_those_of_the_rational_basis():
+    rng = np.random.default_rng(7)
+    knots = [0, 0, 0, 0, 1, 2, 2, 5, 5, 5, 5]
+    control, weights = rng.normal(size=(7, 2)), rng.uniform(0.2, 3, 7)
+    weights[3] = 0
+    u = np.linspace(0, 5, 101)
+    above = BSpline(knots, control * weights[:, None], 3)(u)
+    expected = above / BSpline(knots, weights, 3)(u)[:, None]
+    assert np.allclose(in_float64(motion.nurbs(control, weights, knots, 3), u), expected, rtol=0, atol=1e-13)
+
+
+def test_a_circle_is_exact():
+    points = in_float64(CIRCLE, np.linspace(0, 4, 1001))
+    assert np.abs(np.linalg.norm(points, axis=1) - 1).max() < 4e-16
+    assert np.allclose(points[[0, 250, 500, 1000]], [[1, 0], [0, 1], [-1, 0], [1, 0]], atol=1e-15)
+
+
+def test_a_multiple_knot_interpolates_and_turns_sharply():
+    """As many equal knots as the degree: the curve passes through a control point, with a corner (Fig. 2.3)."""
+    assert np.array_equal(in_float64(CORNER, [2.0])[0], POINTS[4])
+    before, at, after = in_float64(CORNER, [2 - 1e-6, 2, 2 + 1e-6])
+    directions = [(b - a) / np.linalg.norm(b - a) for a, b in ((before, at), (at, after))]
+    assert directions[0] @ directions[1] < 0.5
+    assert CORNER.corners.tolist() == [2.0]
+    assert CIRCLE.corners.tolist() == [
+        1.0,
+        2.0,
+        3.0,
+    ]  # Twofold knots of degree 2, though this curve is smooth.
+
+
+def test_curves_are_differentiable_in_parameter_points_and_weights():
+    def height(control, weights, u):
+        return motion.nurbs(control, weights, CIRCLE.knots, 2)(u)[1]
+
+    with jax.enable_x64(True):
+        arguments = [jnp.asarray(a, jnp.float64) for a in (CIRCLE.control, CIRCLE.weights, 1.3)]
+        gradients = jax.jit(jax.grad(height, argnums=(0, 1, 2)))(*arguments)
+        for place, gradient in enumerate(gradients):
+            step = np.random.default_rng(place).normal(size=gradient.shape)
+            ahead, behind = (
+                height(*[a + sign * 1e-6 * step if i == place else a for i, a in enumerate(arguments)])
+                for sign in (1, -1)
+            )
+            assert np.isclose(np.sum(gradient * step), (ahead - behind) / 2e-6, rtol=1e-7)
+
+
+def test_arc_length_of_a_circle():
+    path = CIRCLE.by_arc_length(256)
+    assert abs(path.length - 2 * np.pi) < 1e-13
+    angles = np.linspace(0, 1, 1025)[:-1]
+    exact = np.stack([np.cos(2 * np.pi * angles), np.sin(2 * np.pi * angles)], axis=1)
+    error = np.linalg.norm(in_float64(path, angles) - exact, axis=1)
+    # Ends of segments are on the curve, the middle is off by the sagitta h^2 / 8; the bound is 2 / sqrt(3) of it.
+    assert error[::4].max() < 1e-12
+    sagitta = (2 * np.pi / 256) ** 2 / 8
+    assert 0.99 * sagitta < error.max() < path.bound < 1.2 * sagitta
+
+
+@pytest.mark.parametrize("segments", [7, 64, 1000])
+def test_arc_length_has_constant_speed_within_its_bound(segments):
+    """Against a polyline with very many points of a curve, its corner among them."""
+    path = CORNER.by_arc_length(segments)
+    fine = in_float64(CORNER, np.linspace(0, 6, 6 * 2**17 + 1))
+    lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1)))
+    assert abs(path.length - lengths[-1]) < 1e-10
+    part = np.linspace(0, 1, 5001)
+    exact = np.stack([np.interp(part * lengths[-1], lengths, fine[:, j]) for j in range(2)], axis=1)
+    error = np.linalg.norm(in_float64(path, part) - exact, axis=1).max()
+    assert error < path.bound
+    assert path.bound < 0.5 * path.length / segments + 1e-12  # Half an arc, where a corner is cut off.
+
+
+def test_linear_segments_touch_the_floor_only_with_ends_at_the_jumps():
+    """Thesis, Fig. 2.8: a ball on parabolas between two hits of the floor, at 0.3 and at 0.8."""
+    hits = [0.3, 0.8]
+
+    def ball(t):
+        return jnp.stack([t, jnp.abs((t - hits[0]) * (t - hits[1]))], axis=-1)
+
+    time = np.linspace(0, 1, 10001)
+    with_corners, without = (
+        in_float64(motion.approximated(ball, 0.0, 1.0, 7, corners), time)[:, 1].min()
+        for corners in (hits, ())
+    )
+    assert with_corners < 1e-4 < 5e-3 < without
+
+
+@pytest.mark.parametrize("key", range(8))
+def test_rotations_are_scipys(key):
+    rng = np.random.default_rng(key)
+    a, b = Rotation.random(2, random_state=key)
+    points = rng.normal(size=(5, 3))
+    with jax.enable_x64(True):
+        qa, qb, p = (jnp.asarray(v) for v in (a.as_quat(), b.as_quat(), points))
+        product = motion.multiply(qa, qb)
+        assert np.allclose(motion.rotate(product, p), (a * b).apply(points), atol=1e-14)
+        assert np.allclose(motion.rotation_matrix(product), (a * b).as_matrix(), atol=1e-14)
+        assert np.allclose(motion.multiply(qa, motion.conjugate(qa)), [0, 0, 0, 1], atol=1e-15)
+        turn = rng.normal(size=3)
+        q = motion.quaternion(jnp.asarray(turn), jnp.asarray(np.linalg.norm(turn)))
+        assert np.allclose(q, Rotation.from_rotvec(turn).as_quat(), atol=1e-14)
+
+
+def test_slerp_turns_evenly_the_shorter_way():
+    from scipy.spatial.transform import Slerp
+
+    ends = Rotation.random(2, random_state=3)
+    t = np.linspace(0, 1, 33)
+    expected = Slerp([0, 1], ends)(t)
+    for sign in (1, -1):
+        with jax.enable_x64(True):
+            found = np.asarray(motion.slerp(ends[0].as_quat(), sign * ends[1].as_quat(), jnp.asarray(t)))
+        assert (expected.inv() * Rotation.from_quat(found)).magnitude().max() < 1e-14
+
+
+def test_a_spline_of_rotations_is_smooth_and_interpolates():
+    times = np.array([0.0, 0.4, 1.0, 1.3, 2.0])
+    keys = Rotation.random(5, random_state=1)
+    path = motion.rotation_spline(times, keys.as_quat())
+    at_keys = Rotation.from_quat(in_float64(path, times))
+    assert (keys.inv() * at_keys).magnitude().max() < 1e-14
+    h = 1e-5
+    velocity = {
+        side: (
+            Rotation.from_quat(in_float64(path, times[1:-1] + a)).inv()
+            * Rotation.from_quat(in_float64(path, times[1:-1] + b))
+        ).as_rotvec()
+        / h
+        for side, a, b in (("before", -h, 0), ("after", 0, h))
+    }
+    assert np.abs(velocity["before"] - velocity["after"]).max() < 1e-2 * np.abs(velocity["after"]).max()
+    two = motion.rotation_spline([0, 1], keys.as_quat()[:2])
+    with jax.enable_x64(True):
+        t = jnp.linspace(0, 1, 9)
+        even = motion.slerp(keys.as_quat()[0], keys.as_quat()[1], t)
+        assert np.allclose(two(t), even, atol=1e-14)
+    assert np.isfinite(jax.jacobian(path)(jnp.float32(0.4))).all()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_decomposition_and_back(sign):
+    """R S with a symmetric S, R the rotation closest to the matrix; reflections are in S."""
+    rng = np.random.default_rng(5)
+    for key in range(50):
+        rotation = Rotation.random(random_state=key)
+        axes = Rotation.random(random_state=1000 + key).as_matrix()
+        scale = sign * (axes * rng.uniform(0.1, 5, 3)) @ axes.T
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = rotation.as_matrix() @ scale, rng.normal(size=3)
+        found = motion.decompose(matrix)
+        assert np.allclose(found.scale, scale, atol=1e-13)
+        assert (rotation.inv() * Rotation.from_quat(found.rotation)).magnitude() < 1e-12
+        with jax.enable_x64(True):
+            assert np.allclose(motion.compose(*found), matrix, atol=1e-13)
+
+
+ANGLES = [
+    (0.0, 0.4),
+    (0.4, 0.0),
+    (-7.0, -1.0),
+    (1.0, 1.0),
+    (2.0, 9.5),
+    (-0.1, 0.1),
+    (3.0, 3.3),
+    (-100.0, 250.0),
+]
+
+
+@pytest.mark.parametrize("way", ANGLES, ids=str)
+def test_rotation_boxes_against_many_angles(way):
+    """They hold all, and touch the path of a point on each side."""
+    rng = np.random.default_rng(int(abs(way[0]) * 10))
+    for axis in ([0, 0, 1], [1, 0, 0], *rng.normal(size=(4, 3))):
+        points = rng.normal(size=(6, 3))
+        with jax.enable_x64(True):
+            low, high = map(np.asarray, motion.rotation_box(points, axis, *way))
+        unit = np.asarray(axis) / np.linalg.norm(axis)
+        angles = np.linspace(*way, 10**5)
+        turned = Rotation.from_rotvec(angles[:, None] * unit)
+        dense = np.concatenate([turned.apply(p) for p in points])
+        assert (low <= dense.min(axis=0) + 1e-13).all() and (high >= dense.max(axis=0) - 1e-13).all()
+        step = np.linalg.norm(points, axis=1).max() * abs(way[1] - way[0]) / 10**5
+        assert np.allclose(low, dense.min(axis=0), atol=step**2 + 1e-13)
+        assert np.allclose(high, dense.max(axis=0), atol=step**2 + 1e-13)
+
+
+QUARTER = ([[1, 0], [1, 1], [0, 1]], [1, S, 1], [0, 0, 0, 1, 1, 1], 2)
+
+
+def changed(place, value):
+    return [value if i == place else given for i, given in enumerate(QUARTER)]
+
+
+@pytest.mark.parametrize(
+    "call, error, message",
+    [
+        (lambda: motion.nurbs(*changed(3, 0)), ValueError, r"degree must be an integer in \[1, 16\], got 0"),
+        (lambda: motion.nurbs(*changed(3, 2.0)), TypeError, "degree must be an integer"),
+        (lambda: motion.nurbs(*changed(0, [[1, np.nan]] * 3)), ValueError, "control must be finite"),
+        (lambda: motion.nurbs(*changed(0, "abc")), TypeError, "control must be real numbers"),
+        (lambda: motion.nurbs(*changed(0, [[1, 0]])), ValueError, "control must be at least 3 points"),
+        (lambda: motion.nurbs(*changed(1, [1, -1, 1])), ValueError, "weights must be not negative"),
+        (
+            lambda: motion.nurbs(*changed(1, [0, 0, 0])),
+            ValueError,
+            "weights must be positive for at least one",
+        ),
+        (
+            lambda: motion.nurbs(*changed(2, [0, 0, 0, 1, 1])),
+            ValueError,
+            r"knots must have shape \(6,\), got \(5,\)",
+        ),
+        (lambda: motion.nurbs(*changed(2, [0, 0, 0, 1, 1, 0])), ValueError, "knots must be nondecreasing"),
+        (
+            lambda: motion.nurbs(*changed(2, [0, 0, 0.5, 1, 1, 1])),
+            ValueError,
+            "knots must be the same for the first",
+        ),
+        (
+            lambda: motion.nurbs(*changed(2, [1, 1, 1, 1, 1, 1])),
+            ValueError,
+            "knots must be at most 2 times equal",
+        ),
+        (lambda: CIRCLE.by_arc_length(0), ValueError, "segments must be an integer"),
+        (
+            lambda: motion.linear_segments([0, 0], [[1], [2]]),
+            ValueError,
+            "times must be two or more, increasing",
+        ),
+        (lambda: motion.approximated(CIRCLE, 1.0, 1.0, 4), ValueError, "start must be before end"),
+        (lambda: motion.approximated(CIRCLE, 0.0, 1.0, 4, [1.0]), ValueError, "corners must be inside"),
+        (
+            lambda: motion.approximated(CIRCLE, 0.0, 4.0, 1, [1.0]),
+            ValueError,
+            r"segments must be .*\[2, 65536\]",
+        ),
+        (lambda: motion.approximated(3, 0.0, 4.0, 1), TypeError, "curve must be callable, got 3"),
+        (lambda: motion.slerp([0, 0, 0, 2], [0, 0, 0, 1], 0.5), ValueError, "a must be of unit length"),
+        (
+            lambda: motion.rotation_spline([0, 1], [[0, 0, 0, 1]]),
+            ValueError,
+            r"keys must have shape \(2, 4\)",
+        ),
+        (lambda: motion.decompose(np.zeros((4, 4))), ValueError, "matrix must be finite, 4 x 4"),
+        (lambda: motion.decompose(np.diag([1, 1, 0, 1])), ValueError, "matrix must be regular"),
+        (
+            lambda: motion.rotation_box([[1, 2, 3]], [0, 0, 0], 0, 1),
+            ValueError,
+            "axis must be of a length above 0",
+        ),
+        (
+            lambda: motion.rotation_box([[1, 2]], [0, 0, 1], 0, 1),
+            ValueError,
+            r"points must have shape \(n, 3\)",
+        ),
+    ],
+)
+def test_bad_input_is_named(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_vmap_and_jit_are_the_loop():
+    curve, path = CORNER, CORNER.by_arc_length(32)
+    u = jnp.linspace(0, 1, 17)
+    for function in (curve, path, motion.rotation_spline([0, 1, 2], np.eye(4)[[3, 0, 3]])):
+        whole = function(u)
+        assert np.array_equal(whole, jax.jit(function)(u)) or np.allclose(
+            whole, jax.jit(function)(u), atol=1e-6
+        )
+        assert np.allclose(whole, jnp.stack([function(v) for v in u]), atol=1e-6)

@@ -427,7 +427,7 @@ def test_the_plain_derivative_of_an_image_is_refused():
     [
         (lambda: scenes.step(angle=float("nan")), "angle must be finite, got nan"),
         (lambda: scenes.step(offset=[1.0]), "offset must have shape .*got .*1"),
-        (lambda: scenes.staircase(offsets=[]), "offsets must have at least one step"),
+        (lambda: scenes.staircase(offsets=[]), "offsets must have shape .n,., got .0,."),
         (lambda: scenes.staircase(offsets=[1, float("inf")]), "offsets must be finite.*inf"),
         (lambda: scenes.line(thickness=0.0), "thickness must be positive and finite, got 0"),
         (lambda: scenes.disc(radius=-0.5), "radius must be positive and finite, got -0.5"),

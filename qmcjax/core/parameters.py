@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
+_FEW = 8
+"""So many numbers or less are shown in messages one by one."""
+
 
 def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     """Return finite real numbers of a shape as an array.
@@ -42,7 +45,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
         a != b if b is not None else a < 1 for a, b in zip(found, shape, strict=True)
     ):
         wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
-        raise ValueError(f"{name} must have shape {wanted}, got {found}")
+        raise ValueError(f"{name} must have shape {wanted}, got {found}: {checks.shown(value)}")
     if not isinstance(array, Tracer) and not np.all(np.isfinite(np.asarray(array))):
         raise ValueError(f"{name} must be finite, got {checks.shown(value)}")
     return array
@@ -54,10 +57,10 @@ def known(name: str, value: Any) -> NDArray[np.float64]:
         raise TypeError(f"{name} must be known before tracing, got {checks.shown(value)}")
     try:
         array = np.array(value)
-    except ValueError:
+    except (TypeError, ValueError):
         array = np.array(None)
     if not (np.issubdtype(array.dtype, np.integer) or np.issubdtype(array.dtype, np.floating)):
-        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}")
+        raise TypeError(f"{name} must be made of real numbers, got {checks.shown(value)}")
     array = array.astype(np.float64)
     array.setflags(write=False)
     return array
@@ -66,7 +69,9 @@ def known(name: str, value: Any) -> NDArray[np.float64]:
 def require(name: str, value: Any, holds: Callable[[NDArray], Any], rule: str) -> None:
     """Raise a ValueError if ``value`` is known and does not hold the rule everywhere."""
     if not isinstance(value, Tracer) and not np.all(holds(np.asarray(value))):
-        raise ValueError(f"{name} must be {rule}, got {checks.shown(value)}")
+        few = np.size(value) <= _FEW
+        given = np.asarray(value).tolist() if few else value
+        raise ValueError(f"{name} must be {rule}, got {checks.shown(given)}")
 
 
 def cast(parameters: Any, dtype: DTypeLike) -> Any:
@@ -79,5 +84,5 @@ def _of_jax(name: str, value: Any) -> Array:
     if jnp.issubdtype(array.dtype, jnp.integer):
         return array.astype(jnp.float32)
     if not jnp.issubdtype(array.dtype, jnp.floating):
-        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}")
+        raise TypeError(f"{name} must be made of real numbers, got {checks.shown(value)}")
     return array

@@ -9,11 +9,11 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._ball_reference import swept_means
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import disc_sides
-from qmcjax.scenes._parameters import numbers, require
 
 
 @pytree

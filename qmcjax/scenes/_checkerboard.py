@@ -9,10 +9,10 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes import _checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
-from qmcjax.scenes._parameters import numbers
 
 
 @pytree

@@ -11,12 +11,12 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._constancy import disc_sides
 from qmcjax.scenes._edges import spread
-from qmcjax.scenes._parameters import numbers
 from qmcjax.scenes._pixel_cuts import split
 
 

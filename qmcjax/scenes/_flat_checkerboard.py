@@ -10,11 +10,11 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes import _flat_checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast, cast_edges
 from qmcjax.scenes._edges import visible
-from qmcjax.scenes._parameters import numbers
 
 
 @pytree

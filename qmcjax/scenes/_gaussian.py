@@ -10,10 +10,10 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import bell_means, separable
-from qmcjax.scenes._parameters import numbers
 
 
 @pytree

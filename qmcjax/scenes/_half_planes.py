@@ -15,7 +15,7 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import sign_varies
 from qmcjax.scenes._edges import along
-from qmcjax.scenes._parameters import numbers
+from qmcjax.core.parameters import numbers
 from qmcjax.scenes._pixel_cuts import split_segments
 
 Floats = NDArray[np.float64]
@@ -235,8 +235,6 @@ def staircase(
     Array([1. , 0.5, 0. ], dtype=float32)
     """
     offsets = numbers("offsets", offsets, (None,))
-    if not len(offsets):
-        raise ValueError(f"offsets must have at least one step, got {checks.shown(offsets)}")
     return Staircase(numbers("angle", angle), offsets)
 
 

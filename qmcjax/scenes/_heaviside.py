@@ -11,10 +11,11 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges
 from qmcjax.scenes._half_planes import Step
-from qmcjax.scenes._parameters import named, numbers
+from qmcjax.scenes._parameters import named
 
 Floats = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
-from qmcjax.scenes._parameters import numbers, require
 
 
 @pytree

@@ -10,11 +10,11 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
-from qmcjax.scenes._parameters import numbers, require
 
 
 @pytree

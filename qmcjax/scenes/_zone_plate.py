@@ -10,9 +10,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import ExactScene, coordinates
-from qmcjax.scenes._parameters import numbers
 
 
 @pytree

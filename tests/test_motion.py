@@ -242,7 +242,7 @@ def changed(place, value):
         (lambda: motion.nurbs(*changed(3, 0)), ValueError, r"degree must be an integer in \[1, 16\], got 0"),
         (lambda: motion.nurbs(*changed(3, 2.0)), TypeError, "degree must be an integer"),
         (lambda: motion.nurbs(*changed(0, [[1, np.nan]] * 3)), ValueError, "control must be finite"),
-        (lambda: motion.nurbs(*changed(0, "abc")), TypeError, "control must be real numbers"),
+        (lambda: motion.nurbs(*changed(0, "abc")), TypeError, "control must be made of real numbers"),
         (lambda: motion.nurbs(*changed(0, [[1, 0]])), ValueError, "control must be at least 3 points"),
         (lambda: motion.nurbs(*changed(1, [1, -1, 1])), ValueError, "weights must be not negative"),
         (

@@ -11,11 +11,11 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import sign_varies
 from qmcjax.scenes._edges import along
-from qmcjax.core.parameters import numbers
 from qmcjax.scenes._pixel_cuts import split_segments
 
 Floats = NDArray[np.float64]

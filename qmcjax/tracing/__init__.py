@@ -1,3 +1,3 @@
-"""What ray-traced scenes are made of: motion, shapes, cameras, lights, materials and estimators."""
+"""What ray-traced scenes are made of: so far, motion."""
 
 from qmcjax.tracing import motion as motion

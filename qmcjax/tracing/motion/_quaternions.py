@@ -46,10 +46,12 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
     """
     axis, half = jnp.asarray(axis), 0.5 * jnp.asarray(angle)
     dtype = np.result_type(half.dtype, np.float32)
-    axis, half = axis.astype(dtype), half.astype(dtype)
+    shape = jnp.broadcast_shapes(axis.shape[:-1], half.shape)
+    axis = jnp.broadcast_to(axis.astype(dtype), (*shape, 3))
+    half = jnp.broadcast_to(half.astype(dtype), shape)
     axis = axis / jnp.linalg.norm(axis, axis=-1, keepdims=True)
     sine = jnp.sin(half)[..., None] * axis
-    return jnp.concatenate([sine, jnp.broadcast_to(jnp.cos(half)[..., None], (*sine.shape[:-1], 1))], axis=-1)
+    return jnp.concatenate([sine, jnp.cos(half)[..., None]], axis=-1)
 
 
 def multiply(a: Array, b: Array) -> Array:

@@ -80,7 +80,10 @@ def cast(parameters: Any, dtype: DTypeLike) -> Any:
 
 
 def _of_jax(name: str, value: Any) -> Array:
-    array = jnp.asarray(value)
+    try:
+        array = jnp.asarray(value)
+    except (TypeError, ValueError):
+        array = jnp.zeros(0, bool)
     if jnp.issubdtype(array.dtype, jnp.integer):
         return array.astype(jnp.float32)
     if not jnp.issubdtype(array.dtype, jnp.floating):

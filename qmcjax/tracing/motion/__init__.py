@@ -4,6 +4,8 @@ A path maps times, shape (...), to points, shape (..., d); a rotation path maps 
 shape (..., 4), with the scalar last.
 """
 
+from qmcjax.tracing.motion._affine import Affine as Affine
+from qmcjax.tracing.motion._affine import affine as affine
 from qmcjax.tracing.motion._decomposition import Decomposition as Decomposition
 from qmcjax.tracing.motion._decomposition import compose as compose
 from qmcjax.tracing.motion._decomposition import decompose as decompose

@@ -1,0 +1,85 @@
+"""Vectors of space as tuples of their three components.
+
+Arrays whose last axis is 3 do not fill the vector units of a processor; three arrays do, and what is computed
+from them fuses into one loop over rays.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+from jax import Array
+
+Vector = tuple[Any, Any, Any]
+
+
+def components(array: Array) -> Vector:
+    """Return the components of vectors, shape (..., 3)."""
+    return array[..., 0], array[..., 1], array[..., 2]
+
+
+def stacked(a: Vector) -> Array:
+    """Return vectors as one array of shape (..., 3)."""
+    return jnp.stack(jnp.broadcast_arrays(*a), axis=-1)
+
+
+def each(function: Callable[..., Any], *vectors: Vector) -> Vector:
+    """Apply a function to components that belong together."""
+    x, y, z = zip(*vectors, strict=True)
+    return function(*x), function(*y), function(*z)
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def times(factor: Any, a: Vector) -> Vector:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def along(origin: Vector, distance: Any, direction: Vector) -> Vector:
+    """Return points of rays."""
+    return plus(origin, times(distance, direction))
+
+
+def dot(a: Vector, b: Vector) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def largest(a: Vector) -> Any:
+    """Return the largest absolute value of a component."""
+    return jnp.maximum(jnp.maximum(abs(a[0]), abs(a[1])), abs(a[2]))
+
+
+def length(a: Vector) -> Any:
+    return jnp.sqrt(dot(a, a))
+
+
+def unit(a: Vector) -> Vector:
+    """Return vectors of length 1; vectors without a length stay."""
+    squared = dot(a, a)
+    return times(1 / jnp.sqrt(jnp.where(squared > 0, squared, 1)), a)
+
+
+def tangents(normal: Vector) -> tuple[Vector, Vector]:
+    """Return two unit vectors that make a right-handed frame with a unit vector [Duff et al. 2017]."""
+    x, y, z = normal
+    sign = jnp.where(z >= 0, 1, -1).astype(z.dtype)
+    a = -1 / (sign + z)
+    b = x * y * a
+    return (1 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+
+
+def turn(a: Any, b: Any) -> Any:
+    """Return the angle of (a, b) in turns, in [0, 1]; 0, with no derivative, for (0, 0)."""
+    nowhere = (a == 0) & (b == 0)
+    angle = jnp.arctan2(jnp.where(nowhere, 0, b), jnp.where(nowhere, 1, a)) / (2 * jnp.pi)
+    return jnp.where(angle < 0, angle + 1, angle)

@@ -1,0 +1,89 @@
+"""Worlds: all objects and lights of a scene, with one number for each primitive."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._object import Object, as_object
+from qmcjax.tracing._shape import Shape
+
+
+@pytree
+@dataclass(frozen=True)
+class World:
+    """What rays can hit, and where light comes from."""
+
+    objects: tuple[Object, ...]
+    lights: tuple[Any, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of primitives, which are numbered in the order of objects, their shapes and these' rows."""
+        return sum(item.count for item in self.objects)
+
+    def batches(self) -> list[tuple[Shape, int]]:
+        """Return the shapes of all objects with the numbers of their first primitives."""
+        return [
+            (shape, start + before)
+            for item, start in self.numbered()
+            for shape, before in zip(item.shapes, item.starts, strict=True)
+        ]
+
+    def numbered(self) -> Iterator[tuple[Object, int]]:
+        """Return objects with the number of their first primitive."""
+        number = 0
+        for item in self.objects:
+            yield item, number
+            number += item.count
+
+
+def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
+    """Return one shape for all of each kind, and which of the given ones it is made of.
+
+    A program for one batch of many primitives is shorter, and faster, than one for many batches of few.
+    """
+    kinds: dict[Any, list[int]] = {}
+    for place, shape in enumerate(shapes):
+        kinds.setdefault(jax.tree.structure(shape), []).append(place)
+    return [
+        (jax.tree.map(lambda *a: jnp.concatenate(a), *(shapes[place] for place in places)), places)
+        for places in kinds.values()
+    ]
+
+
+def world(objects: Any, lights: Any = ()) -> World:
+    """Make a world.
+
+    Parameters
+    ----------
+    objects : sequence of Object
+        May be empty: then no ray hits anything.
+    lights : sequence, optional
+
+    Returns
+    -------
+    World
+        A pytree: its numbers may be traced and differentiated. ``world.count`` is the number of primitives.
+
+    Raises
+    ------
+    TypeError
+        If ``objects`` or ``lights`` is no sequence, or an object has another type.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> world([tracing.sphere([0, 0, 0], 1.0), tracing.box([2, 0, 0], [3, 1, 1])]).count
+    2
+    """
+    parts = []
+    for name, value in (("objects", objects), ("lights", lights)):
+        if not isinstance(value, tuple | list):
+            raise TypeError(f"{name} must be a list or a tuple, got {checks.shown(value)}")
+        parts.append(tuple(value))
+    return World(tuple(as_object("objects", item) for item in parts[0]), parts[1])

@@ -173,7 +173,7 @@ def _transpose(cotangents, count, first, *args, term, pinned, sums):
 def _batch(args, axes, *, term, pinned, sums):
     count, first, *rest = args
     if axes[0] is not None:
-        raise NotImplementedError("the number of terms must be the same for all that is mapped")
+        raise ValueError("the number of terms must be the same for all that is mapped")
     size = next(arg.shape[axis] for arg, axis in zip(args, axes, strict=True) if axis is not None)
     # A number that is mapped is one operand more, added to numbers from 0 on.
     operands, mapped = [first, *rest[2 * sums :]], (axes[1], *axes[2 + 2 * sums :])

@@ -9,6 +9,14 @@ class Entry(NamedTuple):
 
 
 CATALOGUE = {
+    "thesis-2.1": Entry("figures.thesis_2_1", "Cubic B-spline basis functions"),
+    "thesis-2.2": Entry("figures.thesis_2_2", "A curve at equal steps of its parameter, and of its length"),
+    "thesis-2.3": Entry("figures.thesis_2_3", "A knot as multiple as the degree of the curve"),
+    "thesis-2.4": Entry("figures.thesis_2_4", "The length of a curve by linear segments"),
+    "thesis-2.5": Entry("figures.thesis_2_5", "A curve made of segments of the same length"),
+    "thesis-2.6": Entry("figures.thesis_2_6", "The box of a rectangle under continuous rotation"),
+    "thesis-2.7": Entry("figures.thesis_2_7", "A fast rotation by linear segments"),
+    "thesis-2.8": Entry("figures.thesis_2_8", "A ball that jumps, by linear segments"),
     "thesis-3.5": Entry("figures.thesis_3_5", "The same times in all pixels, times of their own, even noise"),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),

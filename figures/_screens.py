@@ -16,6 +16,19 @@ REGIONS = ("whole", "upper", "lower")
 KEYS = 4
 """Jittered grids are random: their errors are averaged over so many."""
 
+STYLES = {
+    "jittered grid": ("C0", "x"),
+    "rank-1 lattice": ("C4", "s"),
+    "Hammersley": ("C1", "o"),
+    "Larcher-Pillichshammer": ("C2", "v"),
+    "optimised matrices": ("C5", "d"),
+    "permutation": ("C3", "^"),
+}
+"""Colour and marker of each sampler."""
+
+VISIBLE = 2.0
+"""How much larger the error of a row of pixels is that is seen as a line."""
+
 DPI = 150
 
 
@@ -28,11 +41,18 @@ def _jittered(side: int, key: int) -> Callable[[int], samplers.Sampler]:
     return lambda spp: samplers.full_screen(sequences.jittered(side * round(spp**0.5), 2, key), side, side)
 
 
-def nets(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:
-    """Return the deterministic samplers of chapter 6 for a square screen."""
+def _lattice(key: int) -> Callable[[int], samplers.Sampler]:
+    """Return spp -> the sampler that rotates one lattice in each pixel, against lines of the image."""
+    return lambda spp: samplers.independent(sequences.rank1_lattice(spp), key, randomize="shift")
+
+
+def deterministic(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:
+    """Return the samplers of Sect. 6.1 but for the jittered grid, for a square screen."""
     return {
+        "rank-1 lattice": _lattice(key=0),
         "Hammersley": _net(sequences.hammersley_net, side),
         "Larcher-Pillichshammer": _net(sequences.larcher_pillichshammer_net, side),
+        "optimised matrices": _net(sequences.optimized_net, side),
         "permutation": _net(sequences.permutation_net, side),
     }
 
@@ -45,42 +65,74 @@ def pictures(
     ``crop`` is the left and upper edge and the side of the area, in parts of the image.
     """
     side, spp = (512, 64) if quality == "paper" else (256, 64)
-    makers = {"jittered grid": _jittered(side, key=0), **nets(side)}
+    makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
     reference, bound = scene.reference(side, side)
     progress(0.5)
     images = {name: np.asarray(qj.render(scene, make(spp), side, side, spp)) for name, make in makers.items()}
     errors = {name: float(np.sqrt(np.mean((image - reference) ** 2))) for name, image in images.items()}
     captions = {name: f"{name}\nRMS error {error:.5f}" for name, error in errors.items()}
+    left, upper, part = (round(c * side) for c in crop)
+    area = np.s_[upper : upper + part, left : left + part]
+    lines = {name: _line((image - reference)[area]) for name, image in images.items()}
     progress(0.9)
-    figure = _sheet({"exact reference": reference, **images}, captions, title, crop)
+    figure = _sheet({"exact reference": reference, **images}, captions, title, area)
     numbers = {
-        "measured": {"rms_error": errors, "reference_error_bound": float(bound)},
-        "printed": "images only; the convergence graphs that follow order the samplers",
+        "measured": {
+            "rms_error": errors,
+            "reference_error_bound": float(bound),
+            "strongest line at the top of the magnified area": lines,
+        },
+        "printed": {
+            "a line is visible at the top of the magnified area with the lattice, rotated as it is": max(
+                lines, key=lambda name: lines[name]
+            )
+            == "rank-1 lattice"
+            and lines["rank-1 lattice"] > VISIBLE,
+        },
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; the camera is ours where the "
-        "thesis gives none. Its rank-1 lattice and its optimised matrices are not in this sheet.",
+        "thesis gives none. The lattice has 64 points, and a Cranley-Patterson rotation in each pixel. A "
+        "line is a row of pixels whose RMS error is so many times the median of the eight rows around it, "
+        f"visible from {VISIBLE:g} on. The thesis has the same caption below both of its lattice's images.",
     }
     return figure, numbers
 
 
-def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, crop) -> Figure:
+def _line(error: np.ndarray) -> float:
+    """Return how much one row in the upper half stands out from the rows around it."""
+    rows = np.sqrt(np.mean(error**2, axis=1))
+    return float(
+        max(
+            row / np.median([*rows[max(0, y - 4) : y], *rows[y + 1 : y + 5]])
+            for y, row in enumerate(rows[: len(rows) // 2])
+        )
+    )
+
+
+def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area) -> Figure:
     """Lay images out so that one image pixel is one pixel of the PNG, and whole ones in the magnification."""
     side = next(iter(images.values())).shape[0]
     gap, top = 12, 80
     width, height = len(images) * (side + gap) + gap, 2 * (side + gap) + gap + top
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
     figure.suptitle(title, y=1 - 18 / height, fontsize=9)
-    left, upper, part = (round(c * side) for c in crop)
+    rows, columns = area
     for k, (name, image) in enumerate(images.items()):
-        area = image[upper : upper + part, left : left + part]
-        for row, shown in enumerate((image, area)):
+        for row, shown in enumerate((image, image[area])):
             x, y = gap + k * (side + gap), gap + (1 - row) * (side + gap)
             axes = figure.add_axes((x / width, y / height, side / width, side / height))
             axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
             axes.set_axis_off()
             if row == 0:
-                axes.set_title(captions.get(name, name), fontsize=7, pad=3)
+                axes.set_title(captions.get(name, name), fontsize=8, pad=3)
                 axes.add_patch(
-                    Rectangle((left - 0.5, upper - 0.5), part, part, fill=False, color="tab:red", lw=0.8)
+                    Rectangle(
+                        (columns.start - 0.5, rows.start - 0.5),
+                        columns.stop - columns.start,
+                        rows.stop - rows.start,
+                        fill=False,
+                        color="tab:red",
+                        lw=0.8,
+                    )
                 )
     return figure
 
@@ -89,13 +141,13 @@ def convergence(
     scene: Any, title: str, claims: Callable[[dict], dict[str, bool]], quality: str, progress
 ) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log, for the whole image and its halves."""
-    side, largest = (512, 7) if quality == "paper" else (128, 6)
+    side, largest = (512, 7) if quality == "paper" else (128, 5)
     spps = [4**k for k in range(largest + 1)]
-    makers = {f"jittered grid {key}": _jittered(side, key) for key in range(KEYS)} | nets(side)
+    makers = {f"jittered grid {key}": _jittered(side, key) for key in range(KEYS)} | deterministic(side)
     table = analysis.convergence(scene, makers, spps, width=side, height=side, repeats=1, progress=progress)
     errors = {
         name: {region: [float(e) for e in table.errors(name, region)[1]] for region in REGIONS}
-        for name in nets(side)
+        for name in deterministic(side)
     }
     jittered = {
         region: np.sqrt(
@@ -108,12 +160,12 @@ def convergence(
     figure = Figure(figsize=(15, 5), layout="constrained")
     figure.suptitle(title)
     for axes, region in zip(figure.subplots(1, 3, sharey=True), REGIONS, strict=True):
-        for (name, of_region), marker in zip(errors.items(), "xov^", strict=True):
-            axes.loglog(spps, of_region[region], marker=marker, ms=4, lw=1, label=name)
+        for name, (color, marker) in STYLES.items():
+            axes.loglog(spps, errors[name][region], color=color, marker=marker, ms=4, lw=1, label=name)
         for power in (-0.5, -0.75):
             start = errors["jittered grid"][region][0]
             axes.loglog(spps, start * np.array(spps, float) ** power, "k:", lw=0.6)
-            axes.annotate(f"$n^{{{power}}}$", (spps[-1], start * float(spps[-1]) ** power), fontsize=7)
+            axes.annotate(f"$n^{{{power}}}$", (spps[-1], start * float(spps[-1]) ** power), fontsize=8)
         axes.set(
             title=f"{region} image" if region == "whole" else f"{region} half", xlabel="samples per pixel"
         )
@@ -121,13 +173,25 @@ def convergence(
     figure.axes[0].set_ylabel("root mean square error")
     figure.axes[0].legend()
     numbers = {
-        "measured": {"spp": spps, "rms_error": errors, "slope": _slopes(spps, errors)},
+        "measured": {
+            "spp": spps,
+            "rms_error": errors,
+            "slope": _slopes(spps, errors),
+            "fluctuation": {name: fluctuation(of_region["whole"]) for name, of_region in errors.items()},
+        },
         "printed": claims(errors),
         "note": f"{side} x {side} pixels. The thesis plots the norm of the error image, the RMS error times "
         f"{side}. Jittered grids: root mean square over {KEYS} keys. 'printed' lists the thesis's sentences "
-        "and whether they hold in these numbers.",
+        "and whether they hold in these numbers. 'fluctuation' is the root mean square of the distances of "
+        "the errors' logarithms from the line that fits them best.",
     }
     return figure, numbers
+
+
+def fluctuation(errors: list[float]) -> float:
+    """Return how far errors at equally spaced exponents are from a power law, root mean square."""
+    x, y = np.arange(len(errors)), np.log(errors)
+    return float(np.sqrt(np.mean((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2)))
 
 
 def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:

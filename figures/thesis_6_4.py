@@ -18,9 +18,11 @@ def _claims(errors: dict) -> dict[str, bool]:
         "permutation net best beyond 256 samples per pixel": all(
             min(whole, key=lambda name: whole[name][k]) == "permutation" for k in last
         ),
-        "Hammersley in parts worse than the jittered grid": any(
-            a > b for a, b in zip(whole["Hammersley"], whole["jittered grid"], strict=True)
-        ),
+    } | {
+        f"{name} in parts worse than the jittered grid": any(
+            a > b for a, b in zip(whole[name], whole["jittered grid"], strict=True)
+        )
+        for name in ("Hammersley", "rank-1 lattice", "optimised matrices")
     }
 
 

@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, known, numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import jit, pytree
 
 Curve = Callable[[Array], Array]
 
 _PIECES = 64
 """At least so many pieces of each smooth part of a curve are integrated by themselves, and 4 of a segment."""
+
+_BLOCK = 2**12
+"""Parameters that are evaluated together: of one shape, so that a curve is compiled once."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 """Gauss-Legendre quadrature on [-1, 1]."""
@@ -72,8 +75,7 @@ def by_arc_length(curve: Curve, knots: NDArray[np.float64], segments: int) -> Ar
         fine = max(_PIECES, -(-4 * segments // (len(knots) - 1)))
         pieces = np.concatenate([np.linspace(a, b, fine, endpoint=False) for a, b in pairwise(knots)])
         pieces = np.append(pieces, knots[-1])
-        speed = jax.jit(lambda u: jnp.linalg.norm(jax.jvp(curve, (u,), (jnp.ones_like(u),))[1], axis=-1))
-        arcs = np.append(0.0, np.cumsum(_integrals(speed, pieces[:-1], pieces[1:])))
+        arcs = np.append(0.0, np.cumsum(_arcs(curve, pieces[:-1], pieces[1:])))
         length = float(arcs[-1])
         if not length > 0:
             raise ValueError(f"the curve must not be a single point, got the length {length}")
@@ -84,20 +86,37 @@ def by_arc_length(curve: Curve, knots: NDArray[np.float64], segments: int) -> Ar
         rest, share = wanted - arcs[piece], arcs[piece + 1] - arcs[piece]
         u = left + (right - left) * np.divide(rest, share, out=np.zeros_like(rest), where=share > 0)
         for _ in range(8):
-            slope = np.asarray(speed(u))
-            step = np.divide(_integrals(speed, left, u) - rest, slope, out=np.zeros_like(u), where=slope > 0)
+            slope = _points_and_speeds(curve, u)[1]
+            step = np.divide(_arcs(curve, left, u) - rest, slope, out=np.zeros_like(u), where=slope > 0)
             u = np.clip(u - step, left, right)
-        points = np.asarray(curve(jnp.asarray(u)))
+        points = _points_and_speeds(curve, u)[0]
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     arc = length / segments
     bound = 0.5 * np.sqrt(max(arc**2 * (1 + 1e-9) - float(chords.min()) ** 2, 0.0))
     return ArcLength(points, length, float(bound))
 
 
-def _integrals(function: Callable[[NDArray], Any], a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Return the integrals from ``a`` to ``b``."""
+def _arcs(curve: Curve, a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return the arc lengths from ``a`` to ``b``."""
     half = 0.5 * (b - a)
-    return half * (np.asarray(function(a[:, None] + half[:, None] * (1 + _NODES))) @ _WEIGHTS)
+    _, speeds = _points_and_speeds(curve, np.ravel(a[:, None] + half[:, None] * (1 + _NODES)))
+    return half * (speeds.reshape(len(a), -1) @ _WEIGHTS)
+
+
+def _points_and_speeds(curve: Curve, u: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return points (n, d) and speeds (n,) at parameters (n,)."""
+    blocks = np.pad(u, (0, -len(u) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
+    found = [_evaluated(curve, block) for block in blocks]
+    points, speeds = (
+        np.concatenate([np.asarray(part) for part in parts]) for parts in zip(*found, strict=True)
+    )
+    return points[: len(u)], speeds[: len(u)]
+
+
+@jit()
+def _evaluated(curve: Curve, u: Array) -> tuple[Array, Array]:
+    points, velocities = jax.jvp(curve, (u,), (jnp.ones_like(u),))
+    return points, jnp.linalg.norm(velocities, axis=-1)
 
 
 @pytree

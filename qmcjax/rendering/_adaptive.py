@@ -1,6 +1,5 @@
 """Images without the samples that a scene does not need."""
 
-import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._task import Task
+from qmcjax.rendering._task import Task, in_one_pass
 
 _SIZES = (16384, 4096, 1024, 256)
 """Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
@@ -110,7 +109,7 @@ def _centres(
 def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray, NDArray]]:
     """Yield the means of all samples, for one part of the pixels after the other."""
     sampler = task.sampler.up_to(task.spp)
-    batch = math.gcd(task.spp, sampler.unrolled(dims))
+    batch = in_one_pass(task.scene, sampler, task.spp, dims)
     pair, size = (task.scene, sampler), (task.width, task.height)
     with checks.precision(task.dtype):
         begun = [

@@ -1,6 +1,5 @@
 """From a scene and a sampler to an image."""
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +11,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._task import Task, check_progress, refuse, task
+from qmcjax.rendering._task import Task, check_progress, in_one_pass, refuse, task
 
 __all__ = ["render"]
 
@@ -86,7 +85,7 @@ def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[A
     with checks.precision(dtype):
         # So many values are added pairwise before they go into the compensated sum: memory traffic is what
         # counts.
-        batch = math.gcd(spp, sampler.unrolled(dims))
+        batch = in_one_pass(scene, sampler, spp, dims)
         state = _accumulation.zeros(scene, (height, width), dtype)
         per_call = max(1, _CALL // (width * height * batch)) * batch
         for first in range(0, spp, per_call):

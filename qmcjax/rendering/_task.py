@@ -1,5 +1,6 @@
 """What is rendered, and errors for what cannot be."""
 
+import math
 from typing import Any, NamedTuple
 
 import jax
@@ -49,6 +50,11 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
         )
     sampler.check(width, height, spp)
     return Task(scene, sampler, width, height, spp, dtype)
+
+
+def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> int:
+    """Return how many samples of a pixel a program evaluates together: a divisor of ``spp``."""
+    return math.gcd(spp, sampler.unrolled(dims), getattr(scene, "unrolled", 0))
 
 
 def refuse(task: Task, image: Array | NDArray) -> None:

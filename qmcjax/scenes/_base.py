@@ -1,18 +1,17 @@
 """What a scene is: a function on the unit cube, with names for its dimensions."""
 
 import abc
-from functools import partial
 from typing import Any, ClassVar, Protocol
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.custom_derivatives import SymbolicZero
 from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.edges import moves_an_edge
 
 EPS = float(np.finfo(float).eps)
 
@@ -23,12 +22,14 @@ class Scene(Protocol):
     Dimensions 0 and 1 are the position on the screen: x to the right, y downward, so that pixel
     ``(x, y)`` covers ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
 
-    A scene may have three more methods:
+    A scene may have four more attributes:
 
     - ``varies(low, high)``, from opposite corners of boxes of points, shape (..., len(needs)), to a bool
       Array of that shape: False in place j says for certain that within the box the value does not depend
       on coordinate j. All False: it is constant.
     - ``boundary(u)``, the edges where the value jumps, for :func:`qmcjax.boundary_gradient`, which says how.
+    - ``unrolled``, an int: at most so many samples are evaluated by one program together. It is 1 for scenes
+      whose program is long.
     - ``reference_gradient(width, height)``, the exact derivatives of the pixel means with respect to the
       parameters, as that function returns them but in float64, and a bound on their errors.
     """
@@ -112,21 +113,4 @@ def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
     name = type(scene).__name__
     return tree.unflatten(
         [moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(v).astype(dtype)) for path, v in leaves]
-    )
-
-
-@partial(jax.custom_jvp, nondiff_argnums=(0,))
-def moves_an_edge(name: str, value: Array) -> Array:
-    """Return a parameter, whose derivative JAX then refuses to take; see `cast_edges`."""
-    return value
-
-
-@partial(moves_an_edge.defjvp, symbolic_zeros=True)
-def _refuse(name: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
-    if isinstance(tangents[0], SymbolicZero):
-        return primals[0], tangents[0]
-    raise ValueError(
-        f"{name} moves an edge: the plain derivative of the scene is 0 almost everywhere, which is not the "
-        "derivative of any mean of it. qmcjax.boundary_gradient has the derivatives of the pixel means, of "
-        "scenes with a method boundary"
     )

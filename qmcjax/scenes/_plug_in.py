@@ -11,7 +11,7 @@ from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import ExactScene
 
-_OPTIONAL = ("reference", "reference_gradient", "varies", "boundary")
+_OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled")
 """Methods that a scene may have; see `Scene`."""
 
 

@@ -12,6 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
 from qmcjax.core.plug_ins import held
 from qmcjax.tracing._flat import Box, Disc, Plane, Rectangle
+from qmcjax.tracing._materials import as_material
 from qmcjax.tracing._object import Object
 from qmcjax.tracing._round import Cylinder, Sphere
 from qmcjax.tracing._shape import Shape
@@ -32,7 +33,8 @@ def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material
     motion : callable, optional
         From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): where the object
         is. See :func:`qmcjax.tracing.motion.affine`. It is still by default.
-    material : object, optional
+    material : Material, optional
+        See :func:`qmcjax.tracing.diffuse`; by default grey of reflectance 1/2.
 
     Returns
     -------
@@ -309,7 +311,7 @@ def _object(shapes: Shape | tuple[Shape, ...], motion: Any, material: Any) -> Ob
         if not callable(motion):
             raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
         motion = held("motion", motion)
-    material = None if material is None else held("material", material)
+    material = None if material is None else as_material("material", material)
     return Object(shapes if isinstance(shapes, tuple) else (shapes,), motion, material)
 
 

@@ -1,21 +1,18 @@
 """The nearest hit of rays, differentiable, and whether there is any."""
 
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast
 from qmcjax.core.pytrees import jit
-from qmcjax.tracing._object import Frame, Object, identity
+from qmcjax.tracing._found import found, in_dtype
 from qmcjax.tracing._search import search
-from qmcjax.tracing._vectors import Vector, along, components, dot, each, minus, plus, stacked, times, unit
-from qmcjax.tracing._world import World, merged
+from qmcjax.tracing._vectors import components, stacked
+from qmcjax.tracing._world import World
 
 
 class Hit(NamedTuple):
@@ -146,77 +143,15 @@ def _floats(name: str, value: Any) -> Array:
     return array
 
 
-def _in(world: World, dtype: Any) -> World:
-    """Return a world with the numbers of shapes in a dtype."""
-    objects = (Object(cast(item.shapes, dtype), item.motion, None) for item in world.objects)
-    return World(tuple(objects), ())
-
-
 @jit()
 def _any(world: World, origin: Array, direction: Array, time: Array, limit: Array) -> Array:
     rays = components(origin), components(direction), time, limit
-    return search(_in(world, origin.dtype), *jax.lax.stop_gradient(rays), True)[1] >= 0
+    return search(in_dtype(world, origin.dtype), *jax.lax.stop_gradient(rays), True)[1] >= 0
 
 
 @jit()
 def _nearest(world: World, origin: Array, direction: Array, time: Array) -> Hit:
-    world = _in(world, origin.dtype)
-    start, way = components(origin), components(direction)
-    fixed = jax.lax.stop_gradient((world, start, way, time, jnp.full_like(time, jnp.inf)))
-    distance, number = search(*fixed, False)
-    hit = number >= 0
-    # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
-    start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
-    at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
-    frame = _frame(world, number, at)
-    if frame is not None:
-        start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
-    surface = partial(_surface, world, number, at)
-    # A Newton step: the value is 0 but for rounding, and its derivatives are those of the distance.
-    value, gradient = surface(along(start, distance, way))
-    slope = dot(gradient, way)
-    step = value / jnp.where(slope == 0, 1, slope)
-    distance = distance - (step - jax.lax.stop_gradient(step))
-    # To the surface on the shortest way: no farther from it than its coordinates are rounded.
-    point = along(start, distance, way)
-    value, gradient = surface(point)
-    squared = dot(gradient, gradient)
-    point = minus(point, times(value / jnp.where(squared == 0, 1, squared), gradient))
-    if frame is not None:
-        point, gradient = plus(frame.outside(point), frame.translation), frame.normal(gradient)
-    distance = jnp.where(hit, distance, jnp.inf)
-    normal = stacked(unit(gradient))
-    return Hit(distance, number, normal, jnp.where(hit[:, None], stacked(point), origin))
-
-
-def _frame(world: World, number: Array, time: Array) -> Frame | None:
-    """Return for each ray the map to the world of the object that it hits; None if all are still."""
-    chosen = None
-    for item, first in world.numbered():
-        frame = item.frame(time)
-        if frame is not None:
-            here = (number >= first) & (number < first + item.count)
-            chosen = identity(time) if chosen is None else chosen
-            chosen = jax.tree.map(partial(jnp.where, here), frame, chosen)
-    return chosen
-
-
-def _surface(world: World, number: Array, time: Array, point: Vector) -> tuple[Array, Vector]:
-    """Return the functions and gradients of the surfaces of each ray's primitive; zeros if it has none."""
-    shapes = [shape for shape, _ in world.batches()]
-    if not shapes:
-        return jnp.zeros_like(time), each(jnp.zeros_like, point)
-    starts = np.array([start for _, start in world.batches()], np.int32)
-    batch = jnp.searchsorted(starts, number, side="right") - 1
-    value, gradient = jnp.zeros_like(time), each(jnp.zeros_like, point)
-    for shape, places in merged(shapes):
-        # Rows of the merged shape minus numbers in the world, for batches of this kind.
-        before = np.cumsum([0, *(shapes[place].count for place in places[:-1])])
-        shift, mine = np.zeros(len(shapes), np.int32), np.zeros(len(shapes), bool)
-        shift[places], mine[places] = before - starts[places], True
-        here = (number >= 0) & jnp.asarray(mine)[batch]
-        row = jnp.clip(number + jnp.asarray(shift)[batch], 0, shape.count - 1)
-        new = shape.surface(row, point, time)
-        value = jnp.where(here, new[0], value)
-        gradient = each(partial(jnp.where, here), new[1], gradient)
-    return value, gradient
+    at = found(in_dtype(world, origin.dtype), components(origin), components(direction), time)
+    distance = jnp.where(at.hit, at.distance, jnp.inf)
+    point = jnp.where(at.hit[:, None], stacked(at.point), origin)
+    return Hit(distance, at.number, stacked(at.normal), point)

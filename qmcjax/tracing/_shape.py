@@ -50,6 +50,15 @@ class Shape(ABC):
     def count(self) -> int:
         """Number of primitives."""
 
+    @property
+    def moving(self) -> bool:
+        """Tell whether primitives depend on time in the space of the object."""
+        return False
+
+    def at(self, time: Any) -> "Shape":
+        """Return the shape as it is at one time."""
+        return self
+
     def prepare(self, rays: Rays) -> Any:
         """Return what the tests of all primitives against some rays share; by default the rays."""
         return rays

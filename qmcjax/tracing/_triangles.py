@@ -34,6 +34,15 @@ class Triangles(Shape):
     def count(self) -> int:
         return self.vertices.shape[0]
 
+    @property
+    def moving(self) -> bool:
+        return self.close is not None
+
+    def at(self, time: Any) -> "Triangles":
+        if self.close is None:
+            return self
+        return Triangles((1 - time) * self.vertices + time * self.close, None)
+
     def _corners(self, number: Any, time: Any) -> list[Vector]:
         corners = [components(self.vertices[number, j]) for j in range(3)]
         if self.close is None:

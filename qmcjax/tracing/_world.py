@@ -9,6 +9,7 @@ import jax.numpy as jnp
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._lights import Environment, Light, as_light
 from qmcjax.tracing._object import Object, as_object
 from qmcjax.tracing._shape import Shape
 
@@ -19,12 +20,18 @@ class World:
     """What rays can hit, and where light comes from."""
 
     objects: tuple[Object, ...]
-    lights: tuple[Any, ...]
+    lights: tuple[Light, ...]
 
     @property
     def count(self) -> int:
-        """Number of primitives, which are numbered in the order of objects, their shapes and these' rows."""
-        return sum(item.count for item in self.objects)
+        """Number of primitives, in the order of objects, their shapes and these' rows; then lights."""
+        return sum(item.count for item in self.parts)
+
+    @property
+    def parts(self) -> tuple[Object, ...]:
+        """Return all that rays hit: the objects, then one for each light that has an extent."""
+        lights = (light.object() for light in self.lights)
+        return (*self.objects, *(item for item in lights if item is not None))
 
     def batches(self) -> list[tuple[Shape, int]]:
         """Return the shapes of all objects with the numbers of their first primitives."""
@@ -37,7 +44,7 @@ class World:
     def numbered(self) -> Iterator[tuple[Object, int]]:
         """Return objects with the number of their first primitive."""
         number = 0
-        for item in self.objects:
+        for item in self.parts:
             yield item, number
             number += item.count
 
@@ -63,7 +70,8 @@ def world(objects: Any, lights: Any = ()) -> World:
     ----------
     objects : sequence of Object
         May be empty: then no ray hits anything.
-    lights : sequence, optional
+    lights : sequence of Light, optional
+        Rays hit those that have an extent.
 
     Returns
     -------
@@ -73,7 +81,9 @@ def world(objects: Any, lights: Any = ()) -> World:
     Raises
     ------
     TypeError
-        If ``objects`` or ``lights`` is no sequence, or an object has another type.
+        If ``objects`` or ``lights`` is no sequence, or one of them has another type.
+    ValueError
+        If there are two environments.
 
     Examples
     --------
@@ -86,4 +96,7 @@ def world(objects: Any, lights: Any = ()) -> World:
         if not isinstance(value, tuple | list):
             raise TypeError(f"{name} must be a list or a tuple, got {checks.shown(value)}")
         parts.append(tuple(value))
-    return World(tuple(as_object("objects", item) for item in parts[0]), parts[1])
+    lights = tuple(as_light("lights", item) for item in parts[1])
+    if sum(isinstance(light, Environment) for light in lights) > 1:
+        raise ValueError("lights must have one environment at most: give it the sum of their radiances")
+    return World(tuple(as_object("objects", item) for item in parts[0]), lights)

@@ -1,0 +1,120 @@
+"""What rays find: the nearest hit with all that is differentiable about it."""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core.parameters import cast
+from qmcjax.tracing._object import Frame, Object, identity
+from qmcjax.tracing._search import search
+from qmcjax.tracing._shape import Shape
+from qmcjax.tracing._vectors import Vector, along, dot, each, minus, plus, times, unit
+from qmcjax.tracing._world import World, merged
+
+
+class Found(NamedTuple):
+    """Hits, components of shape (n,)."""
+
+    hit: Array
+    """Whether anything is hit; without that the numbers below are finite, and no more."""
+    number: Array
+    """int32: of the primitive, -1 where nothing is hit."""
+    distance: Array
+    point: Vector
+    """In the world, and on the surface up to rounding."""
+    normal: Vector
+    """Unit vectors; zeros where nothing is hit."""
+    inside: Vector
+    """The point in the space of the object."""
+
+
+def in_dtype(world: World, dtype: DTypeLike) -> World:
+    """Return a world with the numbers of shapes and lights in a dtype."""
+    objects = (Object(cast(item.shapes, dtype), item.motion, item.material) for item in world.objects)
+    return World(tuple(objects), cast(world.lights, dtype))
+
+
+def found(world: World, origin: Vector, direction: Vector, time: Array) -> Found:
+    """Return what rays hit first. Which primitive that is has no derivative; all that follows from it has."""
+    start, way = origin, direction
+    fixed = jax.lax.stop_gradient((world, start, way, time, jnp.full_like(time, jnp.inf)))
+    distance, number = search(*fixed, False)
+    hit = number >= 0
+    # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
+    start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
+    at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
+    frame = _frame(world, number, at)
+    if frame is not None:
+        start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
+    surface = partial(_surface, world, number, at)
+    # A Newton step: the value is 0 but for rounding, and its derivatives are those of the distance.
+    value, gradient = surface(along(start, distance, way))
+    slope = dot(gradient, way)
+    step = value / jnp.where(slope == 0, 1, slope)
+    distance = distance - (step - jax.lax.stop_gradient(step))
+    # To the surface on the shortest way: no farther from it than its coordinates are rounded.
+    inside = along(start, distance, way)
+    value, gradient = surface(inside)
+    squared = dot(gradient, gradient)
+    inside = minus(inside, times(value / jnp.where(squared == 0, 1, squared), gradient))
+    point = inside
+    if frame is not None:
+        point, gradient = plus(frame.outside(inside), frame.translation), frame.normal(gradient)
+    return Found(hit, number, distance, point, unit(gradient), inside)
+
+
+def coordinates(
+    world: World, which: list[bool], number: Array, time: Array, point: Vector
+) -> tuple[Array, Array]:
+    """Return (u, v) of points in the spaces of their objects, of those objects that are marked; else 0."""
+    marked = [
+        (shape, start + before)
+        for (item, start), wanted in zip(world.numbered(), which, strict=True)
+        for shape, before in zip(item.shapes, item.starts, strict=True)
+        if wanted
+    ]
+    zero = jnp.zeros_like(time)
+    return _by_kind(marked, number, (zero, zero), lambda shape, row: shape.coordinates(row, point, time))
+
+
+def _frame(world: World, number: Array, time: Array) -> Frame | None:
+    """Return for each ray the map to the world of the object that it hits; None if all are still."""
+    chosen = None
+    for item, first in world.numbered():
+        frame = item.frame(time)
+        if frame is not None:
+            here = (number >= first) & (number < first + item.count)
+            chosen = identity(time) if chosen is None else chosen
+            chosen = jax.tree.map(partial(jnp.where, here), frame, chosen)
+    return chosen
+
+
+def _surface(world: World, number: Array, time: Array, point: Vector) -> tuple[Array, Vector]:
+    """Return the functions and gradients of the surfaces of each ray's primitive; zeros if it has none."""
+    zeros = jnp.zeros_like(time), each(jnp.zeros_like, point)
+    return _by_kind(world.batches(), number, zeros, lambda shape, row: shape.surface(row, point, time))
+
+
+def _by_kind(batches: list[tuple[Shape, int]], number: Array, other: Any, of_shape: Any) -> Any:
+    """Return what a function says of each ray's primitive, or something else where there is none of it."""
+    if not batches:
+        return other
+    shapes = [shape for shape, _ in batches]
+    starts = np.array([start for _, start in batches], np.int32)
+    counts = np.array([shape.count for shape in shapes], np.int32)
+    batch = jnp.sum(number[None] >= jnp.asarray(starts)[:, None], axis=0) - 1
+    inside = (batch >= 0) & (number < jnp.asarray(starts + counts)[batch])
+    for shape, places in merged(shapes):
+        # Rows of the merged shape minus numbers in the world, for batches of this kind.
+        before = np.cumsum([0, *(shapes[place].count for place in places[:-1])])
+        shift, mine = np.zeros(len(shapes), np.int32), np.zeros(len(shapes), bool)
+        shift[places], mine[places] = before - starts[places], True
+        here = inside & jnp.asarray(mine)[batch]
+        row = jnp.clip(number + jnp.asarray(shift)[batch], 0, shape.count - 1)
+        other = jax.tree.map(partial(jnp.where, here), of_shape(shape, row), other)
+    return other

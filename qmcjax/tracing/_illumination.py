@@ -1,0 +1,102 @@
+"""Light at a point: one light of a world is chosen, and a point of it; and how likely that was."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.tracing._found import Found
+from qmcjax.tracing._lights import Environment, Light, Sample
+from qmcjax.tracing._search import search
+from qmcjax.tracing._shape import rounding
+from qmcjax.tracing._vectors import Vector, each, largest, times
+from qmcjax.tracing._world import World
+
+
+class Choice(NamedTuple):
+    """Coordinates that choose a point of a light; None where there is nothing to choose."""
+
+    light: Array | None = None
+    u: Array | None = None
+    v: Array | None = None
+
+    @classmethod
+    def of(cls, coordinates: dict[str, Array], vertex: str = "") -> "Choice":
+        """Return the choice by coordinates that are named for a vertex of a path."""
+        return cls(*(coordinates.get(f"light{vertex}{part}") for part in ("", "_u", "_v")))
+
+
+def chosen_by(world: World) -> tuple[str, ...]:
+    """Return the names of coordinates that choose a point of a light."""
+    which = ("light",) if len(world.lights) > 1 else ()
+    return which + (("light_u", "light_v") if any(light.coordinates for light in world.lights) else ())
+
+
+def illuminated(world: World, choice: Choice, point: Vector, normal: Vector) -> Sample:
+    """Return light that may reach points, over the chance of its light."""
+    count = len(world.lights)
+    zero = jnp.zeros_like(point[0])
+    number = zero.astype(jnp.int32)
+    if choice.light is not None:
+        number = jnp.minimum((choice.light * count).astype(jnp.int32), count - 1)
+    result = Sample((zero, zero, zero), zero, (zero, zero, zero), zero, zero)
+    for lights, places in _kinds(world):
+        row = np.zeros(count, np.int32)
+        mine = np.zeros(count, bool)
+        row[places], mine[places] = np.arange(len(places)), True
+        u, v = (zero if part is None else part for part in (choice.u, choice.v))
+        sample = lights.sample(jnp.asarray(row)[number], point, normal, u, v)
+        here = jnp.asarray(mine)[number]
+        result = jax.tree.map(lambda new, old, here=here: jnp.where(here, new, old), sample, result)
+    return result._replace(arriving=times(count, result.arriving), density=result.density / count)
+
+
+def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Array) -> Array:
+    """Tell whether light reaches points, of those that are wanted."""
+    # Where a light is hit is known up to the rounding of coordinates, and that at a slant.
+    size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
+    loose = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
+    limit = sample.distance - jnp.minimum(loose, 0.5 * sample.distance)
+    way = each(lambda a: jnp.where(wanted, a, 0), sample.way)
+    limit = jnp.where(wanted, limit, 0)
+    blocked = search(*jax.lax.stop_gradient((world, point, way, time, limit)), True)[1] >= 0
+    return wanted & ~blocked
+
+
+def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector) -> tuple[Vector, Array]:
+    """Return the radiance of lights that rays hit, and the density with which they would have been chosen.
+
+    ``normal`` is that of the surfaces that the rays leave.
+    """
+    zero = jnp.zeros_like(way[0])
+    radiance, density = (zero, zero, zero), zero
+    first = world.count - sum(light.object() is not None for light in world.lights)
+    number = 0
+    for light in world.lights:
+        if isinstance(light, Environment):
+            here = ~at.hit
+        elif light.object() is None:
+            continue
+        else:
+            here = at.number == first + number
+            number += 1
+        one, row = jax.tree.map(lambda leaf: leaf[None], light), jnp.zeros_like(at.number)
+        here = here & one.shines(row, way)
+        emitted = one.emitted(row)
+        radiance = each(lambda new, old, here=here: old + jnp.where(here, new, 0), emitted, radiance)
+        likely = one.density(row, origin, normal, way, at.point)
+        density = jnp.where(here, density + likely / len(world.lights), density)
+    return radiance, density
+
+
+def _kinds(world: World) -> list[tuple[Light, list[int]]]:
+    """Return one batch for the lights of each kind, and their places."""
+    kinds: dict[Any, list[int]] = {}
+    for place, light in enumerate(world.lights):
+        kinds.setdefault(type(light), []).append(place)
+    return [
+        (jax.tree.map(lambda *leaves: jnp.stack(leaves), *(world.lights[place] for place in places)), places)
+        for places in kinds.values()
+    ]

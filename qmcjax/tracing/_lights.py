@@ -1,0 +1,331 @@
+"""Lights: where light comes from, how points of it are sampled, and with which density."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing import _factories, _maps
+from qmcjax.tracing._flat import Rectangle
+from qmcjax.tracing._object import Object
+from qmcjax.tracing._round import Sphere
+from qmcjax.tracing._shape import row
+from qmcjax.tracing._textures import color
+from qmcjax.tracing._vectors import (
+    Vector,
+    cross,
+    dot,
+    each,
+    length,
+    minus,
+    plus,
+    times,
+    unit,
+)
+
+
+class Sample(NamedTuple):
+    """Light that may reach points, components of shape (n,)."""
+
+    way: Vector
+    """Unit vectors towards it."""
+    distance: Array
+    """Inf for light from infinity."""
+    arriving: Vector
+    """Radiance over density; for points of light the irradiance of a surface across."""
+    density: Array
+    """Per solid angle; inf for points of light."""
+    slope: Array
+    """The cosine at the light, which says how well known the distance is; 1 where it is exact."""
+
+
+class Light(ABC):
+    """Lights of one kind; in numbers that have a first axis, that is the light."""
+
+    coordinates: ClassVar[int]
+    """How many coordinates choose a point of it."""
+
+    def object(self) -> Object | None:
+        """Return what rays hit of it."""
+        return None
+
+    @abstractmethod
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        """Return light of one light for each point."""
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        """Return the density of directions that hit it somewhere; 0 for lights without extent."""
+        return jnp.zeros_like(point[0])
+
+    @abstractmethod
+    def emitted(self, number: Array) -> Vector:
+        """Return radiance, in the directions where it shines."""
+
+    def shines(self, number: Array, way: Vector) -> Array | bool:
+        """Tell whether it shines against rays of a direction."""
+        return True
+
+
+@pytree
+@dataclass(frozen=True)
+class PointLight(Light):
+    """See :func:`point_light`."""
+
+    position: Any
+    intensity: Any
+    coordinates: ClassVar[int] = 0
+    smooth: ClassVar[tuple[str, ...]] = ("intensity",)
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        way = minus(row(self.position, number), point)
+        squared = dot(way, way)
+        # A light at the very point gives none.
+        inverse = jnp.where(squared > 0, 1 / jnp.where(squared > 0, squared, 1), 0)
+        one = jnp.ones_like(squared)
+        intensity = row(self.intensity, number)
+        return Sample(unit(way), jnp.sqrt(squared), times(inverse, intensity), one * np.inf, one)
+
+    def emitted(self, number: Array) -> Vector:
+        return each(jnp.zeros_like, row(self.intensity, number))
+
+
+@pytree
+@dataclass(frozen=True)
+class RectangleLight(Light):
+    """See :func:`rectangle_light`."""
+
+    corner: Any
+    edge_u: Any
+    edge_v: Any
+    radiance: Any
+    coordinates: ClassVar[int] = 2
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def object(self) -> Object:
+        corner, edge_u, edge_v = (part[None] for part in (self.corner, self.edge_u, self.edge_v))
+        return Object((Rectangle(corner, edge_u, edge_v),), None, None)
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
+        place = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
+        across = cross(edge_u, edge_v)
+        area = length(across)
+        way = minus(place, point)
+        squared = dot(way, way)
+        squared = jnp.where(squared > 0, squared, jnp.inf)
+        cosine = jnp.maximum(-dot(unit(way), across) / area, 0)
+        seen = cosine > 0
+        factor = jnp.where(seen, cosine * area / squared, 0)
+        density = jnp.where(seen, squared / (jnp.where(seen, cosine, 1) * area), 0)
+        return Sample(unit(way), length(way), times(factor, row(self.radiance, number)), density, cosine)
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        across = cross(row(self.edge_u, number), row(self.edge_v, number))
+        cosine = -dot(way, across)
+        between = minus(hit, point)
+        seen = cosine > 0
+        return jnp.where(seen, dot(between, between) / jnp.where(seen, cosine, 1), 0)
+
+    def emitted(self, number: Array) -> Vector:
+        return row(self.radiance, number)
+
+    def shines(self, number: Array, way: Vector) -> Array:
+        return dot(way, cross(row(self.edge_u, number), row(self.edge_v, number))) < 0
+
+
+@pytree
+@dataclass(frozen=True)
+class SphereLight(Light):
+    """See :func:`sphere_light`."""
+
+    center: Any
+    radius: Any
+    radiance: Any
+    coordinates: ClassVar[int] = 2
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def object(self) -> Object:
+        return Object((Sphere(self.center[None], self.radius[None]),), None, None)
+
+    def _cone(self, number: Array, point: Vector) -> tuple[Vector, Array, Array, Array]:
+        """Return ways to the centres, squared, and the cones: one minus the cosine, 0 from inside."""
+        between = minus(row(self.center, number), point)
+        squared = dot(between, between)
+        sine = self.radius[number] * self.radius[number] / jnp.where(squared > 0, squared, 1)
+        outside = sine < 1
+        sine = jnp.where(outside, sine, 0.5)
+        return between, squared, jnp.where(outside, sine / (1 + jnp.sqrt(1 - sine)), 0), outside
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        between, squared, lost, outside = self._cone(number, point)
+        axis = unit(between)
+        local = _maps.cone(u, v, lost)
+        way = unit(_maps.around(local, axis))
+        # How far the ray passes from the centre, squared; then the first of its two crossings.
+        aside = squared * (local[0] * local[0] + local[1] * local[1])
+        chord = self.radius[number] * self.radius[number] - aside
+        chord = jnp.sqrt(jnp.maximum(chord, jnp.finfo(chord.dtype).tiny))
+        distance = jnp.sqrt(squared) * local[2] - chord
+        angle = 2 * np.pi * lost
+        arriving = times(jnp.where(outside, angle, 0), row(self.radiance, number))
+        density = jnp.where(outside, 1 / jnp.where(outside, angle, 1), 0)
+        return Sample(way, distance, arriving, density, chord / self.radius[number])
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        _, _, lost, outside = self._cone(number, point)
+        return jnp.where(outside, 1 / (2 * np.pi * jnp.where(outside, lost, 1)), 0)
+
+    def emitted(self, number: Array) -> Vector:
+        return row(self.radiance, number)
+
+
+@pytree
+@dataclass(frozen=True)
+class Environment(Light):
+    """See :func:`environment`."""
+
+    radiance: Any
+    coordinates: ClassVar[int] = 2
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        local, cosine = _maps.hemisphere(u, v)
+        way = unit(_maps.around(local, normal))
+        one = jnp.ones_like(cosine)
+        arriving = times(np.pi / cosine, row(self.radiance, number))
+        return Sample(way, one * np.inf, arriving, cosine / np.pi, one)
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        return jnp.maximum(dot(normal, way), 0) / np.pi
+
+    def emitted(self, number: Array) -> Vector:
+        return row(self.radiance, number)
+
+
+def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
+    """Make a light that is a point.
+
+    Parameters
+    ----------
+    position : float ArrayLike, shape (3,)
+    intensity : float ArrayLike, shape () or (3,)
+        Radiant intensity, not negative: at distance d a surface across gets intensity / d^2.
+
+    Returns
+    -------
+    PointLight
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, or the intensity is negative.
+    """
+    return PointLight(numbers("position", position, (3,)), _radiance("intensity", intensity))
+
+
+def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> SphereLight:
+    """Make a sphere that shines outwards, and reflects nothing.
+
+    Points of it are sampled evenly in the cone of directions in which it is seen.
+
+    Parameters
+    ----------
+    center : float ArrayLike, shape (3,)
+    radius : float
+        Positive.
+    radiance : float ArrayLike, shape () or (3,)
+        The same in all directions, not negative.
+
+    Returns
+    -------
+    SphereLight
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite or negative, or the radius is 0.
+    """
+    center, radius = numbers("center", center, (3,)), numbers("radius", radius)
+    require("radius", radius, lambda r: r > 0, "positive")
+    return SphereLight(center, radius, _radiance("radiance", radiance))
+
+
+def rectangle_light(
+    corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
+) -> RectangleLight:
+    """Make a rectangle, or parallelogram, that shines from one side, and reflects nothing.
+
+    Points of it are sampled evenly by area.
+
+    Parameters
+    ----------
+    corner, edge_u, edge_v : float ArrayLike, shape (3,)
+        A corner, and the edges from there. It shines to the side of ``edge_u`` x ``edge_v``.
+    radiance : float ArrayLike, shape () or (3,)
+        The same in all directions of that side, not negative.
+
+    Returns
+    -------
+    RectangleLight
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, the rectangle has no area, or radiance is negative.
+    """
+    corner, edge_u, edge_v = (
+        numbers(name, value, (3,))
+        for name, value in (("corner", corner), ("edge_u", edge_u), ("edge_v", edge_v))
+    )
+    _factories.rectangle(corner, edge_u, edge_v)
+    return RectangleLight(corner, edge_u, edge_v, _radiance("radiance", radiance))
+
+
+def environment(radiance: ArrayLike) -> Environment:
+    """Make light that comes from infinity, the same from everywhere.
+
+    Directions of it are sampled in proportion to the cosine at the surface.
+
+    Parameters
+    ----------
+    radiance : float ArrayLike, shape () or (3,)
+        Not negative.
+
+    Returns
+    -------
+    Environment
+
+    Raises
+    ------
+    TypeError
+        If it has another type.
+    ValueError
+        If its shape does not fit, or a number is not finite or negative.
+    """
+    return Environment(_radiance("radiance", radiance))
+
+
+def as_light(name: str, value: Any) -> Light:
+    """Return a light, or raise a TypeError that names what came."""
+    if not isinstance(value, Light):
+        raise TypeError(f"{name} must be lights (point_light, ...), got {checks.shown(value)}")
+    return value
+
+
+def _radiance(name: str, value: Any) -> Any:
+    if callable(value):
+        raise TypeError(f"{name} must be a colour, got {checks.shown(value)}")
+    return color(name, value)

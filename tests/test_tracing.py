@@ -622,7 +622,7 @@ ORIGIN = np.zeros(3, np.float32)
             "must have no motion",
         ),
         (
-            lambda: tracing.group([tracing.group([BALL], material=1)]),
+            lambda: tracing.group([tracing.group([BALL], material=tracing.diffuse(1.0))]),
             ValueError,
             "must have no material",
         ),

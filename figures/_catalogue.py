@@ -20,6 +20,7 @@ CATALOGUE = {
     "thesis-3.5": Entry("figures.thesis_3_5", "The same times in all pixels, times of their own, even noise"),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
+    "thesis-5.4": Entry("figures.thesis_5_4", "Initial direction numbers of the Sobol' sequence"),
     "thesis-5.5": Entry("figures.thesis_5_5", "Minimum distances of (0,m,3)-nets"),
     "thesis-5.7": Entry(
         "figures.thesis_5_7", "Matrices of (0,2)-sequences and their points, Fig. 5.6 to 5.8"

@@ -173,7 +173,8 @@ def path_tracing(
     camera : Camera
     bounces : int
         How many directions a path takes after the first, in [0, 64]. 0 is direct light alone; light that is
-        scattered more than ``bounces + 1`` times is lost.
+        scattered more than ``bounces + 1`` times is lost, and what a mirror shows that is the last of so many
+        surfaces.
     roulette : int, optional
         From this bounce on, at least 1, paths of little throughput end by chance, the others carry their
         light; each bounce by a coordinate of its own. By default none does.

@@ -33,7 +33,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panel.plot(*np.asarray(path.points).T, "o-", color="tab:red", ms=4, lw=1, label="linear segments")
         panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), xticks=[], yticks=[])
         panel.set_title(f"{segments} segments, error {_error(1.0, segments):.1%} of the radius", fontsize=8)
-    axes[0].legend(fontsize=8, loc="upper right")
+    axes[0].legend(fontsize=8, loc="center")
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):

@@ -14,6 +14,7 @@ SEGMENTS = 8
 COUNTS = (*range(4, 13), 16, 20, 25, 32, 40)
 TIMES = np.linspace(0, 1, 20001)
 JUMPS = 3
+COLORS = ("tab:red", "tab:blue")
 HEIGHT = 0.5
 
 # Each jump is a parabola: a Bezier curve of degree 2, joined to the next by a knot as multiple as that.
@@ -36,17 +37,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     ways = {"ends at equal times": (), "ends at the corners, too": BALL.corners}
     floating = {name: {n: _floats(_approximated(n, known)) for n in COUNTS} for name, known in ways.items()}
     figure, axes = _points.panels(3, "A ball that jumps, by linear segments (thesis Fig. 2.8)")
-    for panel, (name, known) in zip(axes, ways.items(), strict=False):
+    for panel, color, (name, known) in zip(axes, COLORS, ways.items(), strict=False):
         path = _approximated(SEGMENTS, known)
         panel.axhline(0, color="0.5", lw=2)
         panel.plot(*at(BALL, TIMES).T, color="0.7", lw=3, label="path")
-        panel.plot(*np.asarray(path.points).T, "o-", color="tab:red", ms=4, lw=1, label="linear segments")
+        panel.plot(*np.asarray(path.points).T, "o-", color=color, ms=4, lw=1, label="linear segments")
         panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75), xticks=[], yticks=[])
         panel.set_title(
             f"{SEGMENTS} segments, {name}\nturns at {floating[name][SEGMENTS]:.1%} of its height", fontsize=8
         )
-    axes[0].legend(fontsize=8, loc="upper left")
-    for (name, of), color in zip(floating.items(), ("tab:red", "tab:blue"), strict=True):
+    for panel in axes[:2]:
+        panel.legend(fontsize=8, loc="upper left")
+    for (name, of), color in zip(floating.items(), COLORS, strict=True):
         axes[2].plot(COUNTS, list(of.values()), ".-", color=color, lw=0.8, label=name)
     axes[2].set(xlabel="linear segments", ylabel="height of the turn / height of a jump")
     axes[2].grid(alpha=0.3)

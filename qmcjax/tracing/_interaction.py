@@ -53,9 +53,9 @@ def surface(world: World, at: Found, time: Array) -> Surface:
         parts = [getattr(each_of, name) for each_of in given]
         if all(part is None for part in parts):
             return None
-        width = 1 if name == "roughness" else 3
         zero = jnp.zeros((), dtype)
-        blank = zero if width == 1 else (zero, zero, zero)
+        # A roughness of 0 would have infinite derivatives.
+        blank = jnp.ones((), dtype) if name == "roughness" else (zero, zero, zero)
         vectors = [blank if part is None else part for part in parts]
         even = [all(jnp.ndim(a) == 0 for a in jax.tree.leaves(vector)) for vector in vectors]
         rows = [blank, *(vector if flat else blank for vector, flat in zip(vectors, even, strict=True))]

@@ -56,7 +56,8 @@ def cone(u: Any, v: Any, lost: Any) -> Vector:
     Its edge is the circle that v = 1 goes to.
     """
     below = v * lost
-    radius, angle = jnp.sqrt(jnp.maximum(below * (2 - below), 0)), 2 * np.pi * u
+    radius = jnp.sqrt(jnp.maximum(below * (2 - below), jnp.finfo(below.dtype).tiny))
+    angle = 2 * np.pi * u
     return radius * jnp.cos(angle), radius * jnp.sin(angle), 1 - below
 
 

@@ -87,12 +87,14 @@ def _facets(alpha: Any, out: Vector, into: Vector) -> tuple[Array, Array, Array,
     x, y, z = unit(plus(out, into))
     # Not z^2 (alpha^2 - 1) + 1, which cancels near z = 1.
     spread = (x * x + y * y) + alpha * alpha * (z * z)
+    spread = jnp.where(spread > 0, spread, 1)
     distribution = alpha * alpha / (np.pi * spread * spread)
     meeting = jnp.clip(dot(out, (x, y, z)), 0, 1)
     fresnel = (1 - meeting) ** 5
     cos_out, cos_in = jnp.maximum(out[2], 0), jnp.maximum(into[2], 0)
     slope_out, slope_in = (jnp.sqrt(alpha * alpha + (1 - alpha * alpha) * c * c) for c in (cos_out, cos_in))
-    masked = 0.5 * cos_in / (cos_out * slope_in + cos_in * slope_out + jnp.finfo(cos_in.dtype).tiny)
+    both = cos_out * slope_in + cos_in * slope_out
+    masked = 0.5 * cos_in / jnp.where(both > 0, both, 1)
     return distribution, fresnel, masked, 0.5 / (cos_out + slope_out)
 
 

@@ -181,6 +181,16 @@ def some(argument, table, *names):
     return pytest.mark.parametrize(argument, marked, indirect=lazy)
 
 
+def slow(*cases):
+    """Return cases of a test that run on request only."""
+    return [pytest.param(case, marks=pytest.mark.slow) for case in cases]
+
+
+def few(table, *names):
+    """Return a few names of a table as they are, and the others to run on request."""
+    return [*names, *slow(*(name for name in table if name not in names))]
+
+
 def owen_pass(key):
     return samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(sequences.sobol(3), key), 2)
 

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -165,7 +166,7 @@ def test_passes_go_on_until_the_error_is_small():
     assert limited.counts.max() == 64
 
 
-@pytest.mark.parametrize("unbiased", [True, False])
+@pytest.mark.parametrize("unbiased", [True, *slow(False)])
 def test_unbiased_when_asked_for(unbiased):
     """Four passes of four samples in nine pixels see no spike with probability (1 - width)^144, 0.56."""
     scene, images = Spike(0.004), []
@@ -200,7 +201,7 @@ def test_progress_is_reported_and_ends():
             np.testing.assert_allclose(seen[:-1], seen[0] * np.arange(1, len(seen)), err_msg="pass by pass")
 
 
-@pytest.mark.parametrize("render", [qj.render, qj.render_adaptive])
+@pytest.mark.parametrize("render", [*slow(qj.render), qj.render_adaptive])
 def test_values_that_are_not_finite_are_found_and_named(render):
     """Points 12, 13, 14 and 15 have 4, 13, 22 and 7 27ths of the height: 22/27 / 4 is above 0.15."""
     sampler = samplers.contiguous(orders.raster(4, 4), sequences.halton(2), 4)
@@ -245,7 +246,7 @@ def test_not_for_transformations(transformed):
         transformed(total)
 
 
-@pytest.mark.parametrize("unbiased", [True, False])
+@pytest.mark.parametrize("unbiased", [True, *slow(False)])
 def test_passes_that_are_not_finite_are_named(unbiased):
     """The pilot is not part of the image, and its values count, too."""
     with pytest.raises(ValueError, match=r"scene must return finite values, got nan in pixel \(3, "):

@@ -354,6 +354,7 @@ def test_passes_give_mean_and_variance():
     np.testing.assert_allclose(double.variance, np.square(stack[0] - stack[1]) / 4, rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_passes_are_unbiased():
     """The moments of a product of two uniform variables are E (u v)**k = (k + 1)**-2."""
     passes = 128

@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 from scipy.integrate import qmc_quad
 from scipy.stats import qmc
-from tables import first, some
+from tables import few, first, slow, some
 
 import qmcjax as qj
 from qmcjax import scenes, sequences
@@ -148,7 +148,7 @@ REPLICATED = {
 }
 
 
-@pytest.mark.parametrize("name", REPLICATED)
+@pytest.mark.parametrize("name", few(REPLICATED, "owen"))
 def test_replicates_tell_their_error(name):
     """Over 40 keys, errors divided by their standard errors are Student's t with 7 degrees of freedom."""
 
@@ -221,8 +221,8 @@ def test_closed_over_values_have_gradients():
     np.testing.assert_allclose(slopes, (1 / 2, -2 / 4), atol=1e-4)
 
 
-@pytest.mark.parametrize("start", [0, 77])
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("start", [77, *slow(0)])
+@pytest.mark.parametrize("bad", [np.nan, *slow(np.inf)])
 def test_a_value_that_is_not_finite_is_named_with_its_point(bad, start):
     sequence = sequences.sobol(2)
     index = start + 70001

@@ -237,7 +237,7 @@ def assert_strips(kind, points, strips):
         np.testing.assert_allclose(slopes[i, i % dims], expected, rtol=1e-8, atol=1e-13)
 
 
-@pytest.mark.parametrize("shape, strips", [((16, 2), 6), ((14, 5), 1)])
+@pytest.mark.parametrize("shape, strips", [((14, 5), 1), pytest.param((16, 2), 6, marks=pytest.mark.slow)])
 def test_strips(monkeypatch, shape, strips):
     """Of 3 points, the last one not full; and all pairs in tiles of 4 points, the last one not full."""
     monkeypatch.setattr(_l2_pairs, "_TILE", 4)

@@ -5,6 +5,7 @@ from fractions import Fraction
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow, some
 
 import qmcjax as qj
 from qmcjax import samplers, scenes, sequences
@@ -28,7 +29,9 @@ def test_paths_have_the_geometric_series_as_mean(bounces, albedo, survival):
     assert 0 < bound < 1e-12
 
 
-@pytest.mark.parametrize(("bounces", "survival"), [(1, None), (2, 0.5), (3, None)])
+@pytest.mark.parametrize(
+    ("bounces", "survival"), [(2, 0.5), *(pytest.param(n, None, marks=pytest.mark.slow) for n in (1, 3))]
+)
 def test_paths_sampled_have_that_mean(bounces, survival):
     scene = scenes.path_toy(bounces, 0.8, survival, 2.0)
     assert len(scene.needs) == 2 + bounces * (2 if survival is None else 3)
@@ -38,7 +41,7 @@ def test_paths_sampled_have_that_mean(bounces, survival):
     assert error < 0.1
 
 
-@pytest.mark.parametrize("dimension", [0, 1, 2, 7])
+@pytest.mark.parametrize("dimension", [0, *slow(1, 2, 7)])
 def test_ramps_show_one_coordinate(dimension):
     scene, sides = scenes.ramp(dimension), (5, 3)
     assert len(scene.needs) == max(2, dimension + 1)
@@ -78,7 +81,7 @@ def test_fine_flat_checkerboards_in_rational_numbers(squares):
     assert bound < 1e-6
 
 
-@pytest.mark.parametrize("squares", [1e4, 1e6])
+@pytest.mark.parametrize("squares", [1e4, *slow(1e6)])
 def test_fine_checkerboards_in_perspective_by_samples(squares):
     scene = scenes.checkerboard(squares)
     exact, bound = scene.reference(6, 4)
@@ -87,6 +90,7 @@ def test_fine_checkerboards_in_perspective_by_samples(squares):
     assert abs(exact - 0.5).max() < 100 / squares
 
 
+@pytest.mark.slow
 def test_fine_checkerboards_in_one_strip():
     """One row and many columns: the mean over y of square waves in 1/y, added square by square."""
     squares, width = 1e4, 3
@@ -110,8 +114,8 @@ def test_fine_checkerboards_in_one_strip():
 COLOURS = scenes.function(lambda p: jnp.stack([p[..., 0], p[..., 1], 0 * p[..., 0] + 0.25], -1), ("x", "y"))
 
 
-@pytest.mark.parametrize("still", [scenes.checkerboard(), COLOURS], ids=["grey", "colours"])
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@some("still", {"grey": scenes.checkerboard(), "colours": COLOURS}, "colours")
+@pytest.mark.parametrize("dtype", [jnp.float32, *slow(jnp.float64)])
 def test_layers_are_a_mixture_by_cover(still, dtype):
     """Object times cover plus rest times what is behind, each by render_adaptive; counts add up."""
     moving = scenes.ball([[0.2, 0.3]], [[0.7, 0.6]], (), 0.15)

@@ -82,6 +82,7 @@ def layered(key):
     return qj.render_layers(LAYERS["moving"], LAYERS["still"], sampler, 32, 32, SPP_MOVING, SPP_STILL)
 
 
+@pytest.mark.slow
 def test_layers_have_even_noise_and_the_right_mean():
     """Noise of the still scene, where the object passes: that of few samples times what the object leaves."""
     images = np.stack([np.asarray(layered(key).image) for key in range(24)])
@@ -125,6 +126,7 @@ def test_layers_count_both():
     assert result.saving == pytest.approx(1 - result.counts.mean() / (SPP_MOVING + SPP_STILL))
 
 
+@pytest.mark.slow
 def test_colours_behind():
     @pytree
     @dataclass(frozen=True)

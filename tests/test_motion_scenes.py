@@ -299,13 +299,16 @@ def boxes(scene, count, seed):
     return low.astype(np.float32), (low + sides).astype(np.float32)
 
 
+varies = jax.jit(lambda scene, low, high: scene.varies(low, high))
+
+
 @every
 def test_varies_is_certain(scene):
     """Where it says False no change of that coordinate changes the value, at any of the points tried."""
     count, tries = 400, 100
     low, high = boxes(scene, count, 5)
-    varies = np.asarray(jax.jit(lambda scene, low, high: scene.varies(low, high))(scene, low, high))
-    assert varies.shape == low.shape and varies.dtype == bool
+    may = np.asarray(varies(scene, low, high))
+    assert may.shape == low.shape and may.dtype == bool
     rng = np.random.default_rng(6)
     unit = rng.random((2, count, tries, low.shape[1]), dtype=np.float32)
     unit[:, :, ::3] = np.round(unit[:, :, ::3])  # corners and edges, too
@@ -316,8 +319,8 @@ def test_varies_is_certain(scene):
         changed = first.copy()
         changed[..., j] = second[..., j]
         differs = np.any(np.asarray(value(scene, changed)) != before, axis=1)
-        assert not np.any(differs & ~varies[:, j])
-    constant = ~varies.any(axis=1)
+        assert not np.any(differs & ~may[:, j])
+    constant = ~may.any(axis=1)
     assert np.all(before[constant] == before[constant][:, :1])
     assert constant.sum() >= count // 4
 
@@ -336,9 +339,9 @@ def test_varies_is_not_wasteful(scene):
     """Of 128 x 128 pixels only those may vary whose mean is not 0 or 1, and 0.5 % of the image more."""
     side = 128
     image, _ = scene.reference(side, side)
-    varies = np.asarray(scene.varies(*pixels(scene, side)))
+    may = np.asarray(varies(scene, *pixels(scene, side)))
     needed = (image > 1e-9) & (image < 1 - 1e-9)
-    found = varies.any(axis=-1)
+    found = may.any(axis=-1)
     assert not np.any(needed & ~found)
     assert found.sum() <= needed.sum() + 0.005 * side * side
 
@@ -350,20 +353,20 @@ def test_varies_tells_the_coordinates_apart():
         jnp.asarray([[0.5, 0.5, 0.2], [0.5, 0.5, 0.7]]),
     )
     disc = scenes.blinking_disc((0.45, 0.45), 0.3, (0.25, 0.75))
-    assert not np.any(disc.varies(low, high))
-    assert np.array_equal(disc.varies(low[:1], high[1:]), [[False, False, True]])
+    assert not np.any(varies(disc, low, high))
+    assert np.array_equal(varies(disc, low[:1], high[1:]), [[False, False, True]])
     edge = scenes.moving_edge(0.45, 0.0)
-    assert np.array_equal(edge.varies(low[:1], high[:1]), [[True, False, False]])
+    assert np.array_equal(varies(edge, low[:1], high[:1]), [[True, False, False]])
     # A ball that rests, jumps away and is back: here only time matters, and only over a jump.
     ball = scenes.ball([[0.45, 0.45], [3.0, 3.0], [0.45, 0.45]], None, [0.25, 0.5], 0.3)
     for first, last, expected in ((0.0, 0.2, False), (0.2, 0.3, True), (0.3, 0.4, False), (0.6, 0.9, False)):
         ends = low[:1].at[0, 2].set(first), high[:1].at[0, 2].set(last)
-        assert np.array_equal(ball.varies(*ends), [[False, False, expected]])
+        assert np.array_equal(varies(ball, *ends), [[False, False, expected]])
     still = scenes.ball([[0.45, 0.45]], [[0.45, 0.45]], (), 0.03)
-    assert np.array_equal(still.varies(low[:1], high[:1]), [[True, True, False]])
+    assert np.array_equal(varies(still, low[:1], high[:1]), [[True, True, False]])
     lens = scenes.defocused_edge(0.0, 0.5, 0.1, "square")
     box = jnp.asarray([[0.45, 0.1, 0.0, 0.0]]), jnp.asarray([[0.46, 0.2, 1.0, 1.0]])
-    assert np.array_equal(lens.varies(*box), [[True, False, True, False]])
+    assert np.array_equal(varies(lens, *box), [[True, False, True, False]])
 
 
 MAKERS = {

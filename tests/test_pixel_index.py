@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first
+from tables import first, slow, some
 
 import analysis
 import qmcjax as qj
@@ -80,8 +80,10 @@ def reflected(index, base, count):
     return leading, sum(Fraction(d, base ** (k + 1)) for k, d in enumerate(digits[count:]))
 
 
-@each_halton
-@pytest.mark.parametrize(("width", "height", "a", "b"), [(8, 9, 3, 2), (5, 10, 3, 3)])
+@some("seq", HALTON, "plain", "faure", "random")
+@pytest.mark.parametrize(
+    ("width", "height", "a", "b"), [(5, 10, 3, 3), pytest.param(8, 9, 3, 2, marks=pytest.mark.slow)]
+)
 def test_halton_over_the_raster_and_back(seq, width, height, a, b):
     """All points of three blocks sorted into pixels: each pixel's have its indices, pixels and offsets."""
     sampler = samplers.full_screen(seq, width, height)
@@ -124,6 +126,7 @@ def test_halton_over_large_rasters_against_python_integers(width, height, spp):
         assert low[1] == min(np.float32(float(within_y)), np.float32(1 - 2.0**-24))
 
 
+@pytest.mark.slow
 def test_permuted_halton_at_8192():
     """With a permutation for each of 21 ternary digits, of which 9 are the row."""
     seq = HALTON["random"]
@@ -165,7 +168,7 @@ SCRAMBLED = {
 each_scrambled = pytest.mark.parametrize("make", SCRAMBLED.values(), ids=SCRAMBLED.keys())
 
 
-@each_scrambled
+@some("make", SCRAMBLED, "permutation", "3d, twice", "sobol")
 def test_screen_of_a_scrambled_net_hands_out_its_points(make):
     """All points once, four in each pixel; of a sequence, block s is sample s."""
     net = make(8)
@@ -275,7 +278,7 @@ def test_replications_shift_further_coordinates_by_any_fraction():
 
 
 @pytest.mark.parametrize(
-    "net", [sequences.sobol(2), sequences.digital_shift(sequences.hammersley_net(6), key=3)]
+    "net", [*slow(sequences.sobol(2)), sequences.digital_shift(sequences.hammersley_net(6), key=3)]
 )
 def test_replications_of_sequences_and_scrambled_nets(net):
     """Of a sequence the first frame in each instance; jitter stays inside the pixel, whatever the points."""
@@ -340,7 +343,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+@some("case", CASES, "halton, random", "padded")
 def test_render_equals_sorting_all_points_into_pixels(case):
     make, columns, rows, seq = case
     width, height, spp = 12, 9, 5

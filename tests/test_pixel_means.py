@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -33,7 +34,8 @@ def test_the_mean_is_that_of_the_samples(name):
     sampler = SAMPLERS[name]
     dims = (1, 2) if sampler.dims > 2 else (1, 0)
     y, x, sample = np.meshgrid(first(SIDE), first(SIDE), first(SPP), indexing="ij")
-    points = np.asarray(sampler(*(jnp.asarray(a) for a in (x, y, sample)), dims), np.float64)
+    drawn = jax.jit(lambda sampler, *where: sampler(*where, dims))
+    points = np.asarray(drawn(sampler, x, y, sample), np.float64)
     means = analysis.pixel_means(product, sampler, SIDE, SIDE, SPP, dims)
     np.testing.assert_allclose(means, product(points).mean(axis=2), rtol=0, atol=2e-7)
 

@@ -100,7 +100,7 @@ def test_paths_of_coordinates_differ(scramble):
     assert np.mean(points[:, 0] == points[:, 1]) < 0.1
 
 
-@each_scrambling
+@some("scramble", SCRAMBLINGS, "owen")
 def test_each_point_is_uniform_over_keys(scramble):
     """Four digits each of two coordinates of one point: chi-squared in 16 x 16 cells."""
     x, y = (over_keys(scramble, np.uint32(6), dim) for dim in (0, 2))
@@ -232,7 +232,7 @@ WRAPPED = {
 }
 
 
-@some("wrap", WRAPPED, "xor", "matousek")
+@some("wrap", WRAPPED, "owen")
 @pytest.mark.parametrize("dims", [3, pytest.param(9, marks=pytest.mark.slow)])
 def test_all_ways_to_a_coordinate_agree(wrap, dims):
     """Words and bit_reversed, one coordinate at a time and all at once."""

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
-from tables import first
+from tables import first, some
 
 from qmcjax import sequences
 from qmcjax.core import digits
@@ -149,7 +149,7 @@ def test_points_go_through_the_permutations_of_a_tree(scramble, bases):
             assert len(set(children.tolist())) == len(children)
 
 
-@each_scrambling
+@some("scramble", SCRAMBLINGS, "owen")
 @each("halton, faure", "faure(3)", "faure(5)")
 def test_a_coordinate_is_scrambled_as_the_number_it_is(scramble, plain):
     """The same as the radical inverse with these digits, of which all is known above, to the last bit."""
@@ -456,6 +456,7 @@ def test_joint_digits_of_exactly_scrambled_triples_are_uniform(base):
         assert excess(parted, base * (base - 1) * (base - 2)) < 5
 
 
+@pytest.mark.slow
 def test_joint_digits_see_permutations_that_are_not_nested():
     """The limit of the theorem: one permutation for all second digits."""
     assert excess(joint_digits(sequences.digit_scramble, 5, [1, 7], [(0, 1), (1, 1)]), 25) > 5

@@ -270,7 +270,7 @@ def test_path_toy_gradients():
         mean = lambda albedo, survival, emission: jnp.mean(  # noqa: E731
             scenes.path_toy(1, albedo, survival, emission)(jnp.asarray(grid))
         )
-        value, gradients = jax.value_and_grad(mean, (0, 1, 2))(0.6, 0.5, 1.5)
+        value, gradients = jax.jit(jax.value_and_grad(mean, (0, 1, 2)))(0.6, 0.5, 1.5)
     # emission / 2 + albedo emission / 4
     np.testing.assert_allclose([value, *gradients], [0.975, 0.375, 0.0, 0.65], atol=1e-12)
     np.testing.assert_allclose(scenes.path_toy(1, 0.6, 0.5, 1.5).reference(1, 1)[0], 0.975, atol=1e-15)
@@ -296,11 +296,11 @@ def test_vmap_over_parameters_is_a_loop(make):
     """And a new parameter is a new leaf, not a new program."""
     parameters = jnp.asarray([[0.3, 0.6, 0.7], [0.2, 0.9, 0.4], [0.5, 0.5, 1.0]], jnp.float32)
     points = jnp.asarray(np.random.default_rng(2).random((50, len(make(parameters[0]).needs))), jnp.float32)
-    looped = np.stack([make(v)(points) for v in parameters])
-    mapped = jax.vmap(lambda v: make(v)(points))(parameters)
-    np.testing.assert_allclose(mapped, looped, rtol=2e-5)
     compiled = jax.jit(lambda scene: scene(points))
-    assert not np.array_equal(compiled(make(parameters[0])), compiled(make(parameters[1])))
+    looped = np.stack([compiled(make(v)) for v in parameters])
+    mapped = jax.jit(jax.vmap(lambda v: make(v)(points)))(parameters)
+    np.testing.assert_allclose(mapped, looped, rtol=2e-5)
+    assert not np.array_equal(looped[0], looped[1])
     assert compiled._cache_size() == 1
 
 
@@ -308,7 +308,8 @@ def test_ramp_shows_a_dimension():
     """With one sample a pixel the image is a coordinate of the sampler, as in Fig. 8 of the Z paper."""
     sampler = samplers.full_screen(sequences.sobol(6), 16, 16)
     y, x = np.indices((16, 16), dtype=np.uint32)
-    shown = sampler(jnp.asarray(x), jnp.asarray(y), jnp.zeros((16, 16), jnp.uint32), dims=(5,))[..., 0]
+    drawn = jax.jit(lambda sampler, *where: sampler(*where, dims=(5,)))
+    shown = drawn(sampler, x, y, np.zeros((16, 16), np.uint32))[..., 0]
     scene = scenes.ramp(5)
     assert np.array_equal(qj.render(scene, sampler, 16, 16, 1), shown)
     assert scene.needs == ("x", "y", "u2", "u3", "u4", "u5")

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import some
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -47,7 +48,7 @@ PASSES = samplers.randomized(lambda key: samplers.independent(sequences.sobol(2)
 IMAGE = qj.render(scenes.step(0.0, 0.4), SAMPLER, SIDE, SIDE, SPP)
 
 
-@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+@some("scene", SCENES, "object")
 def test_a_scene_is_any_object_with_needs_and_a_call(scene):
     np.testing.assert_array_equal(qj.render(scene, SAMPLER, SIDE, SIDE, SPP), IMAGE)
     adaptive = qj.render_adaptive(scene, SAMPLER, SIDE, SIDE, SPP)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import first
+from tables import first, slow, some
 
 import qmcjax as qj
 from qmcjax import integrate, orders, samplers, scenes, sequences
@@ -52,12 +52,11 @@ OBJECTS = {
     "simple": Simple(),
     "function": sequences.function(sequences.sobol(2), 2),
 }
-each_object = pytest.mark.parametrize("thing", OBJECTS.values(), ids=OBJECTS.keys())
 SOBOL = sequences.sobol(2)
 
 
-@each_object
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@some("thing", OBJECTS, "selecting", "simple")
+@pytest.mark.parametrize("dtype", [jnp.float64, *slow(jnp.float32)])
 def test_an_object_is_a_sequence(thing, dtype):
     seq = sequences.as_sequence("sequence", thing)
     expected = np.asarray(SOBOL.points(N)).astype(dtype)  # of few digits: float32 has them all
@@ -68,7 +67,7 @@ def test_an_object_is_a_sequence(thing, dtype):
     assert sequences.as_sequence("sequence", seq) is seq
 
 
-@each_object
+@some("thing", OBJECTS, "simple")
 def test_an_object_goes_wherever_a_sequence_does(thing):
     def same(make):
         assert np.array_equal(make(thing), make(SOBOL))
@@ -170,11 +169,14 @@ def test_any_integer_is_an_index(index):
     assert np.array_equal(SOBOL.bits(index), SOBOL.bits(np.asarray(index).astype(np.uint32)))
 
 
-@pytest.mark.parametrize(
-    "seq",
-    [sequences.hammersley_net(5), sequences.rank1_lattice(21), Simple()],
-    ids=["net", "lattice", "plain object"],
-)
+SIZED = {
+    "net": sequences.hammersley_net(5),
+    "lattice": sequences.rank1_lattice(21),
+    "plain object": Simple(),
+}
+
+
+@some("seq", SIZED, "lattice")
 def test_sequences_with_a_size_have_length_slices_and_points(seq):
     seq = sequences.as_sequence("sequence", seq)
     points = np.asarray(seq.points(seq.size))

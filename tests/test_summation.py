@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow, some
 
 import qmcjax as qj
 from qmcjax import samplers, scenes, sequences
@@ -45,8 +46,8 @@ DERIVATIVES = {
 }
 
 
-@pytest.mark.parametrize("jit", [False, True])
-@pytest.mark.parametrize("derivative", DERIVATIVES.values(), ids=DERIVATIVES.keys())
+@pytest.mark.parametrize("jit", [True, *slow(False)])
+@some("derivative", DERIVATIVES, "jvp", "jacrev", "hessian", "vmap of gradients", "gradient of vmap")
 def test_every_transformation_is_that_of_a_plain_sum(derivative, jit):
     with jax.enable_x64(True):
         a, b = jnp.float64(A), jnp.asarray(B)
@@ -107,9 +108,13 @@ def mean(difficulty):
     return qj.integrate(scene, sequences.sobol(2), 10_000, dtype=jnp.float64)
 
 
-@pytest.mark.parametrize(("function", "at"), [(loss, 12.0), (mean, 3.0)], ids=["render", "integrate"])
-def test_render_and_integrate_have_forward_and_second_derivatives(function, at):
+WHOLE = {"render": (loss, 12.0), "integrate": (mean, 3.0)}
+
+
+@some("case", WHOLE, "integrate")
+def test_render_and_integrate_have_forward_and_second_derivatives(case):
     """Against differences of the function, and of its gradient."""
+    function, at = case
     with jax.enable_x64(True):
         f, h = jnp.float64(at), 1e-5
         value = jax.jit(function)
@@ -131,9 +136,7 @@ def test_edges_refuse_all_plain_derivatives(derivative):
         derivative(area)(jnp.float32(0.3))
 
 
-@pytest.mark.parametrize(
-    "derivative", [jax.jacfwd, jax.grad, pytest.param(jax.hessian, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("derivative", [jax.jacfwd, *slow(jax.grad, jax.hessian)])
 def test_derivatives_take_no_memory_for_samples(derivative):
     """The compiled derivatives of 64 times as many samples need no more."""
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
+from tables import few, slow
 
 from qmcjax import tracing
 from qmcjax.tracing import _hit, _search, _shape, motion
@@ -117,6 +118,12 @@ SHAPES = {
 }
 
 
+# The other shapes are met in motion, below.
+FAST = {(name, "float32") for name in ("sphere", "box", "cylinder", "moving triangles")} | {
+    ("triangles", "float64")
+}
+
+
 def random_rays(count, key=0):
     rng = np.random.default_rng(key)
     return rng.normal(size=(count, 3)), rng.normal(size=(count, 3)), rng.uniform(size=count)
@@ -137,8 +144,14 @@ def oracle(numbers, hits, o, d, time):
     return *found[0][:3], min(doubt, gap, found[0][0])
 
 
-@pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize(
+    ("name", "dtype"),
+    [
+        pytest.param(name, dtype, marks=() if (name, dtype) in FAST else pytest.mark.slow)
+        for dtype in ("float32", "float64")
+        for name in SHAPES
+    ],
+)
 def test_shapes_against_float64(name, dtype):
     """Many rays start inside the round ones and the box. Rays in doubt within rounding are left out."""
     make, numbers, hits = SHAPES[name]
@@ -239,7 +252,7 @@ SPIN = motion.affine(
 )
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", few(SHAPES, "rectangle", "disc", "plane"))
 def test_motion_is_exact_at_every_time(name):
     """Rays against an object that turns and moves, and against geometry that is moved ray by ray."""
     make, numbers, hits = SHAPES[name]
@@ -337,8 +350,8 @@ def leaks(name, count):
     return np.sum(np.asarray(hit.shape) < 0), 0 if name == "fan" else np.max(abs(error))
 
 
-@pytest.mark.parametrize("count", [10**5, pytest.param(10**6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", MESHES)
+@pytest.mark.parametrize("count", [10**5, *slow(10**6)])
+@pytest.mark.parametrize("name", few(MESHES, "far cube", "moving"))
 def test_no_ray_leaks_through_shared_edges_and_vertices(name, count):
     """From inside closed meshes, in float32, at points of edges and at vertices up to rounding."""
     lost, error = leaks(name, count)
@@ -379,15 +392,17 @@ CLOSED = {
 }
 
 
-@pytest.mark.parametrize("size, offset", [(1.0, 0.0), (0.1, 0.0), (100.0, 0.0), (1.0, 1e3), (100.0, 1e3)])
-@pytest.mark.parametrize("name", CLOSED)
-def test_rays_leave_the_surface_they_start_on(name, size, offset):
+@pytest.mark.parametrize(
+    "place", [(1.0, 0.0), (1.0, 1e3), *slow((0.1, 0.0), (100.0, 0.0), (100.0, 1e3))], ids=str
+)
+@pytest.mark.parametrize("name", few(CLOSED, "cylinder", "mesh"))
+def test_rays_leave_the_surface_they_start_on(name, place):
     """Convex: what leaves hits nothing, what enters hits the other side, from the points of hits far away."""
-    count = 4096
+    (size, offset), count = place, 4096
     rng = np.random.default_rng(11)
     where = offset * np.array([0.3, -1, 0.6])
-    place = motion.affine(size * Rotation.random(random_state=1).as_matrix(), where)
-    world = tracing.world([tracing.group([CLOSED[name]()], motion=place)])
+    path = motion.affine(size * Rotation.random(random_state=1).as_matrix(), where)
+    world = tracing.world([tracing.group([CLOSED[name]()], motion=path)])
     far = rng.normal(size=(count, 3))
     far *= 50 * size / np.linalg.norm(far, axis=1, keepdims=True)
     origin = (where + far).astype(np.float32)
@@ -469,12 +484,7 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 
-FAST = "cylinder", "triangles"
-
-
-@pytest.mark.parametrize(
-    "name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in SHAPES]
-)
+@pytest.mark.parametrize("name", few(SHAPES, "sphere"))
 def test_gradients_are_differences(name):
     """Of distance, normal and point, in all numbers of the shape, the motion, the rays and the time."""
     make, numbers, _ = SHAPES[name]

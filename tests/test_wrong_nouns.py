@@ -215,7 +215,7 @@ OWN = {
 
 
 @pytest.mark.parametrize("name", OWN)
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@pytest.mark.parametrize("dtype", [jnp.float32, pytest.param(jnp.float64, marks=pytest.mark.slow)])
 def test_any_object_with_the_protocol_is_a_sampler(name, dtype):
     sampler = samplers.as_sampler("sampler", OWN[name])
     x, y, sample = (np.arange(6) * k for k in (1, 2, 3))

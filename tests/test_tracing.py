@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from tables import few, slow
 
 from qmcjax import tracing
-from qmcjax.tracing import _hit, _search, _shape, motion
+from qmcjax.tracing import _hit, _loops, _shape, motion
 
 X64 = jax.enable_x64
 
@@ -480,7 +480,7 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
         return np.stack(hits)
 
     skipping = each_ray()
-    monkeypatch.setattr(_search, "_FEW", 10**6)
+    monkeypatch.setattr(_loops, "_FEW", 10**6)
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 

@@ -16,6 +16,7 @@ from qmcjax.tracing._materials import as_material
 from qmcjax.tracing._object import Object
 from qmcjax.tracing._round import Cylinder, Sphere
 from qmcjax.tracing._shape import Shape
+from qmcjax.tracing._tree import WORTHWHILE, build
 from qmcjax.tracing._triangles import Triangles
 
 _THIN = 1e-6
@@ -259,7 +260,9 @@ def triangles(
     """
     opened = _triangles("vertices", vertices, None)
     closed = None if close is None else _triangles("close", close, opened.shape[0])
-    return _object(Triangles(opened, closed), motion, material)
+    known = not isinstance(opened, Tracer) and not isinstance(closed, Tracer)
+    tree = build(opened, closed) if known and opened.shape[0] >= WORTHWHILE else None
+    return _object(Triangles(opened, closed, tree), motion, material)
 
 
 def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:

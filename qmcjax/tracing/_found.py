@@ -1,5 +1,6 @@
 """What rays find: the nearest hit with all that is differentiable about it."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -35,7 +36,13 @@ class Found(NamedTuple):
 
 def in_dtype(world: World, dtype: DTypeLike) -> World:
     """Return a world with the numbers of shapes and lights in a dtype."""
-    objects = (Object(cast(item.shapes, dtype), item.motion, item.material) for item in world.objects)
+
+    def numbers(shape: Shape) -> Any:
+        # A tree is made of integers.
+        others: Any = cast(shape.alone(), dtype)
+        return others if shape.tree is None else replace(others, tree=shape.tree)
+
+    objects = (Object(tuple(map(numbers, item.shapes)), item.motion, item.material) for item in world.objects)
     return World(tuple(objects), cast(world.lights, dtype))
 
 

@@ -45,6 +45,9 @@ class Shape(ABC):
     object, their components of one shape (see :mod:`qmcjax.tracing._vectors`).
     """
 
+    tree: Any = None
+    """What finds primitives faster than a loop over all: see :mod:`qmcjax.tracing._tree`. None without."""
+
     @property
     @abstractmethod
     def count(self) -> int:
@@ -57,6 +60,10 @@ class Shape(ABC):
 
     def at(self, time: Any) -> "Shape":
         """Return the shape as it is at one time."""
+        return self
+
+    def alone(self) -> "Shape":
+        """Return the batch without its tree."""
         return self
 
     def prepare(self, rays: Rays) -> Any:

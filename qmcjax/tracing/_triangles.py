@@ -29,6 +29,8 @@ class Triangles(Shape):
     """(n, 3, 3): triangle, vertex a, b or c, coordinate; when the shutter opens."""
     close: Any
     """(n, 3, 3): when it closes; None for still triangles. Vertices move on straight lines between."""
+    tree: Any = None
+    """A tree over many triangles; None where a loop over all finds hits as fast."""
 
     @property
     def count(self) -> int:
@@ -41,7 +43,10 @@ class Triangles(Shape):
     def at(self, time: Any) -> "Triangles":
         if self.close is None:
             return self
-        return Triangles((1 - time) * self.vertices + time * self.close, None)
+        return Triangles((1 - time) * self.vertices + time * self.close, None, self.tree)
+
+    def alone(self) -> "Triangles":
+        return Triangles(self.vertices, self.close)
 
     def _corners(self, number: Any, time: Any) -> list[Vector]:
         corners = [components(self.vertices[number, j]) for j in range(3)]

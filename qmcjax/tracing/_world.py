@@ -54,6 +54,7 @@ def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
 
     A program for one batch of many primitives is shorter, and faster, than one for many batches of few.
     """
+    shapes = [shape.alone() for shape in shapes]
     kinds: dict[Any, list[int]] = {}
     for place, shape in enumerate(shapes):
         kinds.setdefault(jax.tree.structure(shape), []).append(place)

@@ -1,0 +1,24 @@
+"""Rays in tiles: what is computed for some of them stays in the caches of a processor."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+
+def by_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
+    """Apply a function to tiles of rays, whose arrays have one length, and join its results.
+
+    Other devices than processors have no use for tiles: they get all rays at once.
+    """
+    count = jax.tree.leaves(rays)[0].shape[0]
+    if count <= size or jax.default_backend() != "cpu":
+        return function(rays)
+    tiles = -(-count // size)
+
+    def tiled(a: Any) -> Any:
+        return jnp.concatenate([a, jnp.broadcast_to(a[-1:], tiles * size - count)]).reshape(tiles, size)
+
+    results = jax.lax.map(function, jax.tree.map(tiled, rays))
+    return jax.tree.map(lambda a: a.reshape(-1)[:count], results)

@@ -1,0 +1,165 @@
+"""Trees over triangles, by their surface areas: what is near what. Built once in NumPy, before tracing.
+
+A tree holds no boxes. They are those of the vertices that a program gets, in its precision: so minima and
+maxima are exact, and vertices that are replaced, by hand or by steps of an optimiser, are hit where they
+are; only the search may become slower.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qmcjax.core.pytrees import pytree
+
+WORTHWHILE = 48
+"""From so many triangles on, a walk through their tree is faster than loops over all."""
+
+LEAF = 4
+"""Triangles in a leaf, at most; at least 2, so that there are fewer nodes than triangles."""
+
+_BINS = 16
+
+_DEEP = 32
+"""From this depth on, nodes are halved: no path has more than about 64 nodes."""
+
+_STEP = 1.0
+"""What it costs to go on to both children, in tests of a triangle."""
+
+
+@pytree
+@dataclass(frozen=True)
+class Tree:
+    """A binary tree in depth-first order: children of a node are the next one, and that one's skip.
+
+    Nodes that a tree does not need are at the end, so that its arrays have the size of the triangles whatever
+    these are: the first skip is the number of nodes.
+    """
+
+    order: Any
+    """int32 (n,): numbers of triangles; those below a node are in one run."""
+    skip: Any
+    """int32 (n,): the next node that is not below this one; of a leaf, the next node."""
+    start: Any
+    """int32 (n,): where the run of a node starts. It ends where that of ``skip`` does."""
+
+
+def build(vertices: Any, close: Any = None) -> Tree:
+    """Return the tree of two triangles or more, (n, 3, 3); those that move are taken half-way.
+
+    All nodes of a level are split at once, each along the axis and at the one of 15 planes that make the sum
+    of surface areas times triangles least [1]_.
+
+    References
+    ----------
+    .. [1] I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007.
+    """
+    middle = vertices if close is None else 0.5 * (np.asarray(vertices) + np.asarray(close))
+    corners = np.asarray(middle, np.float64)
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    count = len(corners)
+    order = np.arange(count)
+    start, stop, parent = np.zeros(1, np.int64), np.full(1, count), np.full(1, -1)
+    levels: list[tuple[NDArray, NDArray, NDArray]] = []  # starts, parents in the level above, whether split
+    while len(start):
+        split, side = _sides(low[order], high[order], start, stop, len(levels) >= _DEEP)
+        levels.append((start, parent, split))
+        start, stop = start[split], stop[split]
+        # A stable sort by node and side; triangles of leaves stay.
+        rows = _runs(start, stop)
+        node = np.repeat(np.arange(len(start)), stop - start)
+        order[rows] = order[rows[np.lexsort((side, node))]]
+        middle = stop - np.bincount(node, side, len(start)).astype(np.int64)
+        parent = np.repeat(np.flatnonzero(split), 2)
+        start, stop = np.stack([start, middle], 1).reshape(-1), np.stack([middle, stop], 1).reshape(-1)
+    return _depth_first(order, levels)
+
+
+def _runs(start: NDArray, stop: NDArray) -> NDArray:
+    """Return all numbers of some runs, one after the other."""
+    length = stop - start
+    before = np.cumsum(length) - length
+    return np.arange(length.sum()) + np.repeat(start - before, length)
+
+
+def _sides(
+    low: NDArray, high: NDArray, start: NDArray, stop: NDArray, halved: bool
+) -> tuple[NDArray, NDArray]:
+    """Return which nodes are split, and for each of their triangles whether it goes to the second."""
+    length = stop - start
+    split = length >= 4  # Two and two.
+    rows = _runs(start[split], stop[split])
+    length = length[split]
+    if not len(rows):
+        return split, np.zeros(0, bool)
+    first, node = np.cumsum(length) - length, np.repeat(np.arange(len(length)), length)
+    low, high = low[rows], high[rows]
+    center = low + high
+    least = np.minimum.reduceat(center, first)
+    extent = np.maximum.reduceat(center, first) - least
+    scale = _BINS * (1 - 1e-9) / np.where(extent > 0, extent, 1)
+    place = ((center - least[node]) * scale[node]).astype(np.int64)
+    cost, axis, plane = np.full(len(length), np.inf), np.zeros(len(length), int), np.zeros(len(length), int)
+    for j in range(3):
+        costs = _costs(low, high, node * _BINS + place[:, j], len(length))
+        best = costs.argmin(axis=1)
+        here = np.take_along_axis(costs, best[:, None], 1)[:, 0]
+        better = here < cost
+        cost, axis, plane = (np.where(better, a, b) for a, b in ((here, cost), (j, axis), (best, plane)))
+    whole = _area(np.minimum.reduceat(low, first), np.maximum.reduceat(high, first))
+    chosen = np.take_along_axis(place, axis[node][:, None], 1)[:, 0] > plane[node]
+    # Without a plane, or too deep: in halves along the longest axis.
+    longest = np.take_along_axis(center, extent.argmax(axis=1)[node][:, None], 1)[:, 0]
+    ranked = np.lexsort((longest, node))
+    rank = np.empty(len(rows), np.int64)
+    rank[ranked] = np.arange(len(rows))
+    half = rank - first[node] >= length[node] // 2
+    side = np.where((halved | np.isinf(cost))[node], half, chosen)
+    worth = (length > LEAF) | (_STEP * whole + cost < length * whole)
+    split[split] = worth
+    return split, side[worth[node]]
+
+
+def _costs(low: NDArray, high: NDArray, key: NDArray, nodes: int) -> NDArray:
+    """Return areas times triangles behind each plane of all nodes; infinite if a side has fewer than two."""
+    filled, first = np.unique(key[by := np.argsort(key, kind="stable")], return_index=True)
+    lows, highs = np.full((nodes * _BINS, 3), np.inf), np.full((nodes * _BINS, 3), -np.inf)
+    lows[filled] = np.minimum.reduceat(low[by], first)
+    highs[filled] = np.maximum.reduceat(high[by], first)
+    lows, highs = lows.reshape(nodes, _BINS, 3), highs.reshape(nodes, _BINS, 3)
+    counts = np.bincount(key, minlength=nodes * _BINS).reshape(nodes, _BINS)
+    total = np.zeros((nodes, _BINS - 1))
+    for back in (False, True):
+        lows, highs, counts = (a[:, ::-1] if back else a for a in (lows, highs, counts))
+        behind = np.cumsum(counts, axis=1)[:, :-1]
+        boxes = np.minimum.accumulate(lows, axis=1)[:, :-1], np.maximum.accumulate(highs, axis=1)[:, :-1]
+        cost = np.where(behind >= 2, behind * _area(*boxes), np.inf)
+        total += cost[:, ::-1] if back else cost
+    return total
+
+
+def _area(low: NDArray, high: NDArray) -> NDArray:
+    """Return half the surfaces of boxes; those of none are of no use."""
+    x, y, z = np.moveaxis(np.where(high >= low, high - low, 0), -1, 0)
+    return x * y + y * z + z * x
+
+
+def _depth_first(order: NDArray, levels: list[tuple[NDArray, NDArray, NDArray]]) -> Tree:
+    """Return the tree of nodes by levels, where children are in pairs in the order of their parents."""
+    below: list[NDArray] = []
+    size = np.zeros(0, np.int64)
+    for _, _, split in reversed(levels):
+        own = np.ones(len(split), np.int64)
+        own[split] += size.reshape(-1, 2).sum(axis=1)
+        below.insert(0, own)
+        size = own
+    count, used = len(order), int(below[0][0])
+    skip, start = np.full(count, used, np.int32), np.full(count, count, np.int32)
+    number = np.zeros(1, np.int64)
+    for (starts, parent, _), sizes in zip(levels, below, strict=True):
+        if parent[0] >= 0:
+            number = number[parent] + 1
+            number[1::2] += sizes[::2]
+        skip[number], start[number] = number + sizes, starts
+    return Tree(order.astype(np.int32), skip, start)

@@ -119,7 +119,7 @@ def _rows(kind: _Kind, first: Any, stop: Any, rays: Rays, found: Found, any_hit:
     """Test some rows: a turn takes in the distances of the row before, and computes its own.
 
     What two results of a turn share, XLA computes once for each of them. So a distance is a result of its
-    own, which becomes part of what is found in the next turn: it is computed once, and not twice or three times.
+    own, which becomes part of what is found in the next turn: it is computed once, not two or three times.
     """
     prepared = kind.shape.prepare(rays)
 

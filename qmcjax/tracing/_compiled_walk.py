@@ -1,4 +1,9 @@
-"""The walk through a tree as a call from a program to loops that Numba compiles."""
+"""The walk through a tree as a call from a program to loops that Numba compiles.
+
+The call is one of ``buffer_callback``, which hands on the memory of the program. ``jax.pure_callback`` copies
+to a device: that waits for a thread, and for ever where all of them run programs that wait for such calls
+(seen in JAX 0.10 on one core, and where devices share a program).
+"""
 
 from functools import partial
 from typing import Any
@@ -7,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.experimental.buffer_callback import buffer_callback
 
 from qmcjax.tracing._shape import SLACK, Rays
 from qmcjax.tracing._triangles import Triangles
@@ -18,24 +24,26 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
     tree = jax.tree.map(lambda a: a.astype(jnp.int32), shape.tree)
     ends = (shape.vertices,) if shape.close is None else (shape.vertices, shape.close)
     given = rays.origin, rays.direction, rays.time, rays.slack, limit
-    call = _any_hit if any_hit else _nearest_hit
-    return jax.pure_callback(
-        call, result, ends, (tree.order, tree.skip, tree.start), given, vmap_method="expand_dims"
-    )
+    call = buffer_callback(_any_hit if any_hit else _nearest_hit, result, vmap_method="expand_dims")
+    return call(ends, (tree.order, tree.skip, tree.start), given)
 
 
-def _nearest_hit(ends: Any, tree: Any, rays: Any) -> Any:
-    return _called(ends, tree, rays, False)
+def _nearest_hit(context: Any, out: Any, *given: Any) -> None:
+    _fill(out, given, False)
 
 
-def _any_hit(ends: Any, tree: Any, rays: Any) -> Any:
-    return _called(ends, tree, rays, True)
+def _any_hit(context: Any, out: Any, *given: Any) -> None:
+    _fill(out, given, True)
 
 
-def _called(ends: Any, tree: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+def _fill(out: Any, given: Any, any_hit: bool) -> None:
+    ends, tree, rays = jax.tree.map(np.asarray, given)
+    for to, result in zip(out, _mapped(ends, tree, rays, any_hit), strict=True):
+        np.asarray(to)[...] = result
+
+
+def _mapped(ends: Any, tree: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
     """Walk through one tree, or through as many as are mapped."""
-    # Nothing but views: computing with JAX in here could wait for the program that waits for this.
-    ends, tree, rays = jax.tree.map(np.asarray, (ends, tree, rays))
     worlds = np.broadcast_shapes(*(a.shape[:-3] for a in ends), *(a.shape[:-1] for a in tree))
     mapped = np.broadcast_shapes(worlds, *(a.shape[:-1] for a in jax.tree.leaves(rays)))
     if max(worlds, default=1) == 1:

@@ -18,6 +18,8 @@ def by_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
     tiles = -(-count // size)
 
     def tiled(a: Any) -> Any:
+        if count == tiles * size:
+            return a.reshape(tiles, size)
         return jnp.concatenate([a, jnp.broadcast_to(a[-1:], tiles * size - count)]).reshape(tiles, size)
 
     results = jax.lax.map(function, jax.tree.map(tiled, rays))

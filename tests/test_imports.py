@@ -16,6 +16,7 @@ ROOMS = (
     "qmcjax/rendering",
     "qmcjax/samplers",
     "qmcjax/scenes",
+    "qmcjax/scenes/traced",
     "qmcjax/sequences",
 )
 

@@ -12,3 +12,6 @@ SEQUENCES = Path(qmcjax.__file__).parent / "sequences" / "_data"
 
 SAMPLERS = Path(qmcjax.__file__).parent / "samplers" / "_data"
 """Where tables of samplers are kept."""
+
+TRACED = Path(qmcjax.__file__).parent / "scenes" / "traced" / "_data"
+"""Where images of ray-traced scenes are kept."""

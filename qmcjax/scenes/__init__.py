@@ -41,3 +41,11 @@ from qmcjax.scenes._triangle import Triangle as Triangle
 from qmcjax.scenes._triangle import triangle as triangle
 from qmcjax.scenes._zone_plate import ZonePlate as ZonePlate
 from qmcjax.scenes._zone_plate import zone_plate as zone_plate
+from qmcjax.scenes.traced import Traced as Traced
+from qmcjax.scenes.traced import caustic as caustic
+from qmcjax.scenes.traced import cornell_box as cornell_box
+from qmcjax.scenes.traced import defocus as defocus
+from qmcjax.scenes.traced import helicopter as helicopter
+from qmcjax.scenes.traced import interior as interior
+from qmcjax.scenes.traced import occluder as occluder
+from qmcjax.scenes.traced import sports as sports

@@ -7,7 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.typing import ArrayLike
+from numpy.typing import ArrayLike
 
 from qmcjax.core.parameters import numbers
 from qmcjax.core.plug_ins import held, unheld

@@ -1,0 +1,97 @@
+"""A ray-traced scene of the package: its estimator, and the stored image that estimates converge to."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
+from qmcjax.core.pytrees import pytree
+from qmcjax.scenes.traced import _stored
+
+_DEVIATIONS = 5
+"""The bound in standard errors."""
+
+
+@pytree
+@dataclass(frozen=True)
+class Traced:
+    """A ray-traced scene with a name; the functions that make them are `cornell_box`, `helicopter` etc."""
+
+    name: str = field(metadata={"static": True})
+    estimator: Any
+    """From points to radiance: what the scene is made of is in there."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension."""
+        return self.estimator.needs
+
+    def __call__(self, point: Array) -> Array:
+        """Evaluate the scene at points of shape (..., len(needs)): linear RGB, shape (..., 3)."""
+        return self.estimator(point)
+
+    def __getattr__(self, name: str) -> Any:
+        # A scene has the method only if its estimator does; see `Scene`.
+        if name != "varies":
+            raise AttributeError(name)
+        return self.estimator.varies
+
+    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the stored mean over each pixel, of the scene with its default parameters.
+
+        Parameters
+        ----------
+        width, height : int
+            In pixels, each a divisor of the side of the stored image, which is square.
+
+        Returns
+        -------
+        image : float64 ndarray, shape (height, width, 3)
+        bound : float64 ndarray, shape (height, width, 3)
+            On the absolute errors: five standard errors of each pixel, and the rounding of what is stored.
+
+        Raises
+        ------
+        TypeError
+            If a size is no integer, or the scene is traced.
+        ValueError
+            If a size is no such divisor, or the parameters are not those of the stored image.
+
+        Notes
+        -----
+        The image is the mean of randomised replicates, whose scatter tells its standard error, see
+        :func:`qmcjax.estimated_reference`: the bound holds with a probability, and says nothing about what no
+        sample has seen.
+        """
+        width, height = checks.image_size(width, height)
+        advice = "qmcjax.estimated_reference(scene, width, height, spp, key) makes one"
+        stored = _stored.load(self.name)
+        if stored is None:
+            raise ValueError(f"{self.name} has no stored reference: {advice}")
+        if not stored.content.matches(_stored.content(self)):
+            raise ValueError(
+                f"{self.name} has a stored reference for its default parameters, got others: {advice}"
+            )
+        side = len(stored.image)
+        for name, size in (("width", width), ("height", height)):
+            if side % size:
+                raise ValueError(
+                    f"{name} must divide {side}, the side of the stored reference, got {size}: {advice}"
+                )
+        blocks = height, side // height, width, side // width
+        image = stored.image.reshape(*blocks, 3).mean(axis=(1, 3))
+        # Pixels have independent samples.
+        variance = np.square(stored.error).reshape(blocks).mean(axis=(1, 3)) / (blocks[1] * blocks[3])
+        bound = _DEVIATIONS * np.sqrt(variance) + stored.rounding
+        return image, np.broadcast_to(bound[..., None], image.shape).copy()
+
+
+def positive(name: str, value: Any) -> Any:
+    """Return a positive number as `core.parameters.numbers` does, or raise."""
+    value = numbers(name, value)
+    require(name, value, lambda v: v > 0, "positive")
+    return value

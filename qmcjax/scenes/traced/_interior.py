@@ -1,0 +1,132 @@
+"""A room with a table and chairs, lit through a window."""
+
+import numpy as np
+
+from qmcjax import tracing
+from qmcjax.scenes.traced._base import Traced
+from qmcjax.scenes.traced._models import chair, table
+
+LOW, HIGH = np.array([-2.2, 0.0, -3.0]), np.array([2.2, 2.6, 2.6])
+"""Corners of the room."""
+
+WINDOW = ((0.85, 2.25), (-2.0, -0.2))
+"""In the left wall: its extent along y and z."""
+
+
+def interior(bounces: int = 6, *, roulette: int | None = None) -> Traced:
+    """Return a dining room that is mostly lit by reflected light.
+
+    The only light is outside of a window; it reaches a part of the table and the floor, and all
+    else by diffuse reflection. The scene is still.
+
+    Parameters
+    ----------
+    bounces : int, optional
+        Directions of a path after the first, in [0, 64].
+    roulette : int, optional
+        From this bounce on paths may end by chance, see :func:`qmcjax.tracing.path_tracing`; by default none
+        does.
+
+    Returns
+    -------
+    Traced
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If an argument is out of range.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert curve", 2022, Fig. 5.
+    .. [2] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via
+       hierarchical ordering of pixels", 2020, Fig. 1 and 10 (c).
+
+    Examples
+    --------
+    >>> interior(bounces=2).needs[:4]
+    ('x', 'y', 'light_u', 'light_v')
+    """
+    light = tracing.rectangle_light((-4.2, 2.2, -2.6), (0.9, 1.6, 0.0), (0.0, 0.0, 3.2), (42.0, 42.0, 43.0))
+    camera = tracing.camera((0.9, 1.55, 2.5), (-0.25, 0.85, -0.9), fov=54.0, shutter=0.0)
+    world = tracing.world([*_room(), *_furniture()], [light])
+    return Traced("interior", tracing.path_tracing(world, camera, bounces, roulette=roulette))
+
+
+def _room() -> list[tracing.Object]:
+    (x0, y0, z0), (x1, y1, z1) = LOW, HIGH
+    (bottom, top), (far, near) = WINDOW
+    wide, tall, deep = HIGH - LOW
+    # Ceiling, back, front, right; then what surrounds the window: below, above, behind and before it.
+    corners = [
+        [x0, y1, z0],
+        [x0, y0, z0],
+        [x0, y0, z1],
+        [x1, y0, z0],
+        [x0, y0, z0],
+        [x0, top, z0],
+        [x0, bottom, z0],
+        [x0, bottom, near],
+    ]
+    edges_u = [
+        [wide, 0, 0],
+        [wide, 0, 0],
+        [wide, 0, 0],
+        [0, 0, deep],
+        [0, 0, deep],
+        [0, 0, deep],
+        [0, 0, far - z0],
+        [0, 0, z1 - near],
+    ]
+    edges_v = [
+        [0, 0, deep],
+        [0, tall, 0],
+        [0, tall, 0],
+        [0, tall, 0],
+        [0, bottom, 0],
+        [0, y1 - top, 0],
+        [0, top - bottom, 0],
+        [0, top - bottom, 0],
+    ]
+    planks = tracing.stripes((0.45, 0.28, 0.15), (0.38, 0.22, 0.11), scale=22.0)
+    frame = [[x0 - 0.05, bottom, 0.5 * (far + near) - 0.03], [x0 - 0.05, 0.5 * (bottom + top) - 0.03, far]]
+    bars = [[x0, top, 0.5 * (far + near) + 0.03], [x0, 0.5 * (bottom + top) + 0.03, near]]
+    sky = tracing.rectangle(
+        [x0 - 4.0, -3.0, -9.0], [0, 0, 14.0], [0, 8.0, 0], material=tracing.emitter((0.4, 0.55, 0.8))
+    )
+    return [
+        sky,
+        tracing.rectangle(corners, edges_u, edges_v, material=tracing.diffuse((0.78, 0.77, 0.74))),
+        tracing.rectangle([x0, y0, z1], [wide, 0, 0], [0, 0, -deep], material=tracing.diffuse(planks)),
+        tracing.box(frame, bars, material=tracing.diffuse(0.6)),
+        tracing.box(
+            [-0.9, 1.1, z0],
+            [0.5, 2.0, z0 + 0.04],
+            material=tracing.diffuse(tracing.checker((0.65, 0.2, 0.1), (0.1, 0.25, 0.4), scale=3.0)),
+        ),
+    ]
+
+
+def _furniture() -> list[tracing.Object]:
+    pieces = [
+        table([-0.3, -1.0], [1.7, 0.74, 0.95], 0.06),
+        chair([-0.75, -0.4], [0, 1]),
+        chair([0.2, -0.35], [0, 1]),
+        chair([-0.75, -1.65], [0, -1]),
+        chair([0.15, -1.65], [0, -1]),
+        chair([0.85, -1.0], [1, 0]),
+    ]
+    low, high = (np.concatenate(part) for part in zip(*pieces, strict=True))
+    return [
+        tracing.box(low, high, material=tracing.diffuse((0.5, 0.33, 0.18))),
+        tracing.sphere(
+            [[-0.45, 0.85, -1.05], [-0.27, 0.82, -0.9]],
+            [0.11, 0.08],
+            material=tracing.diffuse((0.75, 0.3, 0.06)),
+        ),
+        tracing.cylinder(
+            [0.1, 0.74, -1.1], [0.0, 0.22, 0.0], 0.08, material=tracing.diffuse((0.15, 0.35, 0.5))
+        ),
+    ]

@@ -1,0 +1,63 @@
+"""Motions of the scenes as pytrees: their numbers are leaves, so that a new speed compiles nothing anew."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.core.parameters import cast
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing import motion
+
+
+@pytree
+@dataclass(frozen=True)
+class Spin:
+    """Rotations about an axis at constant speed, as unit quaternions."""
+
+    axis: Any
+    """(3,)."""
+    start: Any
+    """The angle at time 0, in turns."""
+    turns: Any
+    """Between times 0 and 1; counterclockwise for a viewer to whom the axis points."""
+
+    def __call__(self, time: Array) -> Array:
+        """Return quaternions, shape (..., 4), at times, shape (...)."""
+        axis, start, turns = cast((self.axis, self.start, self.turns), time.dtype)
+        # The angle is reduced to one turn before it is rounded with a factor of pi.
+        return motion.quaternion(axis, 2 * np.pi * jnp.remainder(start + turns * time, 1))
+
+
+@pytree
+@dataclass(frozen=True)
+class Carried:
+    """The motion of a part in that of a whole: first the inner one, then the outer one."""
+
+    outer: Any
+    inner: Any
+
+    def __call__(self, time: Array) -> tuple[Array, Array]:
+        """Return matrices (..., 3, 3) and translations (..., 3) at times, shape (...)."""
+        (a, s), (b, t) = self.outer(time), self.inner(time)
+        return _product(a, b), _product(a, t[..., None])[..., 0] + s
+
+
+@pytree
+@dataclass(frozen=True)
+class Drift:
+    """The motion of a pattern: a path in the plane, coordinate by coordinate."""
+
+    path: Any
+
+    def __call__(self, time: Array) -> tuple[Array, Array]:
+        """Return offsets in u and v, shape (...), at times, shape (...)."""
+        moved = self.path(time)
+        return moved[..., 0], moved[..., 1]
+
+
+def _product(one: Array, other: Array) -> Array:
+    """Multiply matrices term by term: no library decides in which precision."""
+    return jnp.sum(one[..., :, :, None] * other[..., None, :, :], axis=-2)

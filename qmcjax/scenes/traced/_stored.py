@@ -1,0 +1,136 @@
+"""Images of ray-traced scenes in files: few bytes, and of which scene they are."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.core import Tracer
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+
+FOLDER = resources.files("qmcjax.scenes.traced") / "_data"
+"""Where images are kept."""
+
+_SAME = 1e-5
+"""Numbers that differ by less, relatively or absolutely, are the same: some went through float32."""
+
+_STEPS = 8
+"""Of standard errors in a factor of 2."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What makes one scene another one: all of its numbers and choices, without the names of classes."""
+
+    numbers: NDArray[np.float32]
+    choices: str
+
+    def matches(self, other: "Content") -> bool:
+        """Tell whether two scenes are the same."""
+        return self.choices == other.choices and np.allclose(
+            self.numbers, other.numbers, rtol=_SAME, atol=_SAME
+        )
+
+
+class Stored(NamedTuple):
+    """An image with its errors, and the scene that it is of."""
+
+    image: NDArray[np.float64]
+    """(side, side, 3)."""
+    error: NDArray[np.float64]
+    """(side, side): standard errors of pixels, the largest of three colours."""
+    rounding: float
+    """What storing has changed at most."""
+    content: Content
+
+
+def content(scene: Any) -> Content:
+    """Return what a scene is made of.
+
+    Raises
+    ------
+    TypeError
+        If it is traced.
+    """
+    leaves = jax.tree.leaves(scene)
+    if any(isinstance(leaf, Tracer) for leaf in leaves):
+        raise TypeError(f"scene must be known before tracing, got {checks.shown(scene)}")
+    arrays = [np.asarray(leaf, np.float32) for leaf in leaves]
+    flat = np.concatenate([np.zeros(0, np.float32), *(array.ravel() for array in arrays)])
+    return Content(flat, repr([[array.shape for array in arrays], list(_choices(scene))]))
+
+
+def _choices(value: Any) -> Iterator[Any]:
+    """Yield the static fields of dataclasses, from the outside to the inside."""
+    if isinstance(value, tuple | list):
+        for item in value:
+            yield from _choices(item)
+    elif is_dataclass(value):
+        for field in fields(value):
+            inner = getattr(value, field.name)
+            if field.metadata.get("static") and not is_dataclass(inner):
+                yield inner
+            else:
+                yield from _choices(inner)
+
+
+def save(
+    target: Path | IO[bytes], image: NDArray[np.float64], error: NDArray[np.float64], of: Content
+) -> None:
+    """Write an image and its standard errors, rounded to steps below those.
+
+    Differences of rounded neighbours are small numbers, which a compressed archive keeps in few bytes.
+
+    Parameters
+    ----------
+    target : Path or binary file
+    image : float64 array, shape (side, side, 3)
+    error : float64 array, shape (side, side)
+    of : Content
+        Of the scene.
+    """
+    known = error[error > 0]
+    least = float(known.min()) if known.size else 1.0
+    # Rounding adds a variance of step**2 / 12: at most a 30th to that of half of the pixels.
+    step = 2.0 ** np.floor(np.log2(np.median(known) if known.size else np.finfo(np.float32).eps)) * 0.5
+    levels = np.rint(image / step).astype(np.int32)
+    differences = np.diff(levels, axis=1, prepend=0).astype("<i4")
+    errors = np.ceil(_STEPS * np.log2(np.maximum(error, least) / least)) + 1
+    np.savez_compressed(
+        target,
+        allow_pickle=False,
+        # Bytes of equal weight together: the high ones are nearly all equal.
+        levels=np.moveaxis(differences[..., None].view(np.uint8), -1, 0),
+        step=step,
+        error=np.where(error > 0, np.minimum(errors, 255), 0).astype(np.uint8),
+        least=least,
+        numbers=of.numbers,
+        choices=of.choices,
+    )
+
+
+def read(source: Path | IO[bytes]) -> Stored:
+    """Read what :func:`save` wrote."""
+    with np.load(source, allow_pickle=False) as data:
+        differences = np.ascontiguousarray(np.moveaxis(data["levels"], 0, -1)).view("<i4")[..., 0]
+        levels, step = np.cumsum(differences, axis=1), float(data["step"])
+        code = data["error"].astype(np.float64)
+        error = np.where(code > 0, float(data["least"]) * 2 ** ((code - 1) / _STEPS), 0.0)
+        of = Content(data["numbers"], str(data["choices"]))
+    return Stored(levels * step, error, 0.5 * step, of)
+
+
+@cache
+def load(name: str) -> Stored | None:
+    """Return what is stored of a scene of the package, None if nothing is."""
+    source = FOLDER / f"{name}.npz"
+    if not source.is_file():
+        return None
+    with source.open("rb") as stream:
+        return read(stream)

@@ -1,0 +1,333 @@
+"""The ray-traced scenes: what they need, that they are functions of points, and what is stored of them."""
+
+import io
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import qmcjax as qj
+from analysis.tables import traced_references
+from qmcjax import samplers, scenes, sequences
+from qmcjax.scenes import traced
+from qmcjax.scenes.traced import _motions, _stored
+
+X64 = jax.enable_x64
+
+MOVING = ("cornell_box", "helicopter", "sports")
+
+SCENES = {name: getattr(scenes, name) for name in traced.NAMES} | {
+    "still box": partial(scenes.cornell_box, 0.3),
+    "original box": partial(
+        scenes.cornell_box, 0.0, ball=False, mirror=False, blocks=True, light=0.5, bounces=2
+    ),
+    "still helicopter": partial(scenes.helicopter, 0.3),
+    "still car": partial(scenes.sports, 0.3),
+    "pinhole": partial(scenes.defocus, None),
+    "hexagonal": partial(scenes.defocus, blades=6),
+    "glossy ring": partial(scenes.caustic, roughness=0.2),
+    "roulette": partial(scenes.interior, 3, roulette=1),
+}
+
+QUICK = ("caustic",)
+"""Programs of the others take longer to compile."""
+
+each_scene = pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
+)
+
+
+def points(scene, count, dtype=jnp.float32):
+    with X64(dtype == jnp.float64):
+        return sequences.owen(sequences.sobol(len(scene.needs)), key=1).points(count, dtype=dtype)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_needed(name):
+    """Time only where the shutter is open, a lens only where there is one, nothing twice."""
+    needs = SCENES[name]().needs
+    assert needs[:2] == ("x", "y") and len(set(needs)) == len(needs)
+    assert ("time" in needs) == (name in MOVING)
+    assert ("lens_u" in needs) == (name in ("defocus", "hexagonal"))
+    assert ("roulette1" in needs) == (name == "roulette")
+
+
+def test_scenes_of_the_thesis_take_points_of_three_dimensions():
+    """Two for the pixel and one for time (thesis, Section 6.2)."""
+    for scene in (scenes.cornell_box(), scenes.helicopter()):
+        assert scene.needs == ("x", "y", "time")
+
+
+@each_scene
+def test_values(name):
+    """They are finite, not negative and not all the same, compiled or not, alone or among others."""
+    scene = SCENES[name]()
+    given = points(scene, 64)
+    value = scene(given)
+    assert value.shape == (64, 3) and value.dtype == jnp.float32
+    assert jnp.isfinite(value).all() and (value >= 0).all() and value.mean() > 0.05
+    assert (value.std(axis=0) > 0.01).all()
+    compiled = jax.jit(lambda scene, point: scene(point))
+    # Fused programs round differently: a ray along an edge may fall to the other side.
+    close = jnp.isclose(compiled(scene, given), value, rtol=1e-3, atol=1e-4).all(axis=-1)
+    assert close.mean() > 0.95
+    assert jnp.isclose(compiled(scene, given[:8]), value[:8], rtol=1e-3, atol=1e-4).all(axis=-1).mean() > 0.85
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_precisions_agree(name):
+    """In float64 some rays go another way, but not the mean."""
+    scene, count = SCENES[name](), 2**14
+    single = np.asarray(jax.jit(scene.__call__)(points(scene, count)), np.float64)
+    with X64(True):
+        double = np.asarray(jax.jit(scene.__call__)(points(scene, count, jnp.float64)))
+    assert np.isclose(single, double, rtol=1e-2, atol=1e-3).all(axis=-1).mean() > 0.98
+    assert np.allclose(single.mean(axis=0), double.mean(axis=0), rtol=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", traced.NAMES)
+def test_images_are_exposed(name):
+    """Neither dark nor white: what a screen shows of an image is most of it."""
+    scene = getattr(scenes, name)()
+    sampler = samplers.independent(sequences.sobol(len(scene.needs)), key=1)
+    image = np.asarray(qj.render(scene, sampler, 32, 32, 16))
+    assert 0.15 < np.minimum(image, 1).mean() < 0.6 and (image > 1).any(axis=-1).mean() < 0.15
+
+
+def test_the_ball_touches_the_floor_and_jumps():
+    """Its path passes the floor, where its direction jumps, at the double knot."""
+    ball = scenes.cornell_box().estimator.world.objects[-1]
+    path, radius = ball.motion.translation, float(ball.shapes[0].radius[0])
+    time = np.linspace(0, 1, 2001)
+    with X64(True):
+        height = np.asarray(path(jnp.asarray(time)))[:, 1]
+        (corner,) = path.corners
+        assert float(path(jnp.asarray(corner))[1]) == pytest.approx(radius, abs=1e-12)
+    assert height.min() >= radius - 1e-12
+    slopes = np.diff(height) / np.diff(time)
+    before, after = (slopes[np.searchsorted(time, corner) + k] for k in (-2, 1))
+    assert before < -1 and after > 1
+
+
+def test_rotors_turn_about_the_mast_in_opposite_directions():
+    """Points of a blade stay at their distance from the hub, which flies with the hull."""
+    hull, _, lower, upper, _ = scenes.helicopter().estimator.world.objects
+    time = jnp.linspace(0, 1, 64)
+    matrix, centre = hull.motion(time)
+    for rotor, sign in ((lower, 1), (upper, -1)):
+        turned, hub = rotor.motion(time)
+        local = jnp.einsum("nji,njk->nik", matrix, turned)
+        angle = jnp.unwrap(jnp.arctan2(local[:, 0, 2], local[:, 0, 0]))
+        assert float(angle[-1] - angle[0]) == pytest.approx(sign * 2 * np.pi * 2.25, abs=1e-4)
+        assert jnp.allclose(local[:, 1], jnp.array([0.0, 1.0, 0.0])[None], atol=1e-5)
+        mast = jnp.einsum("nji,nj->ni", matrix, hub - centre)
+        assert jnp.allclose(mast[:, [0, 2]], 0, atol=1e-5)
+
+
+def test_wheels_roll_without_sliding():
+    """The point of a wheel at the bottom does not move."""
+    wheel = scenes.sports(distance=0.7).estimator.world.objects[3]
+    radius = 0.36
+
+    def bottom(time, start):
+        matrix, moved = wheel.motion(start[None])
+        arm = matrix[0].T @ (jnp.array([0.0, -radius, 0.0]))
+        matrix, moved = wheel.motion(time[None])
+        return matrix[0] @ arm + moved[0]
+
+    start = jnp.float32(0.4)
+    _, velocity = jax.jvp(lambda time: bottom(time, start), (start,), (jnp.float32(1),))
+    assert jnp.allclose(velocity, 0, atol=1e-5)
+
+
+def test_the_camera_follows_the_car():
+    scene = scenes.sports()
+    time = jnp.linspace(0, 1, 5)
+    _, camera = scene.estimator.camera.motion(time)
+    _, car = scene.estimator.world.objects[0].motion(time)
+    assert jnp.array_equal(camera, car) and float(car[-1, 0] - car[0, 0]) == pytest.approx(1.5)
+
+
+def test_meshes_are_closed():
+    """Each edge belongs to two triangles, which run along it in opposite ways; normals point outside."""
+    hull = scenes.helicopter().estimator.world.objects[0].shapes[0].vertices
+    car = scenes.sports().estimator.world.objects
+    for mesh in (hull, car[0].shapes[0].vertices, car[1].shapes[0].vertices):
+        edges = [(tuple(t[k]), tuple(t[(k + 1) % 3])) for t in np.asarray(mesh) for k in range(3)]
+        assert len(set(edges)) == len(edges) and {(b, a) for a, b in edges} == set(edges)
+        a, b, c = np.moveaxis(np.asarray(mesh, np.float64), 1, 0)
+        assert np.sum(a * np.cross(b, c)) / 6 > 0.1  # the volume
+
+
+def test_a_spin_is_exact_after_many_turns():
+    """The angle of the last of a million turns is that of the first."""
+    spin = _motions.Spin(np.array([0.0, 0.0, 2.0]), np.array(0.125), np.array(2.0**20))
+    assert jnp.allclose(spin(jnp.float32(1)), spin(jnp.float32(0)), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (partial(scenes.cornell_box, light=2.5), ValueError, "light must be below 2, got 2.5"),
+        (partial(scenes.cornell_box, light=0.0), ValueError, "light must be positive"),
+        (partial(scenes.cornell_box, mirror=1), TypeError, "mirror must be True or False, got 1"),
+        (partial(scenes.cornell_box, ball=None), TypeError, "ball must be True or False"),
+        (partial(scenes.cornell_box, blocks="two"), TypeError, "blocks must be True or False"),
+        (partial(scenes.cornell_box, bounces=-1), ValueError, "bounces must be an integer"),
+        (partial(scenes.cornell_box, (0.5, 0.1)), ValueError, "shutter must"),
+        (partial(scenes.helicopter, turns="many"), TypeError, "turns must be made of real numbers"),
+        (partial(scenes.helicopter, turns=np.inf), ValueError, "turns must be finite"),
+        (partial(scenes.helicopter, 1.5), ValueError, "shutter must"),
+        (partial(scenes.occluder, -1.0), ValueError, "size must be positive"),
+        (partial(scenes.defocus, 0.0), ValueError, "aperture must be positive"),
+        (partial(scenes.defocus, focus=-1), ValueError, "focus must be positive"),
+        (partial(scenes.defocus, None, blades=5), ValueError, "blades must be None without an aperture"),
+        (partial(scenes.defocus, blades=2), ValueError, "blades must be an integer in"),
+        (partial(scenes.sports, distance=(1, 2)), ValueError, "distance must have shape"),
+        (partial(scenes.interior, 2.5), TypeError, "bounces must be an integer"),
+        (partial(scenes.interior, roulette=0), ValueError, "roulette must be an integer"),
+        (partial(scenes.caustic, 0), ValueError, "radius must be positive"),
+        (partial(scenes.caustic, roughness=2.0), ValueError, "roughness must be"),
+    ],
+)
+def test_bad_parameters(make, error, message):
+    with pytest.raises(error, match=f"^{message}"):
+        make()
+
+
+def noisy(rng, side):
+    image = rng.random((side, side, 3)) * 10 ** rng.uniform(-4, 2, (side, side, 1))
+    error = 1e-3 * 2 ** rng.normal(size=(side, side))
+    error[0, 0] = 0
+    return image, error
+
+
+def test_images_are_stored_below_their_errors():
+    """Values are off by less than half the median error, errors raised by 10 % at most."""
+    image, error = noisy(np.random.default_rng(1), 16)
+    of, file = traced.content(scenes.caustic()), io.BytesIO()
+    traced.save(file, image, error, of)
+    file.seek(0)
+    stored = traced.read(file)
+    assert abs(stored.image - image).max() <= stored.rounding <= 0.25 * np.median(error[error > 0])
+    assert stored.error[0, 0] == 0 and (stored.error >= error * (1 - 1e-12)).all()
+    assert (stored.error <= 1.1 * error).all() and stored.content.matches(of)
+
+
+def test_scenes_are_told_apart_by_what_they_are_made_of():
+    """Any number and any choice counts, but not in which precision it came."""
+    of = traced.content(scenes.caustic())
+    assert of.matches(traced.content(scenes.caustic()))
+    assert of.matches(traced.content(scenes.caustic(jnp.float32(0.8))))
+    for other in (scenes.caustic(0.81), scenes.caustic(bounces=4), scenes.caustic(roughness=0.1)):
+        assert not of.matches(traced.content(other))
+    contents = [traced.content(SCENES[name]()) for name in SCENES]
+    for k, one in enumerate(contents):
+        assert [one.matches(other) for other in contents] == [j == k for j in range(len(contents))]
+
+
+@pytest.fixture
+def stored(monkeypatch, tmp_path):
+    """Store an image of the caustic, and take stored images from there."""
+
+    def replicate(scene, number, side, spp):
+        rng = np.random.default_rng(number)
+        return (0.5 + 0.01 * rng.normal(size=(side, side, 3)) / np.sqrt(spp)).astype(np.float32)
+
+    monkeypatch.setattr(traced_references, "replicate", replicate)
+    monkeypatch.setattr(_stored, "FOLDER", tmp_path)
+    _stored.load.cache_clear()
+    command = ["caustic", "--spp-log2", "6", "--size", "12", "--folder", str(tmp_path)]
+    traced_references.main([*command, "--cache", str(tmp_path / "cache")])
+    yield tmp_path
+    _stored.load.cache_clear()
+
+
+def test_a_reference_is_the_mean_of_the_stored_one(stored):
+    image, bound = scenes.caustic().reference(12, 12)
+    assert image.shape == bound.shape == (12, 12, 3) and image.dtype == bound.dtype == np.float64
+    assert (abs(image - 0.5) < bound).all()
+    assert 5 * 0.01 / 8 < np.median(bound) < 5 * 0.03 / 8
+    smaller, smaller_bound = scenes.caustic().reference(4, 6)
+    assert np.allclose(smaller, image.reshape(6, 2, 4, 3, 3).mean(axis=(1, 3)))
+    assert 0.3 < smaller_bound.mean() / bound.mean() < 0.6  # 6 pixels have errors 1 / sqrt(6) as large
+    bound[:] = 0
+    assert (scenes.caustic().reference(12, 12)[1] > 0).all()
+
+
+@pytest.mark.parametrize(
+    ("scene", "size", "message"),
+    [
+        (scenes.caustic(), (5, 12), "width must divide 12, the side of the stored reference, got 5"),
+        (scenes.caustic(), (12, 24), "height must divide 12"),
+        (scenes.caustic(bounces=2), (12, 12), "caustic has a stored reference for its default parameters"),
+        (scenes.occluder(), (12, 12), "occluder has no stored reference"),
+        (replace(scenes.caustic(), name="made up"), (12, 12), "made up has no stored reference"),
+    ],
+)
+def test_other_references_are_errors_that_help(stored, scene, size, message):
+    with pytest.raises(ValueError, match=rf"^{message}.*: qmcjax.estimated_reference\(.*\) makes one$"):
+        scene.reference(*size)
+
+
+def test_a_traced_scene_has_no_reference(stored):
+    def side(radius):
+        return scenes.caustic(radius).reference(4, 4)[0].sum()
+
+    with pytest.raises(TypeError, match=r"^scene must be known before tracing"):
+        jax.jit(side)(0.8)
+
+
+def test_replicates_that_are_finished_stay(stored, monkeypatch):
+    """What is stopped in the middle goes on there, and what was made of another scene is not taken."""
+    made = []
+
+    def replicate(scene, number, side, spp):
+        if len(made) == 5:
+            raise KeyboardInterrupt
+        made.append(number)
+        return np.zeros((side, side, 3), np.float32)
+
+    monkeypatch.setattr(traced_references, "replicate", replicate)
+    take = partial(traced_references.replicates, side=4, spp=2, cache=stored / "other")
+    with pytest.raises(KeyboardInterrupt):
+        take(scenes.caustic())
+    made.clear()
+    with pytest.raises(KeyboardInterrupt):
+        take(scenes.caustic())
+    assert made == [5, 6, 7, 8, 9]
+    made.clear()
+    with pytest.raises(KeyboardInterrupt):
+        take(scenes.caustic(0.5))
+    assert made == [0, 1, 2, 3, 4]
+    assert not list(stored.glob("**/*.unfinished"))
+
+
+@pytest.mark.slow
+def test_a_reference_is_what_renders_converge_to(tmp_path, monkeypatch):
+    """The mean over the image of a quick render is within the bound of the stored one's and its own error."""
+    monkeypatch.setattr(_stored, "FOLDER", tmp_path)
+    _stored.load.cache_clear()
+    traced_references.make("cornell_box", 32, 2**6, tmp_path / "cache", tmp_path)
+    scene = scenes.cornell_box()
+    image, bound = scene.reference(8, 8)
+    estimate, own = qj.estimated_reference(scene, 8, 8, 2**10, key=5, dtype=jnp.float32)
+    assert (abs(image - estimate) <= bound + own).all() and own < 0.1
+    _stored.load.cache_clear()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", traced.NAMES)
+def test_stored_references_are_of_the_scenes_as_they_are(name):
+    """What is shipped is what the program would estimate today."""
+    if traced.load(name) is None:
+        pytest.skip("not made yet")
+    scene = getattr(scenes, name)()
+    image, bound = scene.reference(8, 8)
+    estimate, own = qj.estimated_reference(scene, 8, 8, 2**10, key=5, dtype=jnp.float32)
+    assert (abs(image - estimate) <= bound + own).all()

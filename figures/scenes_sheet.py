@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures import _points
 from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.scenes import traced
 
 SPP = 16
 SIDE = {"draft": 64, "paper": 256}
@@ -37,9 +38,9 @@ NOTE = (
 
 
 def every_scene() -> dict[str, Any]:
-    """Return the scenes that the factories of `qmcjax.scenes` make when asked for nothing special."""
+    """Return the scenes with exact images that `qmcjax.scenes` makes when asked for nothing special."""
     factories = {name: make for name, make in vars(scenes).items() if inspect.isfunction(make)}
-    named = {name: make() for name, make in factories.items() if name not in WITH_ARGUMENTS}
+    named = {name: make() for name, make in factories.items() if name not in (*WITH_ARGUMENTS, *traced.NAMES)}
     return named | {f"genz, {family}": scenes.genz(family, GENZ_DIMS, 3.0) for family in FAMILIES}
 
 

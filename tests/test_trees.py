@@ -38,7 +38,7 @@ def soup(count):
     rng = np.random.default_rng(1)
     return (
         rng.normal(size=(count, 1, 3))
-        + rng.uniform(-1, 1, (count, 3, 3)) * rng.uniform(size=(count, 1, 1)) ** 4
+        + rng.uniform(-1, 1, (count, 3, 3)) * rng.uniform(0.2, 1, (count, 1, 1)) ** 4
     )
 
 

@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.parameters import cast
 from qmcjax.tracing._object import Frame, Object, identity
+from qmcjax.tracing._picked import EACH, picked
 from qmcjax.tracing._search import search
 from qmcjax.tracing._shape import Shape
 from qmcjax.tracing._vectors import Vector, along, dot, each, minus, plus, times, unit
-from qmcjax.tracing._world import World, merged
+from qmcjax.tracing._world import World
 
 
 class Found(NamedTuple):
@@ -58,7 +58,7 @@ def found(world: World, origin: Vector, direction: Vector, time: Array) -> Found
     frame = _frame(world, number, at)
     if frame is not None:
         start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
-    surface = partial(_surface, world, number, at)
+    surface = partial(_surface, picked(world.batches(), number), at)
     # A Newton step: the value is 0 but for rounding, and its derivatives are those of the distance.
     value, gradient = surface(along(start, distance, way))
     slope = dot(gradient, way)
@@ -86,7 +86,10 @@ def coordinates(
         if wanted
     ]
     zero = jnp.zeros_like(time)
-    return _by_kind(marked, number, (zero, zero), lambda shape, row: shape.coordinates(row, point, time))
+    result = zero, zero
+    for here, shape in picked(marked, number):
+        result = _where(here, shape.coordinates(EACH, point, time), result)
+    return result
 
 
 def _frame(world: World, number: Array, time: Array) -> Frame | None:
@@ -97,31 +100,17 @@ def _frame(world: World, number: Array, time: Array) -> Frame | None:
         if frame is not None:
             here = (number >= first) & (number < first + item.count)
             chosen = identity(time) if chosen is None else chosen
-            chosen = jax.tree.map(partial(jnp.where, here), frame, chosen)
+            chosen = _where(here, frame, chosen)
     return chosen
 
 
-def _surface(world: World, number: Array, time: Array, point: Vector) -> tuple[Array, Vector]:
+def _surface(kinds: list[tuple[Array, Shape]], time: Array, point: Vector) -> tuple[Array, Vector]:
     """Return the functions and gradients of the surfaces of each ray's primitive; zeros if it has none."""
-    zeros = jnp.zeros_like(time), each(jnp.zeros_like, point)
-    return _by_kind(world.batches(), number, zeros, lambda shape, row: shape.surface(row, point, time))
+    result = jnp.zeros_like(time), each(jnp.zeros_like, point)
+    for here, shape in kinds:
+        result = _where(here, shape.surface(EACH, point, time), result)
+    return result
 
 
-def _by_kind(batches: list[tuple[Shape, int]], number: Array, other: Any, of_shape: Any) -> Any:
-    """Return what a function says of each ray's primitive, or something else where there is none of it."""
-    if not batches:
-        return other
-    shapes = [shape for shape, _ in batches]
-    starts = np.array([start for _, start in batches], np.int32)
-    counts = np.array([shape.count for shape in shapes], np.int32)
-    batch = jnp.sum(number[None] >= jnp.asarray(starts)[:, None], axis=0) - 1
-    inside = (batch >= 0) & (number < jnp.asarray(starts + counts)[batch])
-    for shape, places in merged(shapes):
-        # Rows of the merged shape minus numbers in the world, for batches of this kind.
-        before = np.cumsum([0, *(shapes[place].count for place in places[:-1])])
-        shift, mine = np.zeros(len(shapes), np.int32), np.zeros(len(shapes), bool)
-        shift[places], mine[places] = before - starts[places], True
-        here = inside & jnp.asarray(mine)[batch]
-        row = jnp.clip(number + jnp.asarray(shift)[batch], 0, shape.count - 1)
-        other = jax.tree.map(partial(jnp.where, here), of_shape(shape, row), other)
-    return other
+def _where(here: Array, one: Any, other: Any) -> Any:
+    return jax.tree.map(partial(jnp.where, here), one, other)

@@ -41,11 +41,11 @@ def met(world: World, origin: Vector, direction: Vector, time: Array) -> Met:
 def surface(world: World, at: Found, time: Array) -> Surface:
     """Return the surface at each hit; all that surfaces may have is 0 where nothing, or a light, is hit."""
     textured = [_textured(item.material) for item, _ in world.numbered()]
-    number, dtype = at.number, time.dtype
+    number = at.number
     u, v = coordinates(world, textured, number, time, at.inside)
     starts = [start for _, start in world.numbered()]
     which = sum((number >= start).astype(jnp.int32) for start in starts) if starts else jnp.zeros_like(number)
-    # Row 0 is for rays that hit nothing.
+    # 0 is for rays that hit nothing.
     which = jnp.where(at.hit, which, 0)
     given = [_at(item.material, u, v, time) for item in world.objects]
 
@@ -53,17 +53,12 @@ def surface(world: World, at: Found, time: Array) -> Surface:
         parts = [getattr(each_of, name) for each_of in given]
         if all(part is None for part in parts):
             return None
-        zero = jnp.zeros((), dtype)
+        zero = jnp.zeros_like(time)
         # A roughness of 0 would have infinite derivatives.
-        blank = jnp.ones((), dtype) if name == "roughness" else (zero, zero, zero)
-        vectors = [blank if part is None else part for part in parts]
-        even = [all(jnp.ndim(a) == 0 for a in jax.tree.leaves(vector)) for vector in vectors]
-        rows = [blank, *(vector if flat else blank for vector, flat in zip(vectors, even, strict=True))]
-        rows += [blank] * (len(starts) - len(vectors))
-        value = jax.tree.map(lambda *column: jnp.stack(column)[which], *rows)
-        for place, (vector, flat) in enumerate(zip(vectors, even, strict=True)):
-            if not flat:
-                value = jax.tree.map(partial(jnp.where, which == place + 1), vector, value)
+        value = zero + 1 if name == "roughness" else (zero, zero, zero)
+        for place, part in enumerate(parts):
+            if part is not None:
+                value = jax.tree.map(partial(jnp.where, which == place + 1), part, value)
         return value
 
     return Surface(*(field(name) for name in Surface._fields))

@@ -41,8 +41,9 @@ def row(array: Array, number: Any) -> Vector:
 class Shape(ABC):
     """A batch of primitives of one kind: a pytree with arrays whose first axis is the primitive.
 
-    Numbers of primitives are one for all rays, or one for each ray. Points and rays are in the space of the
-    object, their components of one shape (see :mod:`qmcjax.tracing._vectors`).
+    Numbers of primitives are one for all rays, one for each ray, or ``slice(None)`` where there is a
+    primitive for each ray. Points and rays are in the space of the object, their components of one shape (see
+    :mod:`qmcjax.tracing._vectors`).
     """
 
     tree: Any = None

@@ -81,7 +81,7 @@ def cornell_box(
             )
         )
     if checks.flag("ball", ball):
-        material = tracing.glossy(0.25, 0.25, (0.75, 0.5, 0.08))
+        material = tracing.glossy(0.6, 0.25, (0.75, 0.5, 0.08))
         objects.append(
             tracing.sphere([0.0, 0.0, 0.0], BALL, motion=motion.affine(None, _jumping()), material=material)
         )

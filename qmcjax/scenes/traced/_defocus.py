@@ -79,7 +79,7 @@ def _bulbs() -> list[tracing.Object]:
     part = np.arange(9) / 8
     garlands = [
         np.stack([-3.6 + 7.2 * part, height - 1.1 * part * (1 - part), np.full(9, depth)], axis=-1)
-        for height, depth in ((2.9, -5.0), (2.2, -4.2), (1.35, -3.4))
+        for height, depth in ((2.6, -5.0), (2.0, -4.2), (1.4, -3.4))
     ]
     radiance = ((14.0, 9.0, 3.5), (14.0, 4.5, 3.0), (3.5, 8.0, 14.0))
     return [

@@ -79,11 +79,11 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25) -> Traced:
 
 def _attitude() -> Spin:
     """Return the rotations: the nose is down and to the left, more and more so."""
-    return Spin(np.array([0.0, 0.8, -0.6]), np.array(0.03), np.array(0.025))
+    return Spin(np.array([0.0, 0.8, -0.6]), np.array(0.03), np.array(0.008))
 
 
 def _route() -> motion.Nurbs:
-    control = [[-0.45, 2.5, 0.1], [-0.1, 2.55, 0.05], [0.3, 2.75, -0.1]]
+    control = [[-0.3, 2.55, 0.05], [-0.1, 2.55, 0.0], [0.15, 2.65, -0.05]]
     return motion.nurbs(control, None, [0, 0, 0, 1, 1, 1], 2)
 
 
@@ -113,11 +113,11 @@ def _canopy() -> list[tracing.Object]:
 
 
 def _rotor(flight: Any, height: float, turns: Any, start: float, material: Any) -> tracing.Object:
-    """Return three blades, each a rectangle that is pitched about its length."""
-    angle = 2 * np.pi * np.arange(3) / 3
+    """Return four blades, each a rectangle that is pitched about its length."""
+    angle = 2 * np.pi * np.arange(4) / 4
     along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
     across = np.stack([np.sin(angle), 0 * angle + 0.12 * np.sign(turns), np.cos(angle)], axis=-1)
-    blades = tracing.rectangle(0.2 * along - 0.25 * across, 3.1 * along, 0.5 * across)
+    blades = tracing.rectangle(0.2 * along - 0.31 * across, 3.1 * along, 0.62 * across)
     spin = motion.affine(Spin(np.array([0.0, 1.0, 0.0]), np.array(start), turns), [0.0, height, 0.0])
     hub = tracing.sphere([0.0, 0.0, 0.0], 0.16)
     return tracing.group([blades, hub], motion=Carried(flight, spin), material=material)

@@ -12,7 +12,7 @@ RODS = 10
 COLOURS = ((1.0, 0.16, 0.1), (0.12, 1.0, 0.2), (0.15, 0.25, 1.0))
 
 
-def occluder(size: Any = 0.7) -> Traced:
+def occluder(size: Any = 0.45) -> Traced:
     """Return a basket of rods in the light of three coloured area lights.
 
     Straight rods of two families on a hyperboloid throw three soft shadows into one another; where all lights
@@ -79,5 +79,5 @@ def _light(angle: float, size: Any, colour: tuple[float, ...]) -> Any:
     u = u / np.linalg.norm(u)
     v = np.cross(normal, u)
     return tracing.rectangle_light(
-        centre - 0.5 * size * (u + v), size * u, size * v, np.multiply(64.0, colour) / size**2
+        centre - 0.5 * size * (u + v), size * u, size * v, np.multiply(46.0, colour) / size**2
     )

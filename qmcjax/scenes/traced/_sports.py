@@ -68,9 +68,9 @@ def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
     distance = numbers("distance", distance)
     drive = motion.affine(None, _straight(distance))
     objects = [*_car(drive, distance), *_road()]
-    sun = tracing.sphere_light((-9.0, 14.0, 12.0), 1.2, (95.0, 88.0, 74.0))
+    sun = tracing.sphere_light((-9.0, 14.0, 12.0), 1.2, (150.0, 140.0, 120.0))
     sky = tracing.environment((0.42, 0.55, 0.75))
-    camera = tracing.camera((0.9, 1.5, 7.0), (0.0, 0.62, 0.0), fov=41.0, shutter=shutter, motion=drive)
+    camera = tracing.camera((0.9, 1.35, 7.0), (0.0, 0.8, 0.0), fov=40.0, shutter=shutter, motion=drive)
     return Traced("sports", tracing.direct_light(tracing.world(objects, [sun, sky]), camera))
 
 

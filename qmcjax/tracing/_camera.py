@@ -16,7 +16,7 @@ from qmcjax.core.plug_ins import held
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import _maps
 from qmcjax.tracing._object import Object
-from qmcjax.tracing._vectors import Vector, components, cross, each, minus, plus, times, unit
+from qmcjax.tracing._vectors import Vector, components, cross, each, length, minus, plus, times, unit
 
 
 class Sight(NamedTuple):
@@ -26,6 +26,18 @@ class Sight(NamedTuple):
     direction: Vector
     """Unit vectors."""
     time: Array
+
+
+class View(NamedTuple):
+    """Rays through the middle of the lens."""
+
+    origin: Vector
+    seen: Vector
+    """Where they are at the distance 1 along the view, from the origin."""
+    right: Vector
+    upward: Vector
+    focus: Array
+    """Distance of the plane in focus."""
 
 
 @pytree
@@ -60,32 +72,33 @@ class Camera:
         shutter = jnp.asarray(self.shutter).astype(time.dtype)
         return jnp.full_like(time, shutter) if self.still else shutter[0] + (shutter[1] - shutter[0]) * time
 
-    def rays(self, x: Array, y: Array, time: Array, lens: tuple[Array, ...]) -> Sight:
-        """Return the rays of points on the screen, times, and points of the lens if there is one."""
-        number = cast(
-            {name: getattr(self, name) for name in ("position", "target", "up", "fov", "aspect")}, x.dtype
-        )
+    def view(self, x: Array, y: Array) -> View:
+        """Return what the camera sees at points of the screen, before it moves."""
+        names = "position", "target", "up", "fov", "aspect"
+        number = cast({name: getattr(self, name) for name in names}, x.dtype)
         position, target = components(number["position"]), components(number["target"])
-        forward = unit(minus(target, position))
+        between = minus(target, position)
+        forward = unit(between)
         right = unit(cross(forward, components(number["up"])))
         upward = cross(right, forward)
         half = jnp.tan(number["fov"] * (np.pi / 360))
         across, above = (2 * x - 1) * (half * number["aspect"]), (1 - 2 * y) * half
         seen = plus(plus(times(across, right), times(above, upward)), forward)
-        origin = each(lambda p: jnp.broadcast_to(p, x.shape), position)
+        focus = length(between) if self.focus is None else jnp.asarray(self.focus).astype(x.dtype)
+        return View(position, seen, right, upward, focus)
+
+    def rays(self, x: Array, y: Array, time: Array, lens: tuple[Array, ...]) -> Sight:
+        """Return the rays of points on the screen, times, and points of the lens if there is one."""
+        view = self.view(x, y)
+        origin, seen = each(lambda p: jnp.broadcast_to(p, x.shape), view.origin), view.seen
         if lens:
-            aperture = jnp.asarray(self.aperture).astype(x.dtype)
-            if self.focus is None:
-                between = minus(target, position)
-                focus = jnp.sqrt(between[0] ** 2 + between[1] ** 2 + between[2] ** 2)
-            else:
-                focus = jnp.asarray(self.focus).astype(x.dtype)
             u, v = lens
+            aperture = jnp.asarray(self.aperture).astype(x.dtype)
             a, b = _maps.disc(u, v) if self.blades is None else _maps.polygon(u, v, self.blades)
-            moved = plus(times(aperture * a, right), times(aperture * b, upward))
+            moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
             origin = plus(origin, moved)
             # All rays through a point in the plane of focus meet there.
-            seen = minus(seen, times(1 / focus, moved))
+            seen = minus(seen, times(1 / view.focus, moved))
         if self.motion is not None:
             frame = Object((), self.motion, None).frame(time)
             if frame is not None:

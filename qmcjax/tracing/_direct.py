@@ -15,6 +15,7 @@ from qmcjax.tracing._estimator import Coordinates, Estimator, check
 from qmcjax.tracing._illumination import Choice, chosen_by, illuminated, visible
 from qmcjax.tracing._interaction import Met, any_of, emission, met
 from qmcjax.tracing._reflection import evaluated, reflected
+from qmcjax.tracing._varies import Seen
 from qmcjax.tracing._vectors import Vector, each
 from qmcjax.tracing._world import World
 
@@ -31,6 +32,9 @@ class DirectLight(Estimator):
 
     def light_needs(self) -> tuple[str, ...]:
         return chosen_by(self.world)
+
+    def moves(self, found: Seen) -> Array:
+        return found.moves | found.mirrors if self.mirrors else found.moves
 
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         time, one = sight.time, jnp.ones_like(sight.time)

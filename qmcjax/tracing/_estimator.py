@@ -14,6 +14,7 @@ from qmcjax.core.plug_ins import unheld
 from qmcjax.tracing._camera import Camera, Sight
 from qmcjax.tracing._found import in_dtype
 from qmcjax.tracing._object import Object
+from qmcjax.tracing._varies import Seen, seen
 from qmcjax.tracing._vectors import Vector, stacked
 from qmcjax.tracing._world import World
 from qmcjax.tracing.motion._affine import Affine
@@ -62,6 +63,33 @@ class Estimator(ABC):
         lens = tuple(coordinates[name] for name in camera.lens)
         sight = camera.rays(coordinates["x"], coordinates["y"], time, lens)
         return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
+
+    def varies(self, low: Array, high: Array) -> Array:
+        """Tell which coordinates may matter between opposite corners of boxes of points.
+
+        Parameters
+        ----------
+        low, high : float Array, shape (..., len(needs))
+
+        Returns
+        -------
+        bool Array, shape (..., len(needs))
+            False says for certain that the value does not depend on the coordinate there: nothing is seen,
+            or nothing that moves is, nor its shadow in direct light.
+        """
+        needs = self.needs
+        world = in_dtype(self.world, low.dtype)
+        if self.camera.motion is not None:
+            return jnp.ones_like(low, bool)
+        if "time" not in needs:
+            world = stilled(world, jnp.asarray(self.camera.shutter).astype(low.dtype).reshape(-1)[0])
+        found = seen(world, self.camera, low[..., :2], high[..., :2])
+        depends = dict.fromkeys(("x", "y", *self.camera.lens), found.anything) | {"time": self.moves(found)}
+        return jnp.stack([depends.get(name, found.objects) for name in needs], axis=-1)
+
+    @abstractmethod
+    def moves(self, found: Seen) -> Array:
+        """Tell where time may matter."""
 
 
 def moving(world: World, camera: Camera) -> bool:

@@ -12,6 +12,7 @@ from qmcjax.core.plug_ins import unheld
 from qmcjax.tracing._found import Found, coordinates, found
 from qmcjax.tracing._illumination import shining
 from qmcjax.tracing._materials import Surface
+from qmcjax.tracing._object import Object
 from qmcjax.tracing._vectors import Vector, dot, each, plus
 from qmcjax.tracing._world import World
 
@@ -83,17 +84,18 @@ def any_of(color: Vector) -> Array:
 
 def scatters(world: World) -> bool:
     """Tell whether any surface scatters light into directions that are left to chance."""
-    return any(kind.diffuse is not None or kind.glossy is not None for kind in _kinds(world))
+    return any(kind.diffuse is not None or kind.glossy is not None for kind in kinds(*world.objects))
 
 
 def mixed(world: World) -> bool:
     """Tell whether any surface scatters light in two ways."""
-    return any(kind.diffuse is not None and kind.glossy is not None for kind in _kinds(world))
+    return any(kind.diffuse is not None and kind.glossy is not None for kind in kinds(*world.objects))
 
 
-def _kinds(world: World) -> list[Surface]:
+def kinds(*objects: Object) -> list[Surface]:
+    """Return what surfaces of objects have: None is what they never have."""
     number = jax.ShapeDtypeStruct((1,), jnp.float32)
-    return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in world.objects]
+    return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in objects]
 
 
 def _textured(material: Any) -> bool:

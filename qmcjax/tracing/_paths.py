@@ -15,6 +15,7 @@ from qmcjax.tracing._estimator import Coordinates, Estimator, check
 from qmcjax.tracing._illumination import Choice, chosen_by, illuminated, visible
 from qmcjax.tracing._interaction import Met, any_of, emission, met, mixed, scatters
 from qmcjax.tracing._reflection import evaluated, reflected, sampled
+from qmcjax.tracing._varies import Seen
 from qmcjax.tracing._vectors import Vector, each
 from qmcjax.tracing._world import World
 
@@ -68,6 +69,9 @@ class PathTracing(Estimator):
 
     def _at_stake(self, bounce: int) -> bool:
         return self.roulette is not None and bounce >= self.roulette
+
+    def moves(self, found: Seen) -> Array:
+        return found.objects | found.moves if self.bounces else found.moves
 
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -39,6 +40,36 @@ class Affine:
             jnp.broadcast_to(part, (*time.shape, *shape)).astype(time.dtype) for part, shape in shapes
         )
         return matrix, translation
+
+    def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return a box, (3,) and (3,), of where another one is at any time in [0, 1].
+
+        A path of points says where it is by its ``bounds()``, one of matrices by its ``reach(low, high)``;
+        rotations of any kind keep what they turn in a ball. Of other paths nothing is known: the box is all
+        space.
+        """
+        path = unheld(self.matrix)
+        if hasattr(path, "reach"):
+            low, high = path.reach(low, high)
+        elif not callable(path):
+            low, high = _image(jnp.asarray(path).astype(low.dtype), low, high)
+        else:
+            of_one = jax.eval_shape(path, jax.ShapeDtypeStruct((), low.dtype))
+            farthest = jnp.sqrt(jnp.sum(jnp.maximum(abs(low), abs(high)) ** 2))
+            radius = farthest if of_one.shape[-1] == 4 else jnp.full_like(farthest, jnp.inf)
+            low, high = jnp.broadcast_to(-radius, low.shape), jnp.broadcast_to(radius, high.shape)
+        path = unheld(self.translation)
+        if hasattr(path, "bounds"):
+            moved = path.bounds()
+        else:
+            moved = (-jnp.inf, jnp.inf) if callable(path) else (path, path)
+        return low + jnp.asarray(moved[0], low.dtype), high + jnp.asarray(moved[1], low.dtype)
+
+
+def _image(matrix: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the box of the image of a box, which may be infinite."""
+    ends = [jnp.where(matrix == 0, 0, matrix * end[None, :]) for end in (low, high)]
+    return jnp.minimum(*ends).sum(axis=1), jnp.maximum(*ends).sum(axis=1)
 
 
 def affine(

@@ -52,6 +52,11 @@ class Nurbs:
             denominator = denominator + factor
         return numerator / denominator[..., None]
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Return a box of all points, low and high, (d,): that of the control points."""
+        control = jnp.asarray(self.control)
+        return control.min(axis=0), control.max(axis=0)
+
     @property
     def corners(self) -> np.ndarray:
         """Parameters inside the curve where its direction may jump: knots as multiple as the degree."""

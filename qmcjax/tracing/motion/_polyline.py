@@ -61,6 +61,11 @@ class ArcLength:
         start = points[index]
         return start + (place - index.astype(part.dtype))[..., None] * (points[index + 1] - start)
 
+    def bounds(self) -> tuple[Array, Array]:
+        """Return a box of all points: low and high, (d,)."""
+        points = jnp.asarray(self.points)
+        return points.min(axis=0), points.max(axis=0)
+
 
 def by_arc_length(curve: Curve, knots: NDArray[np.float64], segments: int) -> ArcLength:
     """Divide a curve, smooth between known knots, into segments of equal arc length.
@@ -145,6 +150,11 @@ class LinearSegments:
         begin, end = times[index], times[index + 1]
         part = jnp.clip((time - begin) / (end - begin), 0, 1)[..., None]
         return (1 - part) * points[index] + part * points[index + 1]
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return a box of all points: low and high, (d,)."""
+        points = jnp.asarray(self.points)
+        return points.min(axis=0), points.max(axis=0)
 
 
 def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:

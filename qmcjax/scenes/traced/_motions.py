@@ -30,6 +30,14 @@ class Spin:
         # The angle is reduced to one turn before it is rounded with a factor of pi.
         return motion.quaternion(axis, 2 * np.pi * jnp.remainder(start + turns * time, 1))
 
+    def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return a box, (3,) and (3,), of where another one is at any time in [0, 1]."""
+        axis, start, turns = cast((self.axis, self.start, self.turns), low.dtype)
+        corners = jnp.stack(jnp.meshgrid(*jnp.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(
+            -1, 3
+        )
+        return motion.rotation_box(corners, axis, 2 * np.pi * start, 2 * np.pi * (start + turns))
+
 
 @pytree
 @dataclass(frozen=True)
@@ -43,6 +51,10 @@ class Carried:
         """Return matrices (..., 3, 3) and translations (..., 3) at times, shape (...)."""
         (a, s), (b, t) = self.outer(time), self.inner(time)
         return _product(a, b), _product(a, t[..., None])[..., 0] + s
+
+    def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
+        """Return a box, (3,) and (3,), of where another one is at any time in [0, 1]."""
+        return self.outer.reach(*self.inner.reach(low, high))
 
 
 @pytree

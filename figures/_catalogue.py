@@ -42,6 +42,7 @@ CATALOGUE = {
     "thesis-6.3": Entry("figures.thesis_6_3", "The zone plate at 64 samples per pixel"),
     "thesis-6.4": Entry("figures.thesis_6_4", "Convergence on the zone plate"),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
+    "path-speed": Entry("figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba"),
     "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
     "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.skipping", "What is not computed: constant pixels, passes, all but the edges"),

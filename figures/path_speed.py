@@ -1,0 +1,110 @@
+"""Paths a second of diffuse scenes, against Mitsuba 3."""
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import qmcjax as qj
+from figures import _mitsuba
+from qmcjax import samplers, scenes, sequences, tracing
+
+SIZES = {"draft": (32, 4, 2), "paper": (128, 16, 9)}
+"""Side of the image, samples per pixel, turns."""
+
+BOUNCES = 6
+"""Paths have up to 8 edges."""
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Let both programs render by turns, and draw bars."""
+    side, spp, turns = SIZES[quality]
+    measured = {}
+    listed = cases()
+    for done, (name, scene) in enumerate(listed.items(), start=1):
+        measured[name] = _measured(scene, side, spp, turns)
+        progress(done / len(listed))
+    numbers = {
+        "measured": measured,
+        "paths": f"{side} x {side} pixels, {spp} samples, {BOUNCES} bounces, light sampled at each surface",
+        "note": "Medians of turns, ours not compiling, Mitsuba's (scalar_rgb, all threads) not loading. "
+        "Ours take points of Sobol' sequences scrambled in each pixel, Mitsuba's are independent. "
+        "Drafts are small and say little."
+        + ("" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."),
+    }
+    return _drawn(measured), numbers
+
+
+def cases() -> dict[str, tracing.PathTracing]:
+    """Return scenes of diffuse surfaces of one colour each."""
+    box = scenes.cornell_box(0.0, ball=False, mirror=False, blocks=True, light=0.5, bounces=BOUNCES)
+    return {"Cornell box": box.estimator, "interior": plain(scenes.interior(BOUNCES).estimator)}
+
+
+def plain(scene: tracing.PathTracing) -> tracing.PathTracing:
+    """Return a scene in which textures are their first colour, and without surfaces that shine."""
+    objects = [
+        replace(item, material=_plain(item.material))
+        for item in scene.world.objects
+        if not isinstance(item.material, tracing.Emitter)
+    ]
+    return replace(scene, world=tracing.world(objects, scene.world.lights))
+
+
+def _plain(material: Any) -> tracing.Diffuse:
+    color = tracing.diffuse(0.5).color if material is None else material.color
+    return tracing.diffuse(color.one if isinstance(color, tracing.Pattern) else color)
+
+
+def _measured(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> dict[str, Any]:
+    paths = side * side * spp
+    _, compiling = _ours(scene, side, spp, 0)
+    seconds: dict[str, list[float]] = {"qmcjax": []}
+    means: dict[str, list[float]] = {"qmcjax": []}
+    for turn in range(1, turns + 1):
+        image, took = _ours(scene, side, spp, turn)
+        seconds["qmcjax"].append(took)
+        means["qmcjax"].append(float(image.mean()))
+        if _mitsuba.installed():
+            # The first of two wakes its threads.
+            images, both = _mitsuba.rendered(scene, side, side, spp, [2 * turn, 2 * turn + 1])
+            seconds.setdefault("Mitsuba", []).append(both[1])
+            means.setdefault("Mitsuba", []).append(float(images.mean()))
+    rates = {name: paths / float(np.median(times)) for name, times in seconds.items()}
+    result: dict[str, Any] = {
+        "primitives": scene.world.count,
+        "paths a second": rates,
+        "seconds of the first image": compiling,
+        "mean of the images": {name: float(np.mean(values)) for name, values in means.items()},
+    }
+    if "Mitsuba" in rates:
+        result["ours / Mitsuba's"] = rates["qmcjax"] / rates["Mitsuba"]
+    return result
+
+
+def _ours(scene: tracing.PathTracing, side: int, spp: int, key: int) -> tuple[NDArray[np.float32], float]:
+    sampler = samplers.independent(sequences.sobol(len(scene.needs)), key)
+    start = time.perf_counter()
+    image = np.asarray(qj.render(scene, sampler, side, side, spp))
+    return image, time.perf_counter() - start
+
+
+def _drawn(measured: dict[str, Any]) -> Figure:
+    figure = Figure(figsize=(8, 1.2 + 0.8 * len(measured)), layout="constrained")
+    axes = figure.subplots()
+    names = [
+        name for name in ("qmcjax", "Mitsuba") if name in next(iter(measured.values()))["paths a second"]
+    ]
+    for k, (name, color) in enumerate(zip(names, ("tab:blue", "0.6"), strict=False)):
+        rates = [entry["paths a second"][name] for entry in measured.values()]
+        axes.barh(np.arange(len(measured)) + 0.4 * k, rates, 0.4, color=color, label=name)
+    axes.set_yticks(np.arange(len(measured)) + 0.2 * (len(names) - 1), list(measured))
+    axes.invert_yaxis()
+    axes.set(xlabel="paths a second", title=f"Paths of up to {BOUNCES + 2} edges (higher is better)")
+    axes.grid(axis="x", alpha=0.3)
+    axes.legend()
+    return figure

@@ -86,7 +86,7 @@ def seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
     everywhere = len(lights) < len(world.lights)
     beams = _beams(camera, low, high)
 
-    def visit(total: Seen, one: tuple[_Regions, Array]) -> tuple[Seen, None]:
+    def visit(total: Seen, one: Any) -> tuple[Seen, None]:
         region, (is_object, changes, mirror) = one
         met, shadowed = none, none
         for beam, start, end in beams:
@@ -146,21 +146,21 @@ def _squares(vector: Any) -> Any:
 
 def _regions(item: Object, dtype: Any) -> _Regions:
     """Return regions that hold the primitives of an object at any time."""
-    lows, highs, normals, least, most = [], [], [], [], []
-    for shape in item.shapes:
-        low, high = _extent(item, shape, dtype)
-        count = low.shape[0]
-        flat = isinstance(shape, Plane) and item.motion is None
-        normal = jnp.asarray(shape.axis, dtype) if flat else jnp.zeros((count, 3), dtype)
-        height = jnp.sum(normal * shape.point, axis=1) if flat else jnp.zeros(count, dtype)
-        size = jnp.sum(abs(normal) * abs(shape.point), axis=1) if flat else jnp.ones(count, dtype)
-        lows.append(low), highs.append(high), normals.append(normal)
-        least.append(height - _SLACK * size), most.append(height + _SLACK * size)
-    low, high = (jnp.clip(jnp.concatenate(parts), -_FAR, _FAR) for parts in (lows, highs))
-    slack = _SLACK * jnp.max(abs(low) + abs(high), axis=1, keepdims=True)
-    slack = jnp.where(slack < _FAR * _SLACK, slack, 0)
-    rest = (jnp.concatenate(parts) for parts in (normals, least, most))
-    return _Regions(low - slack, high + slack, *rest)
+    boxes = [_extent(item, shape, dtype) for shape in item.shapes]
+    low, high = (jnp.clip(jnp.concatenate(side), -_FAR, _FAR) for side in zip(*boxes, strict=True))
+    size = jnp.max(abs(low) + abs(high), axis=1, keepdims=True)
+    slack = jnp.where(size < _FAR, _SLACK * size, 0)
+    slabs = [_slab(item, shape, len(box[0]), dtype) for shape, box in zip(item.shapes, boxes, strict=True)]
+    return _Regions(low - slack, high + slack, *(jnp.concatenate(part) for part in zip(*slabs, strict=True)))
+
+
+def _slab(item: Object, shape: Shape, count: int, dtype: Any) -> tuple[Array, Array, Array]:
+    """Return normals, and the intervals of products with them: that of planes, else what holds for all."""
+    if not isinstance(shape, Plane) or item.motion is not None or count < shape.count:
+        return jnp.zeros((count, 3), dtype), jnp.full(count, -1, dtype), jnp.ones(count, dtype)
+    normal, point = (jnp.broadcast_to(part, (count, 3)).astype(dtype) for part in (shape.axis, shape.point))
+    height, size = jnp.sum(normal * point, axis=1), jnp.sum(abs(normal * point), axis=1)
+    return normal, height - _SLACK * size, height + _SLACK * size
 
 
 def _extent(item: Object, shape: Shape, dtype: Any) -> tuple[Array, Array]:

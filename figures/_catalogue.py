@@ -47,6 +47,7 @@ CATALOGUE = {
     "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.skipping", "What is not computed: constant pixels, passes, all but the edges"),
     "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
+    "ray-stability": Entry("figures.ray_stability", "Where rays in single precision hold and break"),
     "measures": Entry("figures.measures", "All measures of all sequences"),
     "measure-speed": Entry("figures.measure_speed", "Speed of the measures, beside peers and with gradients"),
     "measure-cost": Entry(

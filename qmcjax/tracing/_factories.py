@@ -252,7 +252,8 @@ def triangles(
 
     Notes
     -----
-    Vertices are shared if all their numbers are the same.
+    Vertices are shared if all their numbers are the same. In float32, edges are to be between 1e-10 and 1e9
+    long: products of four of them are computed.
 
     Many triangles that are known before tracing get a tree, which rays go through to those that are near. It
     takes a second for 80,000 triangles, and is walked by compiled loops where numba is installed and the

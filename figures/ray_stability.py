@@ -1,0 +1,239 @@
+"""Where rays in single precision hold and where they break: on surfaces, far away, small, huge, grazing."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from qmcjax import sequences, tracing
+
+COUNT = {"draft": 2**12, "paper": 2**17}
+"""Rays of each case."""
+
+AWAY = tuple(10.0**k for k in range(-3, 7))
+"""Distances of a body of size 1 from the origin of coordinates."""
+
+SIZES = tuple(10.0**k for k in range(-12, 13, 2))
+SLOPES = tuple(10.0**-k for k in range(8))
+ALLOWED = 1e-3
+"""A part of the rays that an image shows."""
+
+DOCUMENTED = 1e3, 0.03
+"""Distance, in sizes of a body, and the part of the rays that may go wrong there as `nearest_hit` says."""
+
+TOLD = 1e-8, 1e8
+"""Sizes between which no ray is lost."""
+
+Curves = dict[str, dict[float, float]]
+
+NOTE = (
+    "{count} rays each, from fixed keys, in float32 and float64. Bodies of size 1: rays from outside hit "
+    "them, and their points are the origins of further rays. 'Hit again': of rays that leave a convex body at"
+    " more than 3 degrees, the part that meets it again; 'lost inside': of rays into it at more than 3 "
+    "degrees, the part that meets nothing, or missed the body at first: a point so near to two surfaces that "
+    "rounding cannot tell is on both. 'Size': a mesh of 320 triangles around the origin, all of it scaled; "
+    "the part of the rays at points of its edges that miss it (squares of squares overflow, or underflow). "
+    "'Grazing': rays from the height 1 at a plane, relative error of the distance against the exact one. "
+    "'Pictures': RMS difference over the mean between float32 and float64 of direct light on a sphere, a box "
+    "and a mesh. Parts of 0 are drawn at half a ray."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure all five, and draw them."""
+    count = COUNT[quality]
+    panels = {
+        "hit again": (lambda: _leaving(count, 1.0), "distance from the origin / size", "part of the rays"),
+        "lost inside": (lambda: _leaving(count, -1.0), "distance from the origin / size", "part of the rays"),
+        "size": (lambda: _sizes(count), "size", "part of the rays"),
+        "grazing": (lambda: _grazing(count), "slope of the rays", "relative error of distances"),
+        "pictures": (lambda: _pictures(count), "distance from the origin / size", "difference over mean"),
+    }
+    figure = Figure(figsize=(15, 8.5), layout="constrained")
+    figure.suptitle("Rays in single and double precision")
+    axes = figure.subplots(2, 3).ravel()
+    measured: dict[str, Curves] = {}
+    for done, (ax, (name, (measure, x, y))) in enumerate(zip(axes, panels.items(), strict=False), start=1):
+        measured[name] = measure()
+        least = 0.5 / count if y == "part of the rays" else 1e-17
+        for k, (label, curve) in enumerate(measured[name].items()):
+            style = {"color": f"C{k // 2}", "ls": "-" if "32" in label else ":", "marker": "o", "ms": 3}
+            ax.loglog(list(curve), np.maximum(list(curve.values()), least), label=label, **style)
+        ax.set(title=name, xlabel=x, ylabel=y)
+        ax.grid(alpha=0.3)
+        ax.legend(fontsize=8)
+        progress(done / len(panels))
+    leaving = {name: measured[name] for name in ("hit again", "lost inside")}
+    broken = {name: {k: _first(curve) for k, curve in of_name.items()} for name, of_name in leaving.items()}
+    axes[-1].set_axis_off()
+    lines = [f"more than {ALLOWED:g} of the rays wrong from"]
+    lines += [
+        f"{label}: {'nowhere' if at is None else format(at, 'g')} ({name})"
+        for name, of_name in broken.items()
+        for label, at in of_name.items()
+        if "32" in label
+    ]
+    axes[-1].text(0, 0.5, "\n".join(lines), va="center", fontsize=9)
+    far, most = DOCUMENTED
+    near = [p for of in leaving.values() for c in of.values() for away, p in c.items() if away <= far]
+    sized = [p for c in measured["size"].values() for size, p in c.items() if TOLD[0] <= size <= TOLD[1]]
+    return figure, {
+        "measured": {name: {k: _keyed(v) for k, v in of.items()} for name, of in measured.items()}
+        | {"wrong from": broken}
+        | {
+            f"at most {most:.0%} of the rays are wrong up to {far:g} sizes away": max(near) <= most,
+            f"no ray misses an edge of a mesh of size {TOLD[0]:g} to {TOLD[1]:g}": max(sized) == 0,
+        },
+        "note": NOTE.format(count=count),
+    }
+
+
+def _mesh() -> NDArray[np.float64]:
+    """Return the triangles of a sphere, (320, 3, 3), with vertices at 162 even points."""
+    k = np.arange(162) + 0.5
+    z, angle = 1 - 2 * k / 162, np.pi * (1 + 5**0.5) * k
+    points = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=-1)
+    triangles = points[ConvexHull(points).simplices]
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inward = np.sum(normals * triangles[:, 0], axis=1) < 0
+    return 0.5 * np.where(inward[:, None, None], triangles[:, ::-1], triangles)
+
+
+def _bodies(place: NDArray[np.float64]) -> dict[str, tracing.Object]:
+    return {
+        "sphere": tracing.sphere(place, 0.5),
+        "box": tracing.box(place - 0.5, place + 0.5),
+        "mesh": tracing.triangles(_mesh() + place),
+        "cylinder": tracing.cylinder(place - [0, 0.5, 0], [0, 1, 0], 0.5),
+    }
+
+
+def _directions(count: int, key: int) -> NDArray[np.float64]:
+    u = np.asarray(sequences.owen(sequences.sobol(2), key).points(count), np.float64)
+    z, angle = 1 - 2 * u[:, 0], 2 * np.pi * u[:, 1]
+    return np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=-1)
+
+
+def _in_both(measure: Callable[[Any], Curves]) -> Curves:
+    """Return curves in both precisions, those of one body after each other."""
+    with jax.enable_x64(True):
+        wide = measure(jnp.float64)
+    narrow = measure(jnp.float32)
+    return {
+        f"{name}, {kind}": curves[name]
+        for name in narrow
+        for kind, curves in (("float32", narrow), ("float64", wide))
+    }
+
+
+def _leaving(count: int, side: float) -> Curves:
+    """Return the part of the rays from points of a body, to one side, that goes wrong."""
+
+    def measure(dtype: Any) -> Curves:
+        curves: Curves = {}
+        outwards, onwards = (jnp.asarray(_directions(count, key), dtype) for key in (1, 2))
+        for away in AWAY:
+            place = away * np.array([0.6, 0.64, 0.48])
+            for name, body in _bodies(place).items():
+                world = tracing.world([body])
+                origin = jnp.asarray(place, dtype)[None] + 2 * outwards
+                hit = tracing.nearest_hit(world, origin, -outwards)
+                slope = jnp.sum(onwards * hit.normal, axis=1, keepdims=True)
+                way = jnp.where(slope * side > 0, onwards, -onwards)
+                again = tracing.any_hit(world, hit.point, way)
+                counted = (hit.shape >= 0) & (abs(slope[:, 0]) > 0.05)
+                wrong = again if side > 0 else ~again
+                if side < 0:
+                    wrong, counted = wrong | (hit.shape < 0), counted | (hit.shape < 0)
+                if counted.any():
+                    curves.setdefault(name, {})[away] = float(jnp.sum(wrong & counted) / jnp.sum(counted))
+        return curves
+
+    return _in_both(measure)
+
+
+def _sizes(count: int) -> Curves:
+    """Return the part of rays at points of the edges of a mesh that miss it."""
+    mesh = _mesh()
+    edges = np.concatenate([mesh, np.roll(mesh, 1, axis=1)], axis=-1).reshape(-1, 6)
+    chosen = edges[np.arange(count) % len(edges)]
+    part = np.asarray(sequences.van_der_corput().points(count), np.float64)
+    target = chosen[:, :3] + part * (chosen[:, 3:] - chosen[:, :3])
+    origin = 2 * _directions(count, 3)
+    # An edge of the silhouette may be missed: those are well in front of it.
+    up = target / np.linalg.norm(target, axis=1, keepdims=True)
+    origin = 1.5 * up + 0.3 * origin
+
+    def measure(dtype: Any) -> Curves:
+        curve = {}
+        for size in SIZES:
+            world = tracing.world([tracing.triangles(size * mesh)])
+            start, end = jnp.asarray(size * origin, dtype), jnp.asarray(size * target, dtype)
+            curve[size] = float(jnp.mean(~tracing.any_hit(world, start, end - start)))
+        return {"mesh": curve}
+
+    return _in_both(measure)
+
+
+def _grazing(count: int) -> Curves:
+    """Return relative errors of distances to a plane."""
+    angle = 2 * np.pi * np.asarray(sequences.van_der_corput().points(count), np.float64)[:, 0]
+
+    def measure(dtype: Any) -> Curves:
+        curve = {}
+        world = tracing.world([tracing.plane([0, 0, 0], [0, 1, 0])])
+        for slope in SLOPES:
+            way = jnp.asarray(_slanted(angle, slope), dtype)
+            origin = jnp.broadcast_to(jnp.asarray([0, 1, 0], dtype), way.shape)
+            distance = np.asarray(tracing.nearest_hit(world, origin, way).distance, np.float64)
+            exact = -1 / np.asarray(way, np.float64)[:, 1]
+            curve[slope] = float(np.max(abs(distance / exact - 1)))
+        return {"plane": curve}
+
+    return _in_both(measure)
+
+
+def _slanted(angle: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
+    return np.stack([np.cos(angle), np.full_like(angle, -slope), np.sin(angle)], axis=-1)
+
+
+def _pictures(count: int) -> Curves:
+    """Return how far pictures in float32 are from those in float64."""
+    points = sequences.owen(sequences.sobol(2), 4).points(count)
+    curve: Curves = {"direct light, float32": {}}
+    for away in AWAY:
+        place = away * np.array([0.6, 0.64, 0.48])
+        bodies = _bodies(place)
+
+        def at(x: float, y: float, z: float, place: Any = place) -> Any:
+            return place + np.array([x, y, z])
+
+        mesh = tracing.triangles(_mesh() + at(-1.0, 0.0, 0.2))
+        parts = [bodies["sphere"], tracing.box(at(0.6, -0.5, -0.5), at(1.2, 0.3, 0.5)), mesh]
+        world = tracing.world(parts, [tracing.point_light(at(1.0, 3.0, 3.0), 10.0)])
+        scene = tracing.direct_light(world, tracing.camera(at(0.0, 0.5, 4.0), place))
+        narrow = np.asarray(_values(scene, points), np.float64)
+        with jax.enable_x64(True):
+            wide = np.asarray(_values(scene, points.astype(jnp.float64)))
+        difference = np.sqrt(np.mean((narrow - wide) ** 2)) / wide.mean()
+        curve["direct light, float32"][away] = float(difference)
+    return curve
+
+
+@jax.jit
+def _values(scene: Any, points: Any) -> Any:
+    return scene(points)
+
+
+def _first(curve: dict[float, float]) -> float | None:
+    """Return the first place where too many rays are wrong."""
+    return next((at for at, part in curve.items() if part > ALLOWED), None)
+
+
+def _keyed(curve: dict[float, float]) -> dict[str, float]:
+    return {f"{at:g}": value for at, value in curve.items()}

@@ -178,6 +178,27 @@ def test_shapes_against_float64(name, dtype):
     assert np.array_equal(hit.point[sure & ~found], rays[0][sure & ~found].astype(dtype))
 
 
+def test_rays_along_faces_of_boxes():
+    """A ray in the plane of a face, or of two, misses the box; one beside that, inside, hits."""
+    low, high = np.array([-1.0, 0.0, -2.0]), np.array([1.0, 1.0, 0.5])
+    box = tracing.world([tracing.box(low, high)])
+    inside = 0.5 * (low + high)
+    ends = list(itertools.product(*zip(low, inside, high, strict=True)))
+    origins, directions = [], []
+    for axis, sign, zero in itertools.product(range(3), (1.0, -1.0), (0.0, -0.0)):
+        direction = np.full(3, zero)
+        direction[axis] = sign
+        for end in ends:
+            origin = np.array(end)
+            origin[axis] = inside[axis] - 5 * sign
+            origins.append(origin)
+            directions.append(direction)
+    origins, directions = np.float32(origins), np.float32(directions)
+    along = ((origins == np.float32(low)) | (origins == np.float32(high))).any(axis=1)
+    hit = np.asarray(tracing.nearest_hit(box, origins, directions).shape) == 0
+    np.testing.assert_array_equal(hit, ~along)
+
+
 def test_grazing_rays():
     """A ray one part in 10^6 inside the silhouette hits, and one as far outside misses."""
     angle = np.linspace(0, 2 * np.pi, 257)

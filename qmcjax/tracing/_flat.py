@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing._shape import Rays, Shape, first, plane, rounding, row, slabs
+from qmcjax.tracing._shape import Rays, Shape, first, plane, rounding, row
 from qmcjax.tracing._vectors import (
     Vector,
     along,
@@ -152,15 +152,23 @@ class Box(Shape):
     def count(self) -> int:
         return self.low.shape[0]
 
-    def distance(self, number: Any, prepared: Rays) -> Array:
+    def prepare(self, rays: Rays) -> tuple[Rays, Vector]:
+        # Not -inf for -0: see _lower.
+        return rays, each(lambda d: jnp.where(d == 0, jnp.inf, 1 / d), rays.direction)
+
+    def distance(self, number: Any, prepared: tuple[Rays, Vector]) -> Array:
+        rays, inverse = prepared
         low, high = row(self.low, number), row(self.high, number)
-        slack = prepared.slack + rounding(largest(low) + largest(high))
+        slack = rays.slack + rounding(largest(low) + largest(high))
 
         def seen(corner: Vector) -> Vector:
-            return each(lambda a: jnp.where(abs(a) <= slack, 0, a), minus(corner, prepared.origin))
+            return each(lambda a: jnp.where(abs(a) <= slack, 0, a), minus(corner, rays.origin))
 
-        enter, leave = slabs(seen(low), seen(high), prepared)
-        return jnp.where(enter <= leave, first(enter, leave, prepared, slack), jnp.inf)
+        one, other = (each(jnp.multiply, seen(corner), inverse) for corner in (low, high))
+        near, far = each(_lower, one, other), each(_higher, other, one)
+        enter = _higher(_higher(near[0], near[1]), near[2])
+        leave = _lower(_lower(far[0], far[1]), far[2])
+        return jnp.where(enter <= leave, first(enter, leave, rays, slack), jnp.inf)
 
     def _face(self, number: Any, point: Vector) -> tuple[Vector, Vector, Vector]:
         """Return how far points are out of the faces of their half, which face that is, and of which side."""
@@ -188,6 +196,21 @@ class Box(Shape):
 
     def bounds(self, time: float) -> tuple[Array, Array]:
         return self.low, self.high
+
+
+def _lower(a: Array, b: Array) -> Array:
+    """Return the lower number, b if one of them is NaN: a single step of the processor.
+
+    NaN comes of rays across an axis that are along a face. Where that is the low one, the ray enters at inf,
+    as b says; where it is the high one, it leaves at -inf, as b says of :func:`_higher`. Both are misses,
+    also where the other end becomes NaN: comparisons with it are false.
+    """
+    return jnp.where(a < b, a, b)
+
+
+def _higher(a: Array, b: Array) -> Array:
+    """Return the higher number, b if one of them is NaN."""
+    return jnp.where(a > b, a, b)
 
 
 def _height(point: Vector, base: Vector, normal: Vector) -> tuple[Array, Vector]:

@@ -8,51 +8,20 @@ from scipy.stats import t as student
 
 import qmcjax as qj
 from figures import _mitsuba
-from qmcjax import samplers, sequences, tracing
+from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.tracing import motion
 
 SIDE, REPLICATES = 64, 16
 
 mitsuba = pytest.mark.skipif(not _mitsuba.installed(), reason="Mitsuba is not installed")
 
-FRONT = tracing.camera((0.0, 1.0, 4.4), (0.0, 1.0, 0.0), fov=32.4, shutter=0.0)
+FRONT = tracing.camera((0.0, 1.0, 4.4), (0.0, 1.0, 0.0), shutter=0.0)
 TURNING = motion.affine(lambda time: motion.quaternion([1.0, 2.0, 0.5], time), [0.2, 0.1, -0.3])
 LENS = tracing.camera((0.3, 1.4, 4.4), (0.0, 0.7, 0.0), fov=36.0, shutter=0.5, aperture=0.15, focus=4.0)
 
 
-def box_of_rectangles(ball):
-    white = tracing.diffuse(0.73)
-    corners = [[-1, 0, 1], [-1, 2, -1], [-1, 0, -1]]
-    walls = tracing.rectangle(corners, [2, 0, 0], [[0, 0, -2], [0, 0, 2], [0, 2, 0]], material=white)
-    red = tracing.rectangle([-1, 0, -1], [0, 0, 2], [0, 2, 0], material=tracing.diffuse((0.63, 0.06, 0.05)))
-    green = tracing.rectangle([1, 0, -1], [0, 0, 2], [0, 2, 0], material=tracing.diffuse((0.14, 0.45, 0.09)))
-    blocks = tracing.box(
-        [[-0.7, 0, -0.7], [0.1, 0, -0.1]], [[-0.1, 1.2, -0.1], [0.7, 0.6, 0.5]], material=white
-    )
-    light = tracing.rectangle_light([-0.25, 1.999, -0.25], [0.5, 0, 0], [0, 0, 0.5], [9, 8, 6.5])
-    return tracing.world([walls, red, green, blocks, ball], [light])
-
-
-def occluder():
-    """Return rods and a mesh in front of three coloured lights."""
-    angle = np.linspace(0, 2 * np.pi, 9)[:-1]
-    ring = np.stack([np.cos(angle), np.zeros(8), np.sin(angle)], axis=1)
-    rods = tracing.cylinder(0.9 * ring, np.roll(0.7 * ring, 3, axis=0) - 0.9 * ring + [0, 1.4, 0], 0.06)
-    tips = np.stack([ring, np.add(np.roll(0.5 * ring, 1, axis=0), [0, 0.3, 0]), 0.2 * ring], axis=1)
-    star = np.add(tips, [0, 0.7, 0])
-    objects = [
-        tracing.plane([0, 0, 0], [0, 1, 0], material=tracing.diffuse(0.75)),
-        tracing.group([rods, tracing.triangles(star)], material=tracing.diffuse((0.7, 0.66, 0.6))),
-    ]
-    lights = []
-    for turn, color in zip((0.07, 0.4, 0.74), 20 * np.eye(3) + 2, strict=True):
-        center = np.array([3.2 * np.cos(2 * np.pi * turn), 4.2, 3.2 * np.sin(2 * np.pi * turn)])
-        u = np.cross([0, 1, 0], -center)
-        u /= np.linalg.norm(u)
-        v = np.cross(-center, u) / np.linalg.norm(center)
-        lights.append(tracing.rectangle_light(center - 0.5 * (u + v), u, v, color))
-    camera = tracing.camera((0, 4.4, 5.6), (0, 0.3, 0.15), shutter=0.0)
-    return tracing.direct_light(tracing.world(objects, lights), camera)
+def cornell_box(**options):
+    return scenes.cornell_box(0.5, ball=False, blocks=True, light=0.5, **options).estimator
 
 
 def every_part(lights, of_disc):
@@ -76,14 +45,13 @@ def every_part(lights, of_disc):
     return tracing.world(objects, lights)
 
 
-BALL = tracing.sphere([-0.4, 0.3, 0.5], 0.3, material=tracing.mirror(0.9))
 POINT = tracing.point_light([1.5, 2.5, 1.0], [3, 4, 5])
 SPHERE = tracing.sphere_light([-0.8, 2.0, 0.5], 0.3, [9, 7, 5])
 
 SCENES = {
-    "cornell box, direct": lambda: tracing.direct_light(box_of_rectangles(BALL), FRONT),
-    "cornell box, 4 bounces": lambda: tracing.path_tracing(box_of_rectangles(BALL), FRONT, 4),
-    "occluder, direct": occluder,
+    "cornell box, direct": lambda: cornell_box(mirror=False),
+    "cornell box, 4 bounces": lambda: cornell_box(bounces=4),
+    "occluder, direct": lambda: scenes.occluder().estimator,
     "point and sphere light, lens": lambda: tracing.path_tracing(
         every_part([POINT, SPHERE], tracing.mirror((0.9, 0.8, 0.6))), LENS, 2
     ),
@@ -131,7 +99,7 @@ def test_same_image(name):
 
 def test_what_has_no_counterpart_is_refused():
     """What Mitsuba would make differently raises an error that names it; the rest is JSON."""
-    json.dumps(_mitsuba.described(occluder(), SIDE, SIDE))
+    json.dumps(_mitsuba.described(scenes.occluder().estimator, SIDE, SIDE))
     ball = tracing.sphere([0, 0, 0], 1.0, material=tracing.glossy(0.5, 0.2))
     checked = tracing.sphere([0, 0, 0], 1.0, material=tracing.diffuse(tracing.checker(0, 1)))
     for world, camera, message in (

@@ -55,7 +55,7 @@ def found(world: World, origin: Vector, direction: Vector, time: Array) -> Found
     # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
     start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
     at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
-    frame = _frame(world, number, at)
+    frame = _frame(world, number, time)
     if frame is not None:
         start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
     surface = partial(_surface, picked(world.batches(), number), at)

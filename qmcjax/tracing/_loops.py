@@ -4,6 +4,7 @@ A loop is compiled once for each kind of shape, however many objects there are: 
 primitives that move together, and skips those whose box no ray of the tile meets.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -11,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.tracing._object import Object
+from qmcjax.tracing._object import Frame, seen_from
 from qmcjax.tracing._shape import Rays, Shape, rounding, slabs
 from qmcjax.tracing._tiles import by_tiles
 from qmcjax.tracing._vectors import Vector, components, each, largest, minus
@@ -45,32 +46,42 @@ class _Kind(NamedTuple):
     segments: list[_Segment]
 
 
-def visit(world: World, origin: Vector, direction: Vector, time: Array, limit: Array, any_hit: bool) -> Found:
-    """Return what rays hit of all primitives without a tree."""
-    moving, kinds = _sorted(world)
+def visit(
+    world: World,
+    frames: Sequence[Frame | None],
+    origin: Vector,
+    direction: Vector,
+    time: Array,
+    limit: Array,
+    any_hit: bool,
+) -> Found:
+    """Return what rays hit of all primitives without a tree; each object has a frame."""
+    spaces, kinds = _sorted(world)
 
     def tile(rays: Any) -> Found:
-        origin, direction, time, limit = rays
+        origin, direction, time, limit, frames = rays
         found = limit, jnp.full(time.shape, -1, jnp.int32)
-        spaces = [item.rays(origin, direction, time) for item in moving]
+        seen = [seen_from(frame, origin, direction, time) for frame in frames]
         for kind in kinds:
-            found = _visit(kind, spaces, found, any_hit)
+            found = _visit(kind, seen, found, any_hit)
         return found
 
-    return by_tiles(tile, (origin, direction, time, limit), TILE)
+    return by_tiles(tile, (origin, direction, time, limit, [frames[place] for place in spaces]), TILE)
 
 
-def _sorted(world: World) -> tuple[list[Object], list[_Kind]]:
-    """Return an object for each way of moving, and the kinds of shapes."""
-    moving: list[Object] = []
+def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
+    """Return the place of an object for each way of moving, and the kinds of shapes."""
+    spaces: list[int] = []
     still = None
     batches: list[tuple[int, bool, Shape, int]] = []  # space, whether large, shape, first number
-    for item, number in world.numbered():
+    for place, (item, number) in enumerate(world.numbered()):
+        if all(shape.tree is not None for shape in item.shapes):
+            continue
         if item.motion is None and still is not None:
             space = still
         else:
-            space, still = len(moving), len(moving) if item.motion is None else still
-            moving.append(item)
+            space, still = len(spaces), len(spaces) if item.motion is None else still
+            spaces.append(place)
         for shape, before in zip(item.shapes, item.starts, strict=True):
             if shape.tree is None:
                 batches.append((space, shape.count > _FEW, shape, number + before))
@@ -89,7 +100,7 @@ def _sorted(world: World) -> tuple[list[Object], list[_Kind]]:
                 segments.append(_Segment(space, row, row + part.count, *box))
             row += part.count
         kinds.append(_Kind(shape, jnp.asarray(np.concatenate(names)), segments))
-    return moving, kinds
+    return spaces, kinds
 
 
 def _box(shape: Shape) -> tuple[Array, Array]:

@@ -37,6 +37,19 @@ class Frame(NamedTuple):
         return _combined(self.duals, gradient)
 
 
+def seen_from(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
+    """Return rays of the world in the space of an object with such a frame; distances along them stay."""
+    size = largest(origin)
+    if frame is not None:
+        size = size + largest(frame.translation)
+        size = size * jnp.sqrt(sum(dot(dual, dual) for dual in frame.duals))
+        origin, direction = frame.inside(minus(origin, frame.translation)), frame.inside(direction)
+        size = jnp.where(jnp.isfinite(time), size, jnp.inf)
+    squared = dot(direction, direction)
+    slack = jnp.where(jnp.isfinite(squared) & (squared > 0), rounding(size), jnp.inf)
+    return Rays(origin, direction, time, squared, slack)
+
+
 def identity(time: Array) -> Frame:
     """Return the frame of objects that are still."""
     zero, one = jnp.zeros_like(time), jnp.ones_like(time)
@@ -70,9 +83,13 @@ class Object:
         return list(accumulate((shape.count for shape in self.shapes[:-1]), initial=0))
 
     def frame(self, time: Array) -> Frame | None:
-        """Return the map to the world at some times, shape (n,); None if that is the identity."""
+        """Return the map to the world at some times, shape (n,); None if that is the identity.
+
+        Rays without a time, of NaN, get the map of another one, which does not disturb derivatives.
+        """
         if self.motion is None:
             return None
+        time = jnp.where(jnp.isfinite(time), time, 0)
         given = unheld(self.motion)(time)
         try:
             matrix, translation = map(jnp.asarray, given)
@@ -93,17 +110,6 @@ class Object:
         inverse = jnp.where(volume == 0, 0, 1 / jnp.where(volume == 0, 1, volume))
         duals = times(inverse, duals[0]), times(inverse, duals[1]), times(inverse, duals[2])
         return Frame((a, b, c), duals, components(translation))
-
-    def rays(self, origin: Vector, direction: Vector, time: Array) -> Rays:
-        """Return rays of the world in the space of the object; distances along them stay."""
-        frame, size = self.frame(time), largest(origin)
-        if frame is not None:
-            size = size + largest(frame.translation)
-            size = size * jnp.sqrt(sum(dot(dual, dual) for dual in frame.duals))
-            origin, direction = frame.inside(minus(origin, frame.translation)), frame.inside(direction)
-        squared = dot(direction, direction)
-        slack = jnp.where(jnp.isfinite(squared) & (squared > 0), rounding(size), jnp.inf)
-        return Rays(origin, direction, time, squared, slack)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the box of the shapes in the space of the object, at all times: low and high, (3,)."""

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.tracing import _compiled_walk, _loops, _walk
+from qmcjax.tracing._object import seen_from
 from qmcjax.tracing._shape import Rays
 from qmcjax.tracing._vectors import Vector
 from qmcjax.tracing._world import World
@@ -37,11 +38,13 @@ def search(
     With ``any_hit`` the number is that of some hit. Tests choose how trees are walked.
     """
     walk = walk or _fastest()
-    distance, number = _loops.visit(world, origin, direction, time, limit, any_hit)
-    for item, start in world.numbered():
+    # Outside of all loops: what motions make of times is the same for all searches of a program.
+    frames = [item.frame(time) for item in world.parts]
+    distance, number = _loops.visit(world, frames, origin, direction, time, limit, any_hit)
+    for (item, start), frame in zip(world.numbered(), frames, strict=True):
         if all(shape.tree is None for shape in item.shapes):
             continue
-        rays = item.rays(origin, direction, time)
+        rays = seen_from(frame, origin, direction, time)
         for shape, before in zip(item.shapes, item.starts, strict=True):
             if shape.tree is None:
                 continue

@@ -28,7 +28,8 @@ class Spin:
         """Return quaternions, shape (..., 4), at times, shape (...)."""
         axis, start, turns = cast((self.axis, self.start, self.turns), time.dtype)
         # The angle is reduced to one turn before it is rounded with a factor of pi.
-        return motion.quaternion(axis, 2 * np.pi * jnp.remainder(start + turns * time, 1))
+        turned = start + turns * time
+        return motion.quaternion(axis, 2 * np.pi * (turned - jnp.floor(turned)))
 
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Return a box, (3,) and (3,), of where another one is at any time in [0, 1]."""
@@ -50,7 +51,10 @@ class Carried:
     def __call__(self, time: Array) -> tuple[Array, Array]:
         """Return matrices (..., 3, 3) and translations (..., 3) at times, shape (...)."""
         (a, s), (b, t) = self.outer(time), self.inner(time)
-        return _product(a, b), _product(a, t[..., None])[..., 0] + s
+        matrix = [_image(a, b[..., j]) for j in range(3)]
+        moved = [one + s[..., i] for i, one in enumerate(_image(a, t))]
+        columns = [jnp.stack(column, axis=-1) for column in matrix]
+        return jnp.stack(columns, axis=-1), jnp.stack(moved, axis=-1)
 
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Return a box, (3,) and (3,), of where another one is at any time in [0, 1]."""
@@ -70,6 +74,7 @@ class Drift:
         return moved[..., 0], moved[..., 1]
 
 
-def _product(one: Array, other: Array) -> Array:
-    """Multiply matrices term by term: no library decides in which precision."""
-    return jnp.sum(one[..., :, :, None] * other[..., None, :, :], axis=-2)
+def _image(matrix: Array, vector: Array) -> list[Array]:
+    """Return components of matrices times vectors, term by term: no library decides in which precision."""
+    terms = ([matrix[..., j][..., i] * vector[..., j] for j in range(3)] for i in range(3))
+    return [x + y + z for x, y, z in terms]

@@ -13,6 +13,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import cast, known, numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._polyline import ArcLength, by_arc_length
+from qmcjax.tracing.motion._rows import fetched, span
 
 MAX_DEGREE = 16
 
@@ -43,14 +44,16 @@ class Nurbs:
         """
         u = jnp.asarray(u)
         control, weights, knots = cast((self.control, self.weights, self.knots), u.dtype)
-        span, basis = _basis(jnp.clip(u, knots[0], knots[-1]), knots, self.degree)
-        numerator, denominator = jnp.zeros((*u.shape, control.shape[1]), u.dtype), jnp.zeros_like(u)
+        spans = knots.shape[0] - 2 * self.degree - 1
+        here, basis = _basis(jnp.clip(u, knots[0], knots[-1]), knots, self.degree)
+        numerator, denominator = [jnp.zeros_like(u)] * control.shape[1], jnp.zeros_like(u)
         for j, of_point in enumerate(basis):
-            index = span + (j - self.degree)
-            factor = of_point * weights[index]
-            numerator = numerator + factor[..., None] * control[index]
+            near = slice(j, j + spans)
+            (weight,) = fetched(weights[near, None], here)
+            factor = of_point * weight
+            numerator = [a + factor * b for a, b in zip(numerator, fetched(control[near], here), strict=True)]
             denominator = denominator + factor
-        return numerator / denominator[..., None]
+        return jnp.stack([a / denominator for a in numerator], axis=-1)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points, low and high, (d,): that of the control points."""
@@ -93,15 +96,19 @@ class Nurbs:
 
 
 def _basis(u: Array, knots: Array, degree: int) -> tuple[Array, list[Array]]:
-    """Return the knot span of parameters, and the basis functions that do not vanish there [PT97, p. 68].
+    """Return spans of parameters, from 0 on, and the basis functions that do not vanish there [PT97, p. 68].
 
     The inverted triangular scheme never divides by an empty span.
     """
-    last = knots.shape[0] - degree - 2
-    span = jnp.clip(jnp.searchsorted(knots, u, side="right") - 1, degree, last)
+    spans = knots.shape[0] - 2 * degree - 1
+    here = span(knots[degree : degree + spans + 1], u)
+
+    def knot(offset: int) -> Array:
+        return fetched(knots[degree + offset : degree + offset + spans, None], here)[0]
+
     basis = [jnp.ones_like(u)]
-    left = [u - knots[span + 1 - j] for j in range(1, degree + 1)]
-    right = [knots[span + j] - u for j in range(1, degree + 1)]
+    left = [u - knot(1 - j) for j in range(1, degree + 1)]
+    right = [knot(j) - u for j in range(1, degree + 1)]
     for j in range(1, degree + 1):
         saved = jnp.zeros_like(u)
         for r in range(j):
@@ -109,7 +116,7 @@ def _basis(u: Array, knots: Array, degree: int) -> tuple[Array, list[Array]]:
             basis[r] = saved + right[r] * share
             saved = left[j - r - 1] * share
         basis.append(saved)
-    return span, basis
+    return here, basis
 
 
 def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, known, numbers, require
 from qmcjax.core.pytrees import jit, pytree
+from qmcjax.tracing.motion._rows import fetched, span
 
 Curve = Callable[[Array], Array]
 
@@ -58,8 +59,9 @@ class ArcLength:
         count = points.shape[0] - 1
         place = jnp.clip(part, 0, 1) * count
         index = jnp.minimum(place.astype(jnp.int32), count - 1)
-        start = points[index]
-        return start + (place - index.astype(part.dtype))[..., None] * (points[index + 1] - start)
+        share = place - index.astype(part.dtype)
+        ends = zip(fetched(points[:-1], index), fetched(points[1:], index), strict=True)
+        return jnp.stack([a + share * (b - a) for a, b in ends], axis=-1)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points: low and high, (d,)."""
@@ -146,10 +148,11 @@ class LinearSegments:
         """
         time = jnp.asarray(time)
         times, points = cast((self.times, self.points), time.dtype)
-        index = jnp.clip(jnp.searchsorted(times, time, side="right") - 1, 0, times.shape[0] - 2)
-        begin, end = times[index], times[index + 1]
-        part = jnp.clip((time - begin) / (end - begin), 0, 1)[..., None]
-        return (1 - part) * points[index] + part * points[index + 1]
+        index = span(times, time)
+        (begin,), (end,) = fetched(times[:-1, None], index), fetched(times[1:, None], index)
+        part = jnp.clip((time - begin) / (end - begin), 0, 1)
+        ends = zip(fetched(points[:-1], index), fetched(points[1:], index), strict=True)
+        return jnp.stack([(1 - part) * a + part * b for a, b in ends], axis=-1)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points: low and high, (d,)."""

@@ -1,5 +1,6 @@
 """Unit quaternions: orientations that interpolate."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,11 +48,12 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
     axis, half = jnp.asarray(axis), 0.5 * jnp.asarray(angle)
     dtype = np.result_type(half.dtype, np.float32)
     shape = jnp.broadcast_shapes(axis.shape[:-1], half.shape)
-    axis = jnp.broadcast_to(axis.astype(dtype), (*shape, 3))
     half = jnp.broadcast_to(half.astype(dtype), shape)
-    axis = axis / jnp.linalg.norm(axis, axis=-1, keepdims=True)
-    sine = jnp.sin(half)[..., None] * axis
-    return jnp.concatenate([sine, jnp.cos(half)[..., None]], axis=-1)
+    along = axis.astype(dtype)
+    along = along / jnp.linalg.norm(along, axis=-1, keepdims=True)
+    sine = jnp.sin(half)
+    vector = [sine * jnp.broadcast_to(along[..., j], shape) for j in range(3)]
+    return jnp.stack([*vector, jnp.cos(half)], axis=-1)
 
 
 def multiply(a: Array, b: Array) -> Array:
@@ -66,9 +68,15 @@ def multiply(a: Array, b: Array) -> Array:
     Array, shape (..., 4)
     """
     a, b = _matched(a, b)
-    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + jnp.cross(a[..., :3], b[..., :3])
-    scalar = a[..., 3:] * b[..., 3:] - jnp.sum(a[..., :3] * b[..., :3], axis=-1, keepdims=True)
-    return jnp.concatenate([vector, scalar], axis=-1)
+    (*u, p), (*v, q) = ([c[..., j] for j in range(4)] for c in (a, b))
+    crossed = _cross(u, v)
+    vector = [p * v[j] + q * u[j] + crossed[j] for j in range(3)]
+    scalar = p * q - (u[0] * v[0] + u[1] * v[1] + u[2] * v[2])
+    return jnp.stack([*vector, scalar], axis=-1)
+
+
+def _cross(a: Sequence[Array], b: Sequence[Array]) -> Sequence[Array]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _matched(a: Array, b: Array) -> tuple[Array, Array]:
@@ -102,8 +110,14 @@ def rotate(q: Array, vector: Array) -> Array:
 
 def rotation_matrix(q: Array) -> Array:
     """Return the matrices of rotations, shape (..., 4) to (..., 3, 3)."""
-    columns = [rotate(q, jnp.asarray(e, q.dtype)) for e in np.eye(3)]
-    return jnp.stack(columns, axis=-1)
+    x, y, z, w = (q[..., j] for j in range(4))
+    columns = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
+        (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
+        (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
+    )
+    # Columns first: what takes them apart in the same order finds the components as they are here.
+    return jnp.stack([jnp.stack(column, axis=-1) for column in columns], axis=-1)
 
 
 def exponential(half_turn: Array) -> Array:

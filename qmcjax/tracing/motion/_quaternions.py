@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -51,9 +52,28 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
     half = jnp.broadcast_to(half.astype(dtype), shape)
     along = axis.astype(dtype)
     along = along / jnp.linalg.norm(along, axis=-1, keepdims=True)
-    sine = jnp.sin(half)
+    sine, cosine = _sine_and_cosine(half)
     vector = [sine * jnp.broadcast_to(along[..., j], shape) for j in range(3)]
-    return jnp.stack([*vector, jnp.cos(half)], axis=-1)
+    return jnp.stack([*vector, cosine], axis=-1)
+
+
+def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
+    """Return sines and cosines of angles.
+
+    On processors XLA computes them anew for each number that is made of them, 20 times for a motion: but not
+    where they come from a branch.
+    """
+    if jax.default_backend() != "cpu":
+        return _functions(angle)
+    return jax.lax.cond(jnp.any(jnp.isfinite(angle)), _functions, _none, angle)
+
+
+def _functions(angle: Array) -> tuple[Array, Array]:
+    return jnp.sin(angle), jnp.cos(angle)
+
+
+def _none(angle: Array) -> tuple[Array, Array]:
+    return angle - angle, angle - angle  # NaN.
 
 
 def multiply(a: Array, b: Array) -> Array:

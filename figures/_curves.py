@@ -112,5 +112,5 @@ def image_sheet(title: str, rows: dict[str, dict[str, NDArray]], panel: int = 33
             if row == 0:
                 axes.set_title(names[column], fontsize=8)
             if column == 0:
-                axes.set_ylabel(label, fontsize=7)
+                axes.set_ylabel(label, fontsize=8)
     return figure

@@ -1,0 +1,119 @@
+"""Z paper Fig. 1: an interior at one sample a pixel by four samplers, and the spectra of their errors."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from figures import _diffusion, _images, _padded
+from figures._curves import image_sheet
+from qmcjax import samplers, scenes, sequences
+
+SIDE = {"draft": 128, "paper": 256}
+BOUNCES = {"draft": 2, "paper": 6}
+REFERENCE_SPP = {"draft": 256, "paper": 8192}
+
+KEY = 1
+TILE = 64
+"""Side of the tile that the ranked sampler repeats."""
+
+STRONGEST = 0.01
+WHITE, BLUE = (0.67, 1.5), 0.67
+"""Power at low frequencies: near to that of white noise, and below it."""
+
+STRUCTURED = 1.1
+"""How many times the share of white noise in the strongest frequencies tells structure."""
+
+SHARE = "share of the strongest 1 % of frequencies"
+
+REPEATS = "correlation of errors a tile apart"
+
+NOTE = (
+    "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions: not the "
+    "paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled in each "
+    "pixel. Heitz's sampler: our ranked one, pairs with a translation each of a tile of 64 x 64 pixels, "
+    "{repeats} of the image's width (theirs is 1/8 of it, of eight dimensions together). Spectra are of the "
+    "errors, where the paper's are of images, in logarithmic shades from 0.01 to 100. The share is that of "
+    "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
+    "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
+    "parts of the scene, whose errors differ with the same samples. Heitz's sampler has "
+    "less low-frequency power than white noise, but not below the {blue} that is called blue here: its "
+    "keys are arranged for two dimensions at a time. The reference is {origin}. "
+)
+
+
+def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
+    """Return the paper's samplers, by their names there."""
+    return {
+        "(0,2)": _padded.zero_two(dims, KEY),
+        "Z": samplers.z(side, side, spp, KEY, "tree", dims=dims),
+        "Heitz": _padded.ranked(dims, KEY),
+        "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
+    }
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Render with each sampler, and show the spectra of the errors."""
+    side, scene = SIDE[quality], scenes.interior(BOUNCES[quality])
+    area = _diffusion.beside_window(side)
+    exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
+    progress(0.8)
+    images, spectra, measured = {}, {}, {}
+    square = slice(side // 8, side - side // 8), slice(side // 4, side)
+    for name, sampler in ways(len(scene.needs), side, 1).items():
+        image = _images.image(scene, sampler, side, 1)
+        images[name] = _diffusion.shown(image)
+        spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
+        measured[name] = _diffusion.measures(image, exact, area) | {
+            SHARE: _strongest(spectra[name]),
+            REPEATS: _correlation((image - exact.image)[area]),
+        }
+    images["reference"] = _diffusion.shown(exact.image)
+    rows = {
+        "image": images,
+        "spectrum of the error": {
+            name: np.clip((np.log10(np.fft.fftshift(power) + 1e-9) + 2) / 4, 0, 1)
+            for name, power in spectra.items()
+        },
+    }
+    figure = image_sheet("An interior at one sample per pixel (Z paper, Fig. 1)", rows, panel=256)
+    note = NOTE.format(
+        side=side,
+        bounces=BOUNCES[quality],
+        dims=len(scene.needs),
+        repeats=f"1/{side // TILE}",
+        origin=exact.origin,
+        blue=BLUE,
+    )
+    note += _diffusion.BESIDE_WINDOW + "Spectra are of the middle square of it. " + _diffusion.EXPLAINED
+    return figure, {"measured": measured, "printed": _claims(measured), "note": note}
+
+
+def _strongest(spectrum: NDArray) -> float:
+    strongest = np.sort(spectrum, axis=None)[::-1][: round(STRONGEST * spectrum.size)]
+    return float(strongest.sum() / spectrum.size)
+
+
+def _correlation(error: NDArray) -> float:
+    """Return that of errors at the same place of two tiles, one above the other."""
+    upper, lower = error[:-TILE], error[TILE:]
+    return float(np.sum(upper * lower) / np.sqrt(np.sum(upper**2) * np.sum(lower**2)))
+
+
+def _claims(measured: dict[str, dict[str, float]]) -> dict[str, bool]:
+    low = {name: values["low-frequency power"] for name, values in measured.items()}
+    share = {name: values[SHARE] for name, values in measured.items()}
+    return {
+        "(0,2): white noise": WHITE[0] < low["(0,2)"] < WHITE[1],
+        "Z: blue noise": low["Z"] < BLUE,
+        "Heitz: blue noise": low["Heitz"] < BLUE,
+        "Sobol': structured, a larger share of the strongest frequencies than (0,2)": share["Sobol'"]
+        > STRUCTURED * share["(0,2)"],
+        "Heitz: repetition at the period of the tile: a correlation above 0.1": measured["Heitz"][REPEATS]
+        > 0.1,
+        "Z: no such structure": share["Z"] < STRUCTURED * share["(0,2)"],
+        "Z: less filtered error than (0,2)": measured["Z"]["filtered error"]
+        < measured["(0,2)"]["filtered error"],
+    }

@@ -1,0 +1,141 @@
+"""Z paper Fig. 12: variants of the Z-sampler and sizes of its alphabet, on the rods in coloured light."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from figures import _diffusion, _images, _padded
+from qmcjax import orders, samplers, scenes, sequences
+
+SIDE = {"draft": 64, "paper": 128}
+SPP = {"draft": 2, "paper": 2}
+"""Of the insets."""
+LARGEST = {"draft": 6, "paper": 12}
+"""Binary logarithm of the largest number of samples of the graphs."""
+REFERENCE_SPP = {"draft": 1024, "paper": 65536}
+
+KEY = 1
+ALPHABETS = (1, 4, 16, 64, 256)
+
+SAME = 1.1
+"""Up to this factor errors are not noticeably different."""
+
+VARIANTS = {
+    "Z0": "plain",
+    "Z hash": "hash",
+    "Z multiplicative": "multiplicative",
+    "Z": "tree",
+    "Z ART": "art",
+}
+
+NOTE = (
+    "{side} x {side} pixels; insets have {spp} samples per pixel. The paper's scene is not given: here the "
+    "occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, and v. "
+    "'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that the "
+    "paper prints. The reference is {origin}. Convergence stops at {most} samples: what differs beyond "
+    "them, the drafts cannot tell. " + _diffusion.EXPLAINED
+)
+
+
+def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
+    """Return the implementations, the trees with few letters, and what they are compared to."""
+    return (
+        {
+            name: samplers.z(side, side, spp, None if variant == "plain" else KEY, variant, dims)
+            for name, variant in VARIANTS.items()
+        }
+        | {
+            f"{letters} letter{'s' * (letters > 1)}": samplers.z(
+                side, side, spp, KEY, "tree", dims, alphabet=letters
+            )
+            for letters in ALPHABETS
+        }
+        | {
+            "(0,2)": _padded.zero_two(dims, KEY),
+            "random": samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, KEY), spp),
+        }
+    )
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Render insets with all variants, and measure their errors over the number of samples."""
+    side, scene = SIDE[quality], scenes.occluder()
+    exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
+    progress(0.3)
+    counts = [2**k for k in range(LARGEST[quality] + 1)]
+    insets: dict[str, NDArray] = {}
+    measured: dict[str, dict[str, dict[str, float]]] = {}
+    for done, spp in enumerate(counts, start=1):
+        for name, sampler in ways(len(scene.needs), side, spp).items():
+            image = _images.image(scene, sampler, side, spp)
+            measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact)
+            if spp == SPP[quality]:
+                insets[name] = image
+        progress(0.3 + 0.7 * done / len(counts))
+    figure = _sheet(insets | {"reference": exact.image}, counts, measured)
+    note = NOTE.format(side=side, spp=SPP[quality], origin=exact.origin, most=counts[-1])
+    return figure, {"measured": measured, "printed": _claims(measured, counts), "note": note}
+
+
+def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict) -> Figure:
+    figure = Figure(figsize=(16, 12.5), layout="constrained")
+    figure.suptitle("Variants of the Z-sampler and sizes of its alphabet (Z paper, Fig. 12)")
+    upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=(1.25, 1)))
+    panels = upper.subplots(2, 7)
+    for axes, (name, image) in zip(panels.flat, insets.items(), strict=False):
+        axes.imshow(_diffusion.shown(image), interpolation="nearest")
+        axes.set_title(name, fontsize=9)
+    for axes in panels.flat:
+        axes.set_axis_off()
+    left, right = lower.subplots(1, 2, sharey=True)
+    alphabets = [f"{letters} letter{'s' * (letters > 1)}" for letters in ALPHABETS]
+    _curves(left, [*VARIANTS, "(0,2)", "random"], counts, measured, "implementations")
+    _curves(right, ["Z0", *alphabets, "Z", "random"], counts, measured, "sizes of the alphabet; Z has 4096")
+    left.set_ylabel("RMS error")
+    return figure
+
+
+def _curves(axes: Axes, names: list[str], counts: list[int], measured: dict, title: str) -> None:
+    for name in names:
+        errors = [measured[name][f"{spp} spp"]["RMS error"] for spp in counts]
+        axes.loglog(
+            counts,
+            errors,
+            color=colormaps["tab20"](list(measured).index(name)),
+            marker="o",
+            ms=3,
+            lw=1,
+            label=name,
+        )
+    axes.set(title=title, xlabel="samples per pixel")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=9)
+
+
+def _claims(measured: dict, counts: list[int]) -> dict[str, bool]:
+    inset, last = "2 spp", f"{counts[-1]} spp"
+
+    def near(one: str, other: str, spp: str, measure: str = "filtered error") -> bool:
+        ratio = measured[one][spp][measure] / measured[other][spp][measure]
+        return bool(1 / SAME < ratio < SAME)
+
+    few = [measured[f"{letters} letter{'s' * (letters > 1)}"][last]["RMS error"] for letters in ALPHABETS]
+    return {
+        "no noticeable difference between hashing and look-up with large tables": near("Z", "Z hash", inset),
+        "nor between random and ART production": near("Z", "Z ART", inset),
+        "small tables, of 16 letters, work reasonably well": near("16 letters", "Z", inset),
+        "256 letters work equally fine": near("256 letters", "Z", inset),
+        "convergence almost identical to that of (0,2)": all(
+            near("Z", "(0,2)", f"{spp} spp", "RMS error") for spp in counts
+        ),
+        "Z0 has fixed ordering for all dimensions: its errors are larger than with 1 letter": measured["Z0"][
+            last
+        ]["RMS error"]
+        > few[0],
+        "small tables hinder full convergence: 1 letter is worse than 4096 at the most samples": few[0]
+        > SAME * measured["Z"][last]["RMS error"],
+    }

@@ -67,6 +67,7 @@ CATALOGUE = {
     "z-6": Entry("figures.z_6", "The samples of 128 x 128 pixels and their star discrepancies"),
     "z-7": Entry("figures.z_7", "The letters of a self-similar tree, at the nodes of permutations"),
     "z-8": Entry("figures.z_8", "Dimension 5 of the global Sobol' sequence"),
+    "z-11": Entry("figures.z_11", "Convergence on rendered scenes"),
     "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet"),
     "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1"),
     "screen-space-1": Entry("figures.screen_space_1", "All screen-space methods at 1 sample a pixel"),

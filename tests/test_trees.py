@@ -120,6 +120,17 @@ def same(found, expected, any_hit=False):
         assert np.array_equal(distance[number < 0], truth[number < 0])
 
 
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="about processors")
+def test_without_numba_few_triangles_need_no_tree(monkeypatch):
+    """Their numbers, and those after them, stay; the trees of many are walked by a program of JAX."""
+    monkeypatch.setattr(_search, "find_spec", lambda name: None)
+    triangles = np.random.default_rng(1).uniform(-1, 1, (600, 3, 3))
+    world = tracing.world([mesh(triangles[:100]), mesh(triangles), tracing.plane([0, 0, -2], [0, 0, 1])])
+    fewer, walk = _search._fastest(world)
+    assert walk is _walk.walk and fewer.count == world.count
+    assert [item.shapes[0].tree is None for item in fewer.objects] == [True, False, True]
+
+
 @pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
 @pytest.mark.parametrize(
     ("name", "dtype"),

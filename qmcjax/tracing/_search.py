@@ -6,6 +6,7 @@ compiled loops (:mod:`qmcjax.tracing._compiled_walk`). All find the same hits, b
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import Any
 
@@ -18,6 +19,9 @@ from qmcjax.tracing._object import seen_from
 from qmcjax.tracing._shape import Rays
 from qmcjax.tracing._vectors import Vector
 from qmcjax.tracing._world import World
+
+_MANY = 512
+"""From so many triangles on, a program of JAX for a processor is faster with their tree than with loops."""
 
 Walk = Callable[[Any, Rays, Array, bool], tuple[Array, Array]]
 """From triangles with a tree, rays, limits and whether any hit counts, to distances and rows (-1: none)."""
@@ -37,7 +41,8 @@ def search(
     Components have the shape (n,). The number is -1, and the distance the limit, where there is none.
     With ``any_hit`` the number is that of some hit. Tests choose how trees are walked.
     """
-    walk = walk or _fastest()
+    if walk is None:
+        world, walk = _fastest(world)
     # Outside of all loops: what motions make of times is the same for all searches of a program.
     frames = [item.frame(time) for item in world.parts]
     distance, number = _loops.visit(world, frames, origin, direction, time, limit, any_hit)
@@ -54,6 +59,14 @@ def search(
     return jnp.where(number < 0, limit, distance), number
 
 
-def _fastest() -> Walk:
-    compiled = jax.default_backend() == "cpu" and find_spec("numba") is not None
-    return _compiled_walk.walk if compiled else _walk.walk
+def _fastest(world: World) -> tuple[World, Walk]:
+    """Return how trees are walked, and the world with those trees that are worth it there."""
+    if jax.default_backend() != "cpu":
+        return world, _walk.walk
+    if find_spec("numba") is not None:
+        return world, _compiled_walk.walk
+    objects = (
+        replace(item, shapes=tuple(s if s.count >= _MANY else s.alone() for s in item.shapes))
+        for item in world.objects
+    )
+    return World(tuple(objects), world.lights), _walk.walk

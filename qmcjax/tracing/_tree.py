@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qmcjax.core.pytrees import pytree
 
 WORTHWHILE = 48
-"""From so many triangles on, a walk through their tree is faster than loops over all."""
+"""From so many triangles on, compiled walks through their tree are faster than loops over all."""
 
 LEAF = 4
 """Triangles in a leaf, at most; at least 2, so that there are fewer nodes than triangles."""

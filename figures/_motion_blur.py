@@ -1,0 +1,204 @@
+"""The thesis's two moving scenes: the samplers of three dimensions it compares, images and convergence."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+
+import analysis
+from figures import _screens, _traced
+from qmcjax import orders, samplers, scenes, sequences
+
+KEY = 7
+
+STYLES = {
+    "random": ("C7", "+", "-"),
+    "jittered grid": (*_screens.STYLES["jittered grid"], "-"),
+    "Lloyd relaxation": ("C6", "p", "-"),
+    "rank-1 lattice": (*_screens.STYLES["rank-1 lattice"], "-"),
+    "Sobol' net": (*_screens.STYLES["Hammersley"], "-"),
+    "modified Sobol' net": (*_screens.STYLES["Larcher-Pillichshammer"], "-"),
+    "Sobol' net, full screen": ("C8", ">", "--"),
+    "modified Sobol' net, full screen": ("C9", "<", "--"),
+}
+"""Colour, marker and line of each sampler; a net has that of its first two coordinates."""
+
+NETS = ("Sobol' net", "modified Sobol' net")
+FULL = tuple(f"{net}, full screen" for net in NETS)
+OTHERS = ("random", "jittered grid", "Lloyd relaxation", "rank-1 lattice")
+
+SIDE = {"draft": 64, "paper": 256}
+REPLICATE = {"draft": 64, "paper": 128}
+"""Samples in each replicate of an estimated reference."""
+
+
+def make_sampler(name: str, side: int, spp: int) -> samplers.Sampler:
+    """Return a sampler for a square screen: of x, y and time."""
+    m = spp.bit_length() - 1
+    if name in ("random", "jittered grid"):
+        points = sequences.uniform(3, KEY) if name == "random" else sequences.function(_jittered(spp), 3)
+        return samplers.contiguous(orders.raster(side, side), points, spp)
+    if name == "Sobol' net, full screen":
+        return samplers.full_screen(sequences.sobol_net_3d(2 * orders.log_side(side, side) + m), side, side)
+    if name == "modified Sobol' net, full screen":
+        net = sequences.larcher_pillichshammer_net_3d(2 * orders.log_side(side, side) + m)
+        return samplers.full_screen(net, side, side)
+    # Cranley-Patterson rotations of one set of points.
+    make = {
+        "Lloyd relaxation": lambda: sequences.lloyd(spp, 3, KEY),
+        "rank-1 lattice": lambda: sequences.components(sequences.rank1_lattice(spp, 3), (1, 2, 0)),
+        "Sobol' net": lambda: sequences.sobol_net_3d(m),
+        "modified Sobol' net": lambda: sequences.larcher_pillichshammer_net_3d(m),
+    }
+    return samplers.independent(make[name](), KEY, "shift")
+
+
+def _jittered(spp: int) -> Callable[[Array], Array]:
+    """Return random points of which each block of ``spp`` has one in each cell of a grid."""
+    cells, uniform = round(spp ** (1 / 3)), sequences.uniform(3, KEY)
+
+    def point(index: Array) -> Array:
+        cell = jnp.stack([index // np.uint32(cells**j) % np.uint32(cells) for j in range(3)], axis=-1)
+        # Sums may be rounded up to the next cell, but not to 1.
+        return jnp.minimum((cell.astype(jnp.float32) + uniform(index)) / cells, np.float32(1 - 2**-24))
+
+    return point
+
+
+def counts(name: str, spps: list[int]) -> list[int]:
+    """Return the numbers of samples that a sampler is made for: grids have cubes."""
+    return [spp for spp in spps if name != "jittered grid" or round(spp ** (1 / 3)) ** 3 == spp]
+
+
+def pictures(
+    name: str,
+    title: str,
+    crop: tuple[float, float, float],
+    claims: Callable[[dict[str, float]], dict[str, bool]],
+    quality: str,
+    progress,
+) -> tuple[Figure, dict]:
+    """Show a scene's reference and all samplers at 64 samples per pixel, each with a magnified area."""
+    side, spp = SIDE[quality], 64
+    scene, exact = getattr(scenes, name)(), _traced.reference(name, side, REPLICATE[quality])
+    progress(0.3)
+    panels = [_traced.Panel("reference", exact.image, crop)]
+    errors, waves = {}, {}
+    for done, sampler in enumerate(STYLES, start=1):
+        image = _traced.image(scene, make_sampler(sampler, side, spp), side, spp)
+        errors[sampler] = _traced.rms_error(image, exact)
+        waves[sampler] = _strongest_wave(image, exact)
+        panels.append(_traced.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", image, crop))
+        progress(0.3 + 0.7 * done / len(STYLES))
+    figure = _traced.sheet(panels, 3, title, 192 if quality == "draft" else 256)
+    numbers = {
+        "measured": {"rms_error": errors, "strongest wave": waves, "reference_error": exact.error},
+        "printed": claims(errors),
+        "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
+        + _note(exact),
+    }
+    return figure, numbers
+
+
+def _note(exact: _traced.Reference) -> str:
+    return (
+        f"The reference is {exact.origin}, RMS error {exact.error:.1e}; its variance is taken off from mean "
+        "square errors, which are over linear RGB. Lloyd's points, lattice and nets are rotated in each "
+        "pixel unless they are over the full screen. The strongest wave of an error is the maximum of its "
+        "power spectrum, whose mean is 1: white noise has 5 to 13. "
+        "Time is the lattice's component i / n, the only one that has all values in all lattices; the third "
+        "has but two at 8 samples, which leave the error of 2."
+    )
+
+
+def _strongest_wave(image: np.ndarray, exact: _traced.Reference) -> float:
+    return float(analysis.error_spectrum(image, exact.image).max())
+
+
+def convergence(
+    name: str,
+    title: str,
+    size: tuple[int, int],
+    claims: Callable[[dict, dict], dict[str, bool]],
+    quality: str,
+    progress,
+) -> tuple[Figure, dict]:
+    """Plot error over samples per pixel, log-log; ``claims`` takes errors and strongest waves by count.
+
+    ``size`` is the side of a draft's image, and the binary logarithm of its largest count.
+    """
+    side, largest = size if quality == "draft" else (128, 9)
+    spps = [2**k for k in range(largest + 1)]
+    scene, exact = getattr(scenes, name)(), _traced.reference(name, side, REPLICATE[quality])
+    progress(0.3)
+    errors, waves = {}, {}
+    for done, sampler in enumerate(STYLES, start=1):
+        images = {
+            spp: _traced.image(scene, make_sampler(sampler, side, spp), side, spp)
+            for spp in counts(sampler, spps)
+        }
+        errors[sampler] = {spp: _traced.rms_error(image, exact) for spp, image in images.items()}
+        waves[sampler] = {spp: _strongest_wave(image, exact) for spp, image in images.items()}
+        progress(0.3 + 0.7 * done / len(STYLES))
+
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    axes = figure.subplots()
+    for sampler, (color, marker, line) in STYLES.items():
+        axes.loglog(
+            [*errors[sampler]],
+            [*errors[sampler].values()],
+            line,
+            color=color,
+            marker=marker,
+            ms=5,
+            lw=1,
+            label=sampler,
+        )
+    for power in (-0.5, -0.75):
+        start = errors["random"][1]
+        axes.loglog(spps, start * np.array(spps, float) ** power, "k:", lw=0.6)
+        axes.annotate(f"$n^{{{power}}}$", (spps[-1], start * float(spps[-1]) ** power), fontsize=9)
+    axes.axhline(exact.error, color="0.6", lw=0.8)
+    axes.annotate("error of the reference", (1, exact.error), (0, 3), textcoords="offset points", fontsize=8)
+    axes.set(title=title, xlabel="samples per pixel", ylabel="root mean square error")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=9)
+    numbers = {
+        "measured": {
+            "rms_error": _by_name(errors),
+            "strongest wave": _by_name(waves),
+            "slope": {sampler: _traced.slope(of) for sampler, of in errors.items()},
+            "fluctuation": {sampler: _traced.fluctuation(of) for sampler, of in errors.items()},
+            "reference_error": exact.error,
+        },
+        "printed": claims(errors, waves),
+        "note": f"{side} x {side} pixels; 'printed' lists the thesis's sentences and whether they hold in "
+        "these numbers. 'fluctuation' is the root mean square of the distances of the errors' logarithms "
+        f"from the line that fits them best. {_note(exact)}",
+    }
+    return figure, numbers
+
+
+def _by_name(table: dict[str, dict[int, float]]) -> dict[str, dict[str, float]]:
+    return {sampler: {f"{spp} spp": value for spp, value in of.items()} for sampler, of in table.items()}
+
+
+def ratio(errors: dict, one: str, other: str) -> float:
+    """Return the geometric mean of one sampler's errors over another's, from 2 samples on."""
+    common = [spp for spp in errors[one] if spp in errors[other] and spp > 1]
+    return float(np.exp(np.mean([np.log(errors[one][spp] / errors[other][spp]) for spp in common])))
+
+
+def wins(errors: dict, ones: tuple[str, ...], others: tuple[str, ...]) -> list[bool]:
+    """Tell, count by count, whether all of ``ones`` have less error than all others.
+
+    From 4 samples on: with fewer, nets and lattices are the same points.
+    """
+    spps = [spp for spp in errors[ones[0]] if spp >= 4]
+    return [
+        max(errors[one][spp] for one in ones)
+        < min(errors[other][spp] for other in others if spp in errors[other])
+        for spp in spps
+    ]

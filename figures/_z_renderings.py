@@ -1,0 +1,119 @@
+"""The Z paper's comparison of four samplers on rendered scenes: images, and their errors seen from afar."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+import analysis
+from figures import _traced
+from qmcjax import samplers, scenes, sequences
+from qmcjax.core.bits import hash_word, owen_hash, reverse
+from qmcjax.core.pytrees import pytree
+
+KEY = 5
+SPP = 4
+SIDE = {"draft": 128, "paper": 256}
+REPLICATE = {"draft": 16, "paper": 64}
+
+NAMES = ("(0,2)-sequence", "Sobol'", "Heitz", "Z")
+
+
+def constituents(needs: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the sizes of what belongs together: x and y, and all u and v; other coordinates are single."""
+    sizes = []
+    for name in needs:
+        if name == "y" or name.endswith("_v"):
+            sizes[-1] = 2
+        else:
+            sizes.append(1)
+    return tuple(sizes)
+
+
+@pytree
+@dataclass(frozen=True)
+class Padded(samplers.Sampler):
+    """Samplers of few dimensions side by side, the samples of each in another order."""
+
+    parts: tuple[samplers.Sampler, ...]
+    sizes: tuple[int, ...] = field(metadata={"static": True})
+    """How many coordinates of each are used."""
+    seeds: Array
+    """uint32 (parts,)."""
+    in_pixels: bool = field(metadata={"static": True})
+    """Whether each pixel has orders of its own."""
+
+    @property
+    def dims(self) -> int:
+        """Number of dimensions."""
+        return sum(self.sizes)
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return the wanted coordinates in the order of the parts."""
+        x, y = state
+        values = []
+        for part, size, seed in zip(self.parts, self.sizes, self.seeds, strict=True):
+            own = hash_word(hash_word(x ^ seed) + y) if self.in_pixels else seed
+            values.append(part(x, y, _shuffled(sample, own), tuple(range(size)), dtype))
+        return jnp.concatenate(values, axis=-1)[..., np.array(dims)]
+
+
+def _shuffled(sample: Array, seed: Array) -> Array:
+    """Permute the numbers below ``SPP`` by a random nested permutation, one for each seed."""
+    unused = np.uint32(32 - (SPP.bit_length() - 1))
+    return reverse(owen_hash(reverse(sample << unused), seed)) >> unused
+
+
+def make_samplers(needs: tuple[str, ...], side: int) -> dict[str, samplers.Sampler]:
+    """Return the four samplers for a square image of a scene with these coordinates."""
+    sizes, dims = constituents(needs), len(needs)
+    keys = jax.random.split(jax.random.key(KEY), len(sizes))
+    seeds = jax.random.bits(jax.random.key(KEY + 1), (len(sizes),), jnp.uint32)
+    xored = tuple(samplers.independent(sequences.sobol(2), key, "xor") for key in keys)
+    ranked = tuple(samplers.ranked(2, key) for key in keys)
+    return {
+        "(0,2)-sequence": Padded(xored, sizes, seeds, in_pixels=True),
+        "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
+        # The arrangement in a tile is of sets of samples: an order that is the same everywhere leaves it.
+        "Heitz": Padded(ranked, sizes, seeds, in_pixels=False),
+        "Z": samplers.z(side, side, SPP, KEY, constituents=sizes),
+    }
+
+
+def compare(
+    name: str, crop: tuple[float, float, float], quality: str, progress: Callable[[float], None]
+) -> tuple[list[_traced.Panel], dict[str, dict[str, float]], _traced.Reference]:
+    """Render a scene with all samplers; return panels, measures by sampler, and the reference."""
+    side, scene = SIDE[quality], getattr(scenes, name)()
+    exact = _traced.reference(name, side, REPLICATE[quality])
+    panels, measured = [_traced.Panel(f"{name}\nreference", exact.image, crop)], {}
+    for done, (sampler, made) in enumerate(make_samplers(scene.needs, side).items(), start=1):
+        image = _traced.image(scene, made, side, SPP)
+        measured[sampler] = {
+            "RMS error": _traced.rms_error(image, exact),
+            "filtered error": analysis.filtered_error(image, exact.image),
+            "low-frequency power": analysis.low_frequency_power(image, exact.image),
+            "strongest wave": float(analysis.error_spectrum(image, exact.image).max()),
+        }
+        caption = f"{sampler}\nfiltered error {measured[sampler]['filtered error']:.4f}"
+        panels.append(_traced.Panel(caption, image, crop))
+        progress(done / len(NAMES))
+    return panels, measured, exact
+
+
+def note(quality: str, exact: _traced.Reference) -> str:
+    """Return how images were made."""
+    side = SIDE[quality]
+    return (
+        f"{side} x {side} pixels, {SPP} samples per pixel; scenes and cameras are ours. References are "
+        f"{exact.origin}. Errors are over linear RGB; filtered errors are root mean squares after a Gaussian "
+        "of 1.5 pixels, powers 1 for white noise, low those below 1/16 of a cycle per pixel. x and y, and "
+        "each u and v, are pairs, others are single. (0,2): Sobol' points xored and shuffled in each pixel. "
+        "Sobol': over the full screen, not scrambled. Heitz stands for our ranked keys, another tile and "
+        "order of the samples for each pair. Z: by hashing."
+    )

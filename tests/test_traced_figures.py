@@ -30,15 +30,15 @@ def test_the_references_error_is_taken_off_but_never_undercut():
 
 
 def test_jittered_points_have_one_in_each_cell_in_each_pixel():
-    points = np.asarray(_motion_blur.make_sampler("jittered grid", 4, 27)(1, 2, np.arange(27), (0, 1, 2)))
-    other = np.asarray(_motion_blur.make_sampler("jittered grid", 4, 27)(2, 2, np.arange(27), (0, 1, 2)))
+    points = np.asarray(_motion_blur.make_sampler("jittered grid", 4, 27)(1, 2, jnp.arange(27), (0, 1, 2)))
+    other = np.asarray(_motion_blur.make_sampler("jittered grid", 4, 27)(2, 2, jnp.arange(27), (0, 1, 2)))
     assert len(np.unique(np.floor(points * 3), axis=0)) == 27
     assert not np.isin(points, other).any()
 
 
 @pytest.mark.parametrize("name", _motion_blur.STYLES)
 def test_all_samplers_have_a_time_of_their_own_for_each_of_eight_samples(name):
-    times = np.asarray(_motion_blur.make_sampler(name, 8, 8)(3, 5, np.arange(8), (2,)))
+    times = np.asarray(_motion_blur.make_sampler(name, 8, 8)(3, 5, jnp.arange(8), (2,)))
     assert len(np.unique(times)) == 8
 
 
@@ -51,7 +51,7 @@ def test_what_belongs_together():
 def test_pairs_are_nets_and_single_coordinates_stratified(name):
     """Each has one of four samples in each elementary interval, in an order of its own."""
     sampler = _z_renderings.make_samplers(NEEDS, 8)[name]
-    points = np.asarray(sampler(5, 2, np.arange(4), tuple(range(5))))
+    points = np.asarray(sampler(5, 2, jnp.arange(4), tuple(range(5))))
     assert np.isin(np.floor(points * 4), np.arange(4)).all()
     for column in points.T:
         assert len(np.unique(np.floor(column * 4))) == 4
@@ -63,7 +63,7 @@ def test_orders_of_pairs_differ():
     """Else all pairs of a pixel would be copies but for an xor."""
     for name, pixels in (("(0,2)-sequence", 64), ("Heitz", 64)):
         sampler = _z_renderings.make_samplers(NEEDS, 8)[name]
-        x, y = (np.arange(pixels).reshape(-1, 1) % 8, np.arange(pixels).reshape(-1, 1) // 8)
-        half = np.floor(np.asarray(sampler(x, y, np.arange(4), (0, 1, 2, 3, 4))) * 4) // 2
+        x, y = (jnp.arange(pixels).reshape(-1, 1) % 8, jnp.arange(pixels).reshape(-1, 1) // 8)
+        half = np.floor(np.asarray(sampler(x, y, jnp.arange(4), (0, 1, 2, 3, 4))) * 4) // 2
         differ = half[:, :, 0] != half[:, :, 3]
         assert 0 < differ.mean() < 1

@@ -8,7 +8,7 @@ from jax import Array
 from matplotlib.figure import Figure
 
 import analysis
-from figures import _screens, _traced
+from figures import _images, _screens, _traced
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -87,7 +87,7 @@ def pictures(
     panels = [_traced.Panel("reference", exact.image, crop)]
     errors, waves = {}, {}
     for done, sampler in enumerate(STYLES, start=1):
-        image = _traced.image(scene, make_sampler(sampler, side, spp), side, spp)
+        image = _images.image(scene, make_sampler(sampler, side, spp), side, spp)
         errors[sampler] = _traced.rms_error(image, exact)
         waves[sampler] = _strongest_wave(image, exact)
         panels.append(_traced.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", image, crop))
@@ -136,7 +136,7 @@ def convergence(
     errors, waves = {}, {}
     for done, sampler in enumerate(STYLES, start=1):
         images = {
-            spp: _traced.image(scene, make_sampler(sampler, side, spp), side, spp)
+            spp: _images.image(scene, make_sampler(sampler, side, spp), side, spp)
             for spp in counts(sampler, spps)
         }
         errors[sampler] = {spp: _traced.rms_error(image, exact) for spp, image in images.items()}

@@ -11,7 +11,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 import analysis
-from figures import _traced
+from figures import _images, _traced
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import hash_word, owen_hash, reverse
 from qmcjax.core.pytrees import pytree
@@ -93,7 +93,7 @@ def compare(
     exact = _traced.reference(name, side, REPLICATE[quality])
     panels, measured = [_traced.Panel(f"{name}\nreference", exact.image, crop)], {}
     for done, (sampler, made) in enumerate(make_samplers(scene.needs, side).items(), start=1):
-        image = _traced.image(scene, made, side, SPP)
+        image = _images.image(scene, made, side, SPP)
         measured[sampler] = {
             "RMS error": _traced.rms_error(image, exact),
             "filtered error": analysis.filtered_error(image, exact.image),

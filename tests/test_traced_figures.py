@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures import _motion_blur, _traced, _z_renderings
+from figures import _images, _motion_blur, _traced, _z_renderings
 from qmcjax import samplers, scenes, sequences
 
 NEEDS = ("x", "y", "time", "light_u", "light_v")
@@ -20,7 +20,7 @@ def test_an_image_is_that_of_render(spp):
     """Also with more and fewer samples than fit one call."""
     scene, sampler = scenes.function(colours, ("x", "y")), samplers.independent(sequences.sobol(2), 3)
     expected = qj.render(scene, sampler, 8, 8, spp)
-    np.testing.assert_allclose(_traced.image(scene, sampler, 8, spp), expected, atol=1e-6)
+    np.testing.assert_allclose(_images.image(scene, sampler, 8, spp), expected, atol=1e-6)
 
 
 def test_the_references_error_is_taken_off_but_never_undercut():

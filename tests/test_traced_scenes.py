@@ -11,7 +11,7 @@ import pytest
 
 import qmcjax as qj
 from analysis.tables import traced_references
-from qmcjax import samplers, scenes, sequences
+from qmcjax import scenes, sequences
 from qmcjax.scenes import traced
 from qmcjax.scenes.traced import _motions, _stored
 
@@ -63,18 +63,16 @@ def test_scenes_of_the_thesis_take_points_of_three_dimensions():
 
 @each_scene
 def test_values(name):
-    """They are finite, not negative and not all the same, compiled or not, alone or among others."""
-    scene = SCENES[name]()
-    given = points(scene, 64)
-    value = scene(given)
-    assert value.shape == (64, 3) and value.dtype == jnp.float32
-    assert jnp.isfinite(value).all() and (value >= 0).all() and value.mean() > 0.05
-    assert (value.std(axis=0) > 0.01).all()
-    compiled = jax.jit(lambda scene, point: scene(point))
+    """They are finite, not negative, neither dark nor white, alone or among others; compiled or not."""
+    scene, compiled = SCENES[name](), jax.jit(lambda scene, point: scene(point))
+    given = points(scene, 2**12)
+    value = compiled(scene, given)
+    assert value.shape == (2**12, 3) and value.dtype == jnp.float32
+    assert jnp.isfinite(value).all() and (value >= 0).all() and (value.std(axis=0) > 0.01).all()
+    assert 0.1 < value.mean() < 0.6
     # Fused programs round differently: a ray along an edge may fall to the other side.
-    close = jnp.isclose(compiled(scene, given), value, rtol=1e-3, atol=1e-4).all(axis=-1)
-    assert close.mean() > 0.95
-    assert jnp.isclose(compiled(scene, given[:8]), value[:8], rtol=1e-3, atol=1e-4).all(axis=-1).mean() > 0.85
+    for other in (compiled(scene, given[:64]), *([scene(given[:64])] if name in QUICK else [])):
+        assert jnp.isclose(other, value[:64], rtol=1e-3, atol=1e-4).all(axis=-1).mean() > 0.95
 
 
 @pytest.mark.slow
@@ -87,16 +85,6 @@ def test_precisions_agree(name):
         double = np.asarray(jax.jit(scene.__call__)(points(scene, count, jnp.float64)))
     assert np.isclose(single, double, rtol=1e-2, atol=1e-3).all(axis=-1).mean() > 0.98
     assert np.allclose(single.mean(axis=0), double.mean(axis=0), rtol=1e-2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", traced.NAMES)
-def test_images_are_exposed(name):
-    """Neither dark nor white: what a screen shows of an image is most of it."""
-    scene = getattr(scenes, name)()
-    sampler = samplers.independent(sequences.sobol(len(scene.needs)), key=1)
-    image = np.asarray(qj.render(scene, sampler, 32, 32, 16))
-    assert 0.15 < np.minimum(image, 1).mean() < 0.6 and (image > 1).any(axis=-1).mean() < 0.15
 
 
 def test_the_ball_touches_the_floor_and_jumps():

@@ -1,6 +1,8 @@
 """Z paper Fig. 7: the nodes of a scrambled Morton order, and those of a self-similar tree, aligned."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +12,6 @@ from numpy.typing import NDArray
 
 from figures._curves import curve_of
 from qmcjax import orders
-from qmcjax.orders._lookup_tree import LookupTree
 
 LETTERS = "ABCDE"
 PRODUCTION = {"A": "BCDE", "B": "ACED", "C": "DEBA", "D": "CEBA", "E": "ABCD"}
@@ -84,8 +85,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 def _rules(variant: str, letters: int | None) -> NDArray[np.int64]:
     """Return the library's production: the letters of the children of each."""
-    order = orders.scrambled_morton(2, 2, KEY, variant, letters)
-    assert isinstance(order, LookupTree)
+    order: Any = orders.scrambled_morton(2, 2, KEY, variant, letters)
     return np.asarray(order.production).astype(np.int64)
 
 
@@ -116,7 +116,8 @@ def _similar(rules: NDArray) -> bool:
     """Tell whether equal letters have the same order of pixels below, in a square of 2**LEVELS blocks."""
     side = 2 ** (LEVELS + 2)
     permutations = jnp.array([3, 8, 13, 18, 23], jnp.uint8)
-    order = LookupTree(side, side, jnp.asarray(rules, jnp.uint16), permutations)
+    order: Any = orders.scrambled_morton(side, side, KEY, "tree", len(rules))
+    order = replace(order, production=jnp.asarray(rules, jnp.uint16), permutations=permutations)
     positions = curve_of(order).positions
     below: dict[int, NDArray] = {}
     for (row, column), letter in np.ndenumerate(_grid(rules, LEVELS)):

@@ -19,13 +19,14 @@ def beside(origin, direction, faces):
     return np.min(abs(apart), axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("vertices", "count"),
     [
         pytest.param(blob(16, 13), 2**14, id="few"),
-        pytest.param(blob(200, 201), 10**6, id="blob", marks=pytest.mark.slow),
-        pytest.param(soup(300), 10**6, id="soup", marks=pytest.mark.slow),
-        pytest.param(MESHES["far"][0], 10**6, id="far", marks=pytest.mark.slow),
+        pytest.param(blob(200, 201), 10**6, id="blob"),
+        pytest.param(soup(300), 10**6, id="soup"),
+        pytest.param(MESHES["far"][0], 10**6, id="far"),
     ],
 )
 def test_hits_are_those_of_embree(vertices, count):

@@ -32,12 +32,8 @@ SCENES = {name: getattr(scenes, name) for name in traced.NAMES} | {
     "roulette": partial(scenes.interior, 3, roulette=1),
 }
 
-QUICK = ("caustic",)
-"""Programs of the others take longer to compile."""
-
-each_scene = pytest.mark.parametrize(
-    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
-)
+EAGER = "caustic"
+"""Other programs take minutes to run one operation at a time."""
 
 
 def points(scene, count, dtype=jnp.float32):
@@ -61,7 +57,8 @@ def test_scenes_of_the_thesis_take_points_of_three_dimensions():
         assert scene.needs == ("x", "y", "time")
 
 
-@each_scene
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 def test_values(name):
     """They are finite, not negative, neither dark nor white, alone or among others; compiled or not."""
     scene, compiled = SCENES[name](), jax.jit(lambda scene, point: scene(point))
@@ -71,7 +68,7 @@ def test_values(name):
     assert jnp.isfinite(value).all() and (value >= 0).all() and (value.std(axis=0) > 0.01).all()
     assert 0.1 < value.mean() < 0.6
     # Fused programs round differently: a ray along an edge may fall to the other side.
-    for other in (compiled(scene, given[:64]), *([scene(given[:64])] if name in QUICK else [])):
+    for other in (compiled(scene, given[:64]), *([scene(given[:64])] if name == EAGER else [])):
         assert jnp.isclose(other, value[:64], rtol=1e-3, atol=1e-4).all(axis=-1).mean() > 0.95
 
 

@@ -372,7 +372,7 @@ def leaks(name, count):
 
 
 @pytest.mark.parametrize("count", [10**5, *slow(10**6)])
-@pytest.mark.parametrize("name", few(MESHES, "far cube", "moving"))
+@pytest.mark.parametrize("name", few(MESHES, "far cube"))
 def test_no_ray_leaks_through_shared_edges_and_vertices(name, count):
     """From inside closed meshes, in float32, at points of edges and at vertices up to rounding."""
     lost, error = leaks(name, count)
@@ -380,6 +380,7 @@ def test_no_ray_leaks_through_shared_edges_and_vertices(name, count):
     assert error < (0.01 if name == "far cube" else 1e-4)
 
 
+@pytest.mark.slow
 def test_rectangles_and_caps_that_meet_do_not_leak():
     """Six rectangles of a turned cube, and a closed cylinder: each is wider by what is rounding."""
     corners = np.array([[-1, -1, -1]] * 3 + [[1, 1, 1]] * 3, float)
@@ -505,7 +506,7 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 
-@pytest.mark.parametrize("name", few(SHAPES, "sphere"))
+@pytest.mark.parametrize("name", few(SHAPES, "plane"))
 def test_gradients_are_differences(name):
     """Of distance, normal and point, in all numbers of the shape, the motion, the rays and the time."""
     make, numbers, _ = SHAPES[name]

@@ -164,6 +164,7 @@ SPIN = motion.affine(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
 def test_trees_turn_with_their_objects(walk):
     """Two trees beside shapes without any; also rays of NaN, and along axes."""
@@ -206,6 +207,7 @@ def test_no_ray_slips_through(walk):
     assert np.all(np.asarray(number) >= 0) and np.max(abs(np.asarray(distance) - 1)) < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
 def test_replaced_vertices_are_hit(walk):
     """A tree knows what is near what, but boxes are those of the vertices that come."""
@@ -222,6 +224,7 @@ def test_replaced_vertices_are_hit(walk):
     assert np.mean(np.asarray(found[1]) >= 0) > 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
 def test_mapped_and_in_loops(walk):
     """Mapped over rays, worlds and both, and a loop of calls, are one call after the other."""

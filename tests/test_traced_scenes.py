@@ -168,7 +168,7 @@ def test_a_spin_is_exact_after_many_turns():
         (partial(scenes.helicopter, turns="many"), TypeError, "turns must be made of real numbers"),
         (partial(scenes.helicopter, turns=np.inf), ValueError, "turns must be finite"),
         (partial(scenes.helicopter, 1.5), ValueError, "shutter must"),
-        (partial(scenes.occluder, -1.0), ValueError, "size must be positive"),
+        (partial(scenes.occluder, -1.0), ValueError, "size must be in"),
         (partial(scenes.defocus, 0.0), ValueError, "aperture must be positive"),
         (partial(scenes.defocus, focus=-1), ValueError, "focus must be positive"),
         (partial(scenes.defocus, None, blades=5), ValueError, "blades must be None without an aperture"),

@@ -51,6 +51,14 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     return array
 
 
+def axes(value: Any) -> int:
+    """Return how many axes numbers have; 0 for what is no array of them, which `numbers` refuses."""
+    try:
+        return np.ndim(value) if not isinstance(value, Array) else value.ndim
+    except (TypeError, ValueError):
+        return 0
+
+
 def known(name: str, value: Any) -> NDArray[np.float64]:
     """Return real numbers as a float64 array of NumPy, or raise a TypeError, also if they are traced."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value)):

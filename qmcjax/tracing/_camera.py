@@ -11,7 +11,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.parameters import axes, cast, numbers, require
 from qmcjax.core.plug_ins import held
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import _maps
@@ -193,7 +193,7 @@ def camera(
 
 
 def _shutter(value: Any) -> Any:
-    single = np.ndim(value) == 0 if not isinstance(value, Tracer | Array) else value.ndim == 0
+    single = axes(value) == 0
     shutter = numbers("shutter", value, () if single else (2,))
     require("shutter", shutter, lambda s: (s >= 0) & (s <= 1), "in [0, 1]")
     if not single:

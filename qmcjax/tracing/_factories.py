@@ -9,7 +9,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import axes, numbers, require
 from qmcjax.core.plug_ins import held
 from qmcjax.tracing._flat import Box, Disc, Plane, Rectangle
 from qmcjax.tracing._materials import as_material
@@ -327,7 +327,7 @@ def _object(shapes: Shape | tuple[Shape, ...], motion: Any, material: Any) -> Ob
 
 def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]:
     """Return vectors, shape (n, 3), and how many they are; a single one counts for all."""
-    single = np.ndim(value) == 1 if not isinstance(value, Tracer | Array) else value.ndim == 1
+    single = axes(value) == 1
     array = numbers(name, value, (3,) if single else (count, 3))
     if single:
         array = (jnp if isinstance(array, Array) else np).broadcast_to(array, (count or 1, 3))
@@ -335,7 +335,7 @@ def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]
 
 
 def _scalars(name: str, value: Any, count: int) -> Any:
-    single = np.ndim(value) == 0
+    single = axes(value) == 0
     array = numbers(name, value, () if single else (count,))
     return (jnp if isinstance(array, Array) else np).broadcast_to(array, (count,)) if single else array
 

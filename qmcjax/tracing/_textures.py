@@ -10,7 +10,7 @@ from jax import Array
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import axes, numbers, require
 from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._vectors import Vector, components, each
@@ -145,7 +145,7 @@ def color(name: str, value: Any, most: float = np.inf) -> Any:
     """Return a colour of three numbers in [0, most], or a texture."""
     if callable(unheld(value)):
         return held(name, value)
-    single = np.ndim(value) == 0
+    single = axes(value) == 0
     array = numbers(name, value, () if single else (3,))
     rule = "not negative" if most == np.inf else f"in [0, {most:g}]"
     require(name, array, lambda c: (c >= 0) & (c <= most), rule)
@@ -156,7 +156,7 @@ def _pattern(one: Any, other: Any, scale: Any, motion: Any) -> tuple[Any, Any, A
     for name, value in (("one", one), ("other", other)):
         if callable(value):
             raise TypeError(f"{name} must be a colour, got {checks.shown(value)}")
-    single = np.ndim(scale) == 0
+    single = axes(scale) == 0
     squares = numbers("scale", scale, () if single else (2,))
     require("scale", squares, lambda s: s > 0, "positive")
     squares = squares[None] * np.ones(2, squares.dtype) if single else squares

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from qmcjax import tracing
-from qmcjax.scenes.traced._base import Traced, positive
+from qmcjax.core.parameters import numbers, require
+from qmcjax.scenes.traced._base import Traced
 from qmcjax.scenes.traced._models import circle
 
 RODS = 10
@@ -21,7 +22,7 @@ def occluder(size: Any = 0.45) -> Traced:
     Parameters
     ----------
     size : float, optional
-        Sides of the square lights. Their power is the same for all sizes.
+        Sides of the square lights, in [0.001, 2]. Their power is the same for all sizes.
 
     Returns
     -------
@@ -32,7 +33,7 @@ def occluder(size: Any = 0.45) -> Traced:
     TypeError
         If ``size`` is no real number.
     ValueError
-        If it is not positive.
+        If it is out of range.
 
     References
     ----------
@@ -44,7 +45,8 @@ def occluder(size: Any = 0.45) -> Traced:
     >>> occluder().needs
     ('x', 'y', 'light', 'light_u', 'light_v')
     """
-    size = positive("size", size)
+    size = numbers("size", size)
+    require("size", size, lambda s: (s >= 0.001) & (s <= 2), "in [0.001, 2]")
     floor = tracing.plane([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], material=tracing.diffuse(0.75))
     basket = tracing.group(_basket(), material=tracing.diffuse((0.7, 0.66, 0.6)))
     lights = [_light(angle, size, colour) for angle, colour in zip((0.07, 0.4, 0.74), COLOURS, strict=True)]

@@ -1,7 +1,7 @@
 """All primitives that have no tree, in fused loops over tiles of rays.
 
-A loop is compiled once for each kind of shape, however many objects there are: it runs over segments of
-primitives that move together, and skips those whose box no ray of the tile meets.
+What is still is merged by kinds of shapes, with one loop for each kind; each kind in each object that moves,
+or is worth a box, has a loop of its own, which is skipped where no ray of the tile meets the box.
 """
 
 from collections.abc import Sequence

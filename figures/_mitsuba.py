@@ -6,7 +6,7 @@ import sys
 import tempfile
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -24,21 +24,38 @@ def installed() -> bool:
     return find_spec("mitsuba") is not None
 
 
+class Run(NamedTuple):
+    """One image: a sampler of Mitsuba's by its name, how many samples a pixel, and a seed."""
+
+    sampler: str
+    spp: int
+    seed: int
+
+
 def rendered(
     scene: tracing.Estimator, width: int, height: int, spp: int, seeds: list[int]
 ) -> tuple[NDArray[np.float32], list[float]]:
-    """Return images (seeds, height, width, 3) and the seconds that each took.
+    """Return images (seeds, height, width, 3) by independent samples and the seconds that each took."""
+    images, seconds, _ = run(scene, width, height, [Run("independent", spp, seed) for seed in seeds])
+    return images, seconds
 
-    In a process of its own, since Mitsuba may abort the one that it is in. All of its threads render.
+
+def run(
+    scene: tracing.Estimator, width: int, height: int, runs: list[Run]
+) -> tuple[NDArray[np.float32], list[float], list[int]]:
+    """Return images (runs, height, width, 3), the seconds that each took, and how many samples it had.
+
+    In a process of its own, since Mitsuba may abort the one that it is in. All of its threads render. Some
+    samplers round the number of samples up.
     """
     with tempfile.TemporaryDirectory() as folder:
-        task = {"scene": described(scene, width, height), "spp": spp, "seeds": seeds, "folder": folder}
+        task = {"scene": described(scene, width, height), "runs": runs, "folder": folder}
         command = [sys.executable, "-m", _mitsuba_process.__name__]
         done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
         with np.load(Path(folder) / _mitsuba_process.RESULT) as result:
-            return result["images"], result["seconds"].tolist()
+            return result["images"], result["seconds"].tolist(), result["counts"].tolist()
 
 
 def described(scene: tracing.Estimator, width: int, height: int) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Images by Mitsuba 3: ``python -m figures._mitsuba_process``, from a task in JSON at standard input.
 
-The task has a scene (see :mod:`figures._mitsuba`), the number of samples, seeds, and a folder for the result.
+The task has a scene and runs (see :mod:`figures._mitsuba`), and a folder for the result.
 """
 
 import json
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 RESULT = "result.npz"
-"""Has ``images``, float32 (seeds, height, width, 3), and ``seconds``, (seeds,)."""
+"""Has ``images``, float32 (runs, height, width, 3), and of each run ``seconds`` and samples: ``counts``."""
 
 
 def main() -> None:
@@ -22,14 +22,20 @@ def main() -> None:
     mitsuba.set_variant("scalar_rgb")
     task = json.load(sys.stdin)
     folder = Path(task["folder"])
-    scene = mitsuba.load_dict(_native(mitsuba, task["scene"], folder))
-    images, seconds = [], []
-    for seed in task["seeds"]:
+    described = _native(mitsuba, task["scene"], folder)
+    scene = mitsuba.load_dict(described)
+    names = {name for name, _, _ in task["runs"]}
+    sensors = {
+        name: mitsuba.load_dict(described["sensor"] | {"sampler": {"type": name}}) for name in sorted(names)
+    }
+    images, seconds, counts = [], [], []
+    for name, spp, seed in task["runs"]:
         start = time.perf_counter()
-        image = mitsuba.render(scene, spp=task["spp"], seed=seed)
+        image = mitsuba.render(scene, sensor=sensors[name], spp=spp, seed=seed)
         seconds.append(time.perf_counter() - start)
         images.append(np.array(image, np.float32))
-    np.savez(folder / RESULT, images=np.array(images), seconds=np.array(seconds))
+        counts.append(sensors[name].sampler().sample_count())
+    np.savez(folder / RESULT, images=np.array(images), seconds=np.array(seconds), counts=np.array(counts))
 
 
 def _native(mitsuba: Any, value: Any, folder: Path) -> Any:

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from figures import _peers, _process, _sweep
+from figures._error_over_time import best, lines, time_for
 
 NOTE = (
     "Images of {side} x {side} pixels, box filter, medians of calls after the first, each with a new key; "
@@ -38,19 +38,23 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         axes.set_axis_off()
     for axes, name in zip(panels, names, strict=False):
         chosen = [row for row in sweep["rows"] if row["scene"] == name]
-        _lines(axes, chosen, "sampler")
+        lines(axes, chosen, "sampler")
         axes.set_title(name)
+        axes.legend(fontsize=8)
     table = [
         {**row, "seconds": float(np.median(row["seconds"])), "rms error": row["error"]}
         for row in peers["rows"]
     ]
     for axes, name in zip(panels[len(names) :], compared, strict=False):
-        _lines(axes, [row for row in table if row["scene"] == name], "program")
+        lines(axes, [row for row in table if row["scene"] == name], "program")
+        axes.legend(fontsize=8)
         axes.set_title(f"{name}: other programs, {peers['side']} x {peers['side']}")
     return figure, {
         "table": sweep["rows"],
         "measured": {
-            "best": {name: _best([r for r in sweep["rows"] if r["scene"] == name]) for name in names},
+            "best": {
+                name: best([r for r in sweep["rows"] if r["scene"] == name], "sampler") for name in names
+            },
             "adaptive": _adaptive(sweep["rows"]),
             "peers": peers["rows"],
             "time of the peer / ours at equal error": {
@@ -59,33 +63,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(side=sweep["side"], peer_side=peers["side"]),
     }
-
-
-def _lines(axes: Axes, rows: list[dict], by: str) -> None:
-    for k, name in enumerate(dict.fromkeys(row[by] for row in rows)):
-        chosen = [row for row in rows if row[by] == name]
-        seconds = np.array([row["seconds"] for row in chosen])
-        errors = [row["rms error"] for row in chosen]
-        spread = None
-        if "seconds, lower quartile" in chosen[0]:
-            edges = np.array([[row[f"seconds, {q} quartile"] for row in chosen] for q in ("lower", "upper")])
-            spread = np.abs(edges - seconds)
-        style = "--" if "adaptive" in name else "-"
-        axes.errorbar(
-            seconds, errors, xerr=spread, fmt=f"o{style}", ms=3, lw=1, color=f"C{k % 10}", label=name
-        )
-    axes.set(xscale="log", yscale="log", xlabel="seconds an image", ylabel="RMS error")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=7)
-
-
-def _best(rows: list[dict]) -> list[dict]:
-    """Return the Pareto front: rows of less error than all that took no longer."""
-    front: list[dict] = []
-    for row in sorted(rows, key=lambda row: row["seconds"]):
-        if not front or row["rms error"] < front[-1]["rms error"]:
-            front.append({key: row[key] for key in ("sampler", "spp", "seconds", "rms error")})
-    return front
 
 
 def _adaptive(rows: list[dict]) -> dict[str, dict[str, float]]:
@@ -105,16 +82,5 @@ def _ratios(rows: list[dict]) -> dict[str, dict[str, float]]:
     ratios = {}
     for peer in dict.fromkeys(row["program"] for row in rows if not row["program"].startswith("qmcjax")):
         theirs = [row for row in rows if row["program"] == peer]
-        ratios[peer] = {str(row["spp"]): _time_for(theirs, row["rms error"]) / row["seconds"] for row in ours}
+        ratios[peer] = {str(row["spp"]): time_for(theirs, row["rms error"]) / row["seconds"] for row in ours}
     return ratios
-
-
-def _time_for(rows: list[dict], error: float) -> float:
-    """Return the time that a program takes for an error, interpolated in logarithms."""
-    if len(rows) == 1:
-        return rows[0]["seconds"]
-    errors = np.log([row["rms error"] for row in rows])
-    seconds = np.log([row["seconds"] for row in rows])
-    k = int(np.clip(np.searchsorted(-errors, -np.log(error)), 1, len(rows) - 1))
-    part = (np.log(error) - errors[k - 1]) / (errors[k] - errors[k - 1])
-    return float(np.exp(seconds[k - 1] + part * (seconds[k] - seconds[k - 1])))

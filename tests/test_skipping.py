@@ -129,3 +129,31 @@ def test_what_stands_still_pays_nothing(still, plain, moving):
     assert integer_operations(still) == operations
     more = integer_operations(moving)
     assert len(more) >= len(operations) + 20 * (len(moving.needs) - 2)
+
+
+class Long:
+    """A ball that says how its program is made: it counts how often it is, to shapes of points."""
+
+    unrolled = 1
+    needs = scenes.ball().needs
+
+    def __init__(self):
+        self.made = []
+
+    def varies(self, low, high):
+        return scenes.ball().varies(low, high)
+
+    def __call__(self, point):
+        self.made.append(point.shape)
+        return scenes.ball()(point)
+
+
+def test_a_long_program_is_compiled_once_for_what_varies():
+    """Whatever coordinates matter, for however many pixels: one size of calls. The image is the same."""
+    scene, sampler = Long(), along(64, 64, 3)
+    result = qj.render_adaptive(scene, sampler, 64, 64, SPP)
+    # For the type of its values, at the centres, and for the samples.
+    assert {np.prod(shape[:-1]) for shape in scene.made} == {64 * 64, 1024}
+    other = qj.render_adaptive(scenes.ball(), sampler, 64, 64, SPP)
+    np.testing.assert_allclose(result.image, other.image, atol=4 * np.finfo(np.float32).eps)
+    np.testing.assert_array_equal(result.counts, other.counts)

@@ -51,6 +51,11 @@ def test_what_is_needed(name):
     assert ("roulette1" in needs) == (name == "roulette")
 
 
+def test_programs_have_one_sample():
+    """More are as many copies of a long program to compile."""
+    assert scenes.occluder().unrolled == scenes.occluder().estimator.unrolled == 1
+
+
 def test_scenes_of_the_thesis_take_points_of_three_dimensions():
     """Two for the pixel and one for time (thesis, Section 6.2)."""
     for scene in (scenes.cornell_box(), scenes.helicopter()):

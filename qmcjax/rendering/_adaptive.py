@@ -16,6 +16,10 @@ from qmcjax.rendering._task import Task, in_one_pass
 _SIZES = (16384, 4096, 1024, 256)
 """Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
 
+_LONG = 4096, 1024
+"""Of a long program there is one: for so many pixels, or for images of less than four times as many, so
+many. Fewer in a call take longer, and more fill up the last call with more that is thrown away."""
+
 Group = tuple[tuple[int, ...], NDArray[np.intp]]
 """Coordinates that vary, and the pixels in which they and no others do."""
 
@@ -49,15 +53,20 @@ def skipping(task: Task, progress: Callable[[float], None]) -> AdaptiveImage:
 
 def plan(task: Task) -> tuple[NDArray, list[Group]]:
     """Return the image of the pixels' centres, and the pixels where the scene varies."""
-    varies = getattr(task.scene, "varies", None)
-    every = tuple(range(len(task.scene.needs)))
+    scene, size = task.scene, (task.width, task.height)
+    every = tuple(range(len(scene.needs)))
     with checks.precision(task.dtype):
-        centre, vary, codes = _centres(task.scene, task.width, task.height, task.dtype, varies is not None)
-        image = np.array(centre)
-    if varies is None:
-        return image, [(every, np.arange(task.width * task.height))]
-    rest = np.flatnonzero(np.asarray(vary))
-    codes = np.asarray(codes).ravel()[rest]
+        codes = None
+        if getattr(scene, "varies", None) is not None:
+            codes = np.asarray(_codes(scene, *size, task.dtype)).ravel()
+        if codes is None or codes.all():
+            image = np.array(_accumulation.zeros(scene, size[::-1], task.dtype)[0])
+        else:
+            image = np.array(_centres(scene, *size, task.dtype))
+    rest = np.arange(task.width * task.height) if codes is None else np.flatnonzero(codes)
+    if codes is None or _is_long(scene):
+        return image, [(every, rest)]
+    codes = codes[rest]
     groups = []
     while len(rest):
         code = codes[0]
@@ -73,17 +82,24 @@ def _bit(dim: int) -> int:
     return min(max(dim - 1, 0), 31)
 
 
-@jit("width", "height", "dtype", "varies")
-def _centres(
-    scene: Any, width: int, height: int, dtype: np.dtype, varies: bool
-) -> tuple[Array, Array | None, Array | None]:
-    """Return the values at the centres of all pixels, whether they vary, and a word of bits for what does."""
+def _is_long(scene: Any) -> bool:
+    """Tell whether a scene's program takes longer to compile than coordinates to make."""
+    return getattr(scene, "unrolled", 0) == 1
+
+
+@jit("width", "height", "dtype")
+def _centres(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
+    """Return the values at the centres of all pixels."""
+    x, y = _accumulation.of_image(width, height)
+    half = jnp.full((*x.shape, len(scene.needs)), 0.5, dtype)
+    return scene(_accumulation.on_screen(half, x, y, width, height))
+
+
+@jit("width", "height", "dtype")
+def _codes(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
+    """Return a word for each pixel whose bits tell of the coordinates that matter there."""
     x, y = _accumulation.of_image(width, height)
     count = len(scene.needs)
-    half = jnp.full((*x.shape, count), 0.5, dtype)
-    image = scene(_accumulation.on_screen(half, x, y, width, height))
-    if not varies:
-        return image, None, None
     # Points are rounded; so are these edges, by a unit each of the product and of the reciprocal.
     margin = 4 * jnp.finfo(dtype).eps
     low, high = [], []
@@ -103,7 +119,7 @@ def _centres(
     codes = jnp.zeros(x.shape, jnp.uint32)
     for j in range(count):
         codes |= bits[..., j].astype(jnp.uint32) << np.uint32(_bit(j))
-    return image, codes != 0, codes
+    return codes
 
 
 def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray, NDArray]]:
@@ -111,10 +127,13 @@ def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterat
     sampler = task.sampler.up_to(task.spp)
     batch = in_one_pass(task.scene, sampler, task.spp, dims)
     pair, size = (task.scene, sampler), (task.width, task.height)
+    sizes = _SIZES
+    if _is_long(task.scene):
+        sizes = (_LONG[task.width * task.height < 4 * _LONG[0]],)
     with checks.precision(task.dtype):
         begun = [
             (part, _means(pair, padded, np.uint32(task.spp), *size, batch, dims, task.dtype))
-            for part, padded in _parts(pixels)
+            for part, padded in _parts(pixels, sizes)
         ]
         for part, values in begun:
             yield part, np.asarray(values)[: len(part)]
@@ -139,11 +158,13 @@ def _means(
     return _accumulation.mean(state, spp)[0]
 
 
-def _parts(pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.uint32]]]:
-    """Cut a list into parts, and fill each up to one of `_SIZES`."""
+def _parts(
+    pixels: NDArray[np.intp], sizes: tuple[int, ...]
+) -> Iterator[tuple[NDArray[np.intp], NDArray[np.uint32]]]:
+    """Cut a list into parts, and fill each up to one of the sizes, which descend."""
     start = 0
-    for size in _SIZES:
-        while len(pixels) - start >= size or (size == _SIZES[-1] and start < len(pixels)):
+    for size in sizes:
+        while len(pixels) - start >= size or (size == sizes[-1] and start < len(pixels)):
             part = pixels[start : start + size]
             yield part, np.resize(part, size).astype(np.uint32)
             start += size

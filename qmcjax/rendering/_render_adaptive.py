@@ -31,8 +31,9 @@ def render_adaptive(
     """Average the samples of each pixel that the scene needs.
 
     Where ``scene.varies`` proves that the scene is constant in a pixel, one sample is taken; where it proves
-    that it does not depend on time, the lens or any other coordinate, that coordinate is not sampled. All
-    other samples are those of :func:`qmcjax.render`, and so are the means but for rounding. Scenes without
+    that it does not depend on time, the lens or any other coordinate, that coordinate is not sampled, unless
+    ``scene.unrolled`` is 1, as of ray-traced scenes: another program would take long to compile. All other
+    samples are those of :func:`qmcjax.render`, and so are the means but for rounding. Scenes without
     ``varies`` are sampled everywhere.
 
     Parameters

@@ -35,10 +35,10 @@ class Traced:
         return self.estimator(point)
 
     def __getattr__(self, name: str) -> Any:
-        # A scene has the method only if its estimator does; see `Scene`.
-        if name != "varies":
+        # A scene has what is optional only if its estimator does; see `Scene`.
+        if name not in ("varies", "unrolled"):
             raise AttributeError(name)
-        return self.estimator.varies
+        return getattr(self.estimator, name)
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the stored mean over each pixel, of the scene with its default parameters.

@@ -48,8 +48,12 @@ CATALOGUE = {
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
     "path-speed": Entry("figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba"),
     "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
+    "benchmark-traced": Entry(
+        "figures.benchmark_traced", "Run time against error of ray-traced scenes, beside Mitsuba"
+    ),
     "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.skipping", "What is not computed: constant pixels, passes, all but the edges"),
+    "skipping-traced": Entry("figures.skipping_traced", "What is not computed of ray-traced scenes"),
     "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
     "ray-stability": Entry("figures.ray_stability", "Where rays in single precision hold and break"),
     "measures": Entry("figures.measures", "All measures of all sequences"),

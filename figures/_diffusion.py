@@ -1,5 +1,6 @@
 """Errors of rendered images as the eye sees them: how much of them is left from afar."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,14 +45,19 @@ class Reference(NamedTuple):
     origin: str
 
 
-def reference(scene: Any, side: int, spp: int) -> Reference:
-    """Return the stored reference of a scene, or else an estimate from randomised replicates."""
+def reference(
+    scene: Any, side: int, spp: int, image: Callable[[Any, Any, int, int], NDArray] = _images.image
+) -> Reference:
+    """Return the stored reference of a scene, or else an estimate from randomised replicates.
+
+    ``image`` renders: from scene, sampler, side and samples per pixel.
+    """
     try:
         stored, bound = scene.reference(side, side)
     except ValueError:
         sobol = sequences.sobol(len(scene.needs))
         images = [
-            _images.image(scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)
+            image(scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)
             for k in range(REPLICATES)
         ]
         error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)

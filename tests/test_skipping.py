@@ -155,5 +155,5 @@ def test_a_long_program_is_compiled_once_for_what_varies():
     # For the type of its values, at the centres, and for the samples.
     assert {np.prod(shape[:-1]) for shape in scene.made} == {64 * 64, 1024}
     other = qj.render_adaptive(scenes.ball(), sampler, 64, 64, SPP)
-    np.testing.assert_allclose(result.image, other.image, atol=4 * np.finfo(np.float32).eps)
+    np.testing.assert_allclose(result.image, other.image, atol=4 * float(np.finfo(np.float32).eps))
     np.testing.assert_array_equal(result.counts, other.counts)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures import _images, _motion_blur, _traced, _z_renderings
+from figures import _error_over_time, _images, _mitsuba, _motion_blur, _traced, _traced_sweep, _z_renderings
 from qmcjax import samplers, scenes, sequences
 
 NEEDS = ("x", "y", "time", "light_u", "light_v")
@@ -67,3 +67,42 @@ def test_orders_of_pairs_differ():
         half = np.floor(np.asarray(sampler(x, y, jnp.arange(4), (0, 1, 2, 3, 4))) * 4) // 2
         differ = half[:, :, 0] != half[:, :, 3]
         assert 0 < differ.mean() < 1
+
+
+@pytest.mark.parametrize(("side", "spp"), [(64, 8), (128, 3)])
+def test_what_is_timed_is_the_image_of_render(side, spp):
+    """With several samples of each pixel in a call, and with one."""
+    scene, sampler = scenes.function(colours, ("x", "y")), samplers.independent(sequences.sobol(2), 3)
+    image, seconds = _traced_sweep.rendered(scene, sampler, side, spp)
+    np.testing.assert_allclose(image, qj.render(scene, sampler, side, side, spp), atol=1e-6)
+    assert seconds > 0
+    with pytest.raises(ValueError, match="fill calls of 16384, got 2 of 64 x 64"):
+        _traced_sweep.rendered(scene, sampler, 64, 2)
+
+
+def test_the_time_for_an_error_and_what_is_best():
+    """On a power law exactly, also beyond its ends."""
+    rows = [{"spp": n, "seconds": 0.1 * n, "rms error": n**-0.5, "sampler": "a"} for n in (4, 16, 64)]
+    for error in (1.0, 0.3, 0.125, 0.01):
+        assert _error_over_time.time_for(rows, error) == pytest.approx(0.1 * error**-2)
+    slow = {"spp": 16, "seconds": 2.0, "rms error": 0.3, "sampler": "b"}
+    assert [row["spp"] for row in _error_over_time.best([slow, *rows], "sampler")] == [4, 16, 64]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not _mitsuba.installed(), reason="Mitsuba is not installed")
+def test_mitsubas_samplers_have_the_samples_that_they_say():
+    """The best of them make less error than independent ones, from counts that some round up."""
+    box = scenes.cornell_box(0.0, ball=False, mirror=False, blocks=True, light=0.5).estimator
+    runs = [_mitsuba.Run(name, 16, seed) for name in _traced_sweep.MITSUBAS for seed in (0, 1)]
+    images, seconds, counts = _mitsuba.run(box, 16, 16, runs)
+    assert dict(zip((run.sampler for run in runs), counts, strict=True)) == {
+        "independent": 16,
+        "stratified": 16,
+        "multijitter": 16,
+        "orthogonal": 25,
+        "ldsampler": 16,
+    }
+    assert min(seconds) > 0
+    noise = abs(images[::2] - images[1::2]).mean(axis=(1, 2, 3))
+    assert (noise[1:] < 0.7 * noise[0]).all() and noise[0] > 0

@@ -1,0 +1,135 @@
+"""Run time against error of ray-traced scenes: samplers, and Mitsuba 3 with its own."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from figures import _mitsuba, _sweep, _traced_sweep
+from figures._error_over_time import best, lines, time_for
+from figures._traced_sweep import OURS
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    side: int
+    counts: tuple[int, ...]
+    turns: int
+    bounces: int
+    scenes: int
+    reference: int
+
+
+SIZES = {
+    "draft": Size(64, (4, 16), 2, 2, 1, 512),
+    "paper": Size(128, (1, 4, 16, 64), 5, 4, 5, 8192),
+}
+
+STYLES = {name: (f"C{k}", "-") for k, name in enumerate(_sweep.SAMPLERS) if name in OURS} | {
+    "Mitsuba, independent": ("C3", "--"),
+    "Mitsuba, stratified": ("C5", "--"),
+    "Mitsuba, multijitter": ("k", "--"),
+    "Mitsuba, orthogonal": ("C8", "--"),
+    "Mitsuba, ldsampler": ("C9", "--"),
+}
+"""Colour and line; ours are coloured as in the figure benchmark."""
+
+NOTE = (
+    "{side} x {side} pixels, box filter, errors over linear RGB; all programs in one run, taking turns. "
+    "Seconds are medians of {turns} images after the first, each with a new key, until the image is in "
+    "memory: without compiling or loading. Mitsuba (scalar_rgb, all threads) is in a process of its own and "
+    "takes its times there, after an image that is not counted, so that neither its start nor what passes "
+    "between processes is in them. Ours are by one program for points and one for a scene's values, since "
+    "each pair of both in one would compile for minutes. Orthogonal arrays have squares of primes "
+    "as numbers of samples, 'ldsampler' powers of 4: times and errors are of the samples taken. "
+    "References: {origins}"
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure all samplers on all scenes, and draw error over time."""
+    size = SIZES[quality]
+    compared = dict(list(_traced_sweep.cases(size.bounces).items())[: size.scenes])
+    figure = Figure(figsize=(5 * min(3, size.scenes + 1), 4.6 * (1 + size.scenes // 3)), layout="constrained")
+    figure.suptitle("Error over run time of ray-traced scenes (lower left is better)")
+    panels = np.ravel(figure.subplots(1 + size.scenes // 3, min(3, size.scenes + 1)))
+    measured: dict[str, dict] = {}
+    table, origins = [], ""
+    for done, (axes, (name, (scene, shared))) in enumerate(zip(panels, compared.items(), strict=False), 1):
+        exact = _traced_sweep.reference(scene, size.side, size.reference)
+        rows = _traced_sweep.rows(scene, shared, size.side, size.counts, size.turns, exact)
+        lines(axes, rows, "sampler", STYLES)
+        axes.axhline(exact.error, color="0.6", lw=0.8, zorder=0, label="error of the reference")
+        axes.set_title(name)
+        measured[name] = _compared(rows) | {"error of the reference": exact.error}
+        table += [{"scene": name, **row} for row in rows]
+        origins += f"{name}, {exact.origin}, RMS error {exact.error:.1e}. "
+        progress(done / len(compared))
+    _legend(figure, panels, len(compared))
+    missing = "" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."
+    return figure, {
+        "table": table,
+        "measured": measured,
+        "found": {name: _sentence(found) for name, found in measured.items()},
+        "all samplers of low discrepancy have less error than random samples at the largest count": {
+            name: _below_random(table, name) for name in measured
+        },
+        "note": NOTE.format(side=size.side, turns=size.turns, origins=origins.strip()) + missing,
+    }
+
+
+def _compared(rows: list[dict]) -> dict:
+    """Return what is best, and the times to the error of the most random samples of ours."""
+    random = [row for row in rows if row["sampler"] == "random"]
+    most = max(random, key=lambda row: row["spp"])
+    error = most["rms error"]
+    names = dict.fromkeys(row["sampler"] for row in rows)
+    times = {name: time_for([row for row in rows if row["sampler"] == name], error) for name in names}
+    theirs = [name for name in times if name not in OURS]
+    ours = min(OURS, key=lambda name: times[name])
+    ratios = {name: times[name] / times[ours] for name in names}
+    found: dict = {
+        "best": best(rows, "sampler"),
+        "samples": most["spp"],
+        "error asked for": error,
+        "seconds to it": times,
+        "fastest of ours": ours,
+        "times as long as the fastest of ours": ratios,
+    }
+    if theirs:
+        means = [
+            row["mean over the reference's"]
+            for row in rows
+            if row["sampler"] in theirs and row["spp"] >= most["spp"]
+        ]
+        found |= {
+            "fastest of Mitsuba's": min(theirs, key=lambda name: times[name]),
+            "mean of Mitsuba's images of most samples over the reference's": float(np.mean(means)),
+        }
+    return found
+
+
+def _sentence(found: dict) -> str:
+    """Return in words how long samplers take to the error of random samples."""
+    ratios, ours = found["times as long as the fastest of ours"], found["fastest of ours"]
+    text = f"To the error of {found['samples']} random samples, these take {ratios['random']:.2g} times"
+    if "fastest of Mitsuba's" in found:
+        theirs = found["fastest of Mitsuba's"]
+        text += f", and the fastest sampler of Mitsuba's, {theirs}, {ratios[theirs]:.2g} times"
+    return f"{text} as long as {ours}."
+
+
+def _below_random(table: list[dict], name: str) -> bool:
+    errors = {(row["sampler"], row["spp"]): row["rms error"] for row in table if row["scene"] == name}
+    last = max(spp for sampler, spp in errors if sampler == "random")
+    return all(errors[sampler, last] < errors["random", last] for sampler in OURS if sampler != "random")
+
+
+def _legend(figure: Figure, panels: np.ndarray, used: int) -> None:
+    """Put one legend for all scenes into the first free panel."""
+    for axes in panels[used:]:
+        axes.set_axis_off()
+    handles, labels = panels[0].get_legend_handles_labels()
+    panels[used].legend(handles, labels, loc="center", fontsize=10, frameon=False)

@@ -1,5 +1,8 @@
 """Measures of points, orders, images, and of run time against error."""
 
+from analysis._compare import compare as compare
+from analysis._comparison import Comparison as Comparison
+from analysis._comparison import ComparisonRow as ComparisonRow
 from analysis._convergence import ConvergenceRow as ConvergenceRow
 from analysis._convergence import ConvergenceTable as ConvergenceTable
 from analysis._convergence import convergence as convergence
@@ -36,6 +39,7 @@ from analysis._optimize import optimize_points as optimize_points
 from analysis._perceived import perceived_error as perceived_error
 from analysis._pixel_means import pixel_means as pixel_means
 from analysis._point_spectrum import point_spectrum as point_spectrum
+from analysis._promises import broken_promises as broken_promises
 from analysis._reading import SequenceEngine as SequenceEngine
 from analysis._reading import read_points as read_points
 from analysis._spectra import error_spectrum as error_spectrum

@@ -1,0 +1,159 @@
+"""What a sampler promises to everybody who calls it, tried out on a part of an image."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.samplers import Sampler, as_sampler
+
+__all__ = ["broken_promises"]
+
+_SIDE = 32
+"""Pixels a side that are looked at."""
+
+_SAMPLES = 64
+
+_FAR = 2.7
+"""Uniform numbers have a Kolmogorov-Smirnov statistic above _FAR / sqrt(n) once in a million sets."""
+
+
+def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str]:
+    """Say what a sampler does that no sampler may do.
+
+    Its points have the shape and dtype that were asked for, are in [0, 1), are the same whenever and in
+    whatever company they are asked for, under ``jax.jit`` too, do not depend on which other coordinates are
+    wanted; those of a pixel differ from each other, and all together each coordinate is uniform.
+
+    Parameters
+    ----------
+    sampler : Sampler
+    width, height : int
+        Of an image in pixels; points of at most 32 x 32 of them are looked at.
+    spp : int
+        Samples per pixel, of which at most 64 are looked at.
+
+    Returns
+    -------
+    list of str
+        A sentence for each broken promise, none if all are kept. What depends on a call that fails is not
+        looked at.
+
+    Raises
+    ------
+    TypeError
+        If ``sampler`` is none, or a size is no integer.
+    ValueError
+        If a size is out of range.
+
+    Examples
+    --------
+    >>> import jax.numpy as jnp
+    >>> from qmcjax import samplers, sequences
+    >>> broken_promises(samplers.independent(sequences.sobol(2), key=1), 64, 64, 16)
+    []
+    >>> def same(x, y, sample):
+    ...     return jnp.ones((*x.shape, 2))
+    >>> for sentence in broken_promises(samplers.function(same, 2), 64, 64, 16):
+    ...     print(sentence)
+    coordinate 0 of pixel (0, 0), sample 0, is 1.0: coordinates are in [0, 1)
+    samples 0 and 1 of pixel (0, 0) are the same point
+    """
+    sampler = as_sampler("sampler", sampler)
+    width, height = checks.image_size(width, height)
+    spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
+    return list(_broken(sampler, width, height, spp))
+
+
+def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str]:
+    try:
+        sampler.check(width, height, spp)
+    except (TypeError, ValueError) as error:
+        yield f"it refuses {width} x {height} pixels with {spp} samples: {error}"
+        return
+    dims = tuple(range(sampler.dims))
+    y, x, sample = np.indices((min(height, _SIDE), min(width, _SIDE), min(spp, _SAMPLES)), np.uint32)
+
+    def asked(x: Any, y: Any, sample: Any, dims: tuple[int, ...] = dims) -> Array:
+        return sampler(x, y, sample, dims)
+
+    points, why = _tried(lambda: asked(x, y, sample))
+    if points is None:
+        yield f"a call with arrays of pixels and samples fails: {why}"
+        return
+    yield from _range(points)
+    finite = np.isfinite(points).all()
+    again = list(_same(points, "a second call", lambda: asked(x, y, sample)))
+    if again:
+        # Whatever else is compared would differ, too.
+        yield from again
+        return
+    yield from _same(points, "jax.jit", lambda: jax.jit(asked)(x, y, sample))
+    last = tuple(n - 1 for n in points.shape[:3])
+    some = {(0, 0, 0), last, tuple(n // 2 for n in last)}
+    for row, column, number in sorted(some):
+        one = points[row, column, number]
+        what = f"one sample, {number} of pixel ({column}, {row}),"
+        yield from _same(one, what, lambda r=row, c=column, n=number: asked(c, r, n))
+    turned = dims[::-1]
+    if len(dims) > 1:
+        yield from _same(points[..., turned], f"coordinates {turned}", lambda: asked(x, y, sample, turned))
+        yield from _same(
+            points[..., -1:], "the last coordinate alone", lambda: asked(x, y, sample, dims[-1:])
+        )
+    if finite:
+        yield from _repeats(points)
+        yield from _uniform(points)
+
+
+def _tried(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
+    try:
+        return np.asarray(call()), ""
+    except Exception as error:  # Whatever a user's code raises is what the user has to know.
+        return None, f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
+
+
+def _same(points: NDArray, what: str, call: Callable[[], Any]) -> Iterator[str]:
+    others, why = _tried(call)
+    if others is None:
+        yield f"{what} fails: {why}"
+    elif others.shape != points.shape or not np.allclose(others, points, rtol=0, atol=1e-6, equal_nan=True):
+        yield f"{what} gives other points"
+
+
+def _range(points: NDArray) -> Iterator[str]:
+    outside = ~((points >= 0) & (points < 1))
+    if outside.any():
+        row, column, number, j = (int(k) for k in np.argwhere(outside)[0])
+        yield (
+            f"coordinate {j} of pixel ({column}, {row}), sample {number}, is "
+            f"{points[row, column, number, j]}: coordinates are in [0, 1)"
+        )
+
+
+def _repeats(points: NDArray) -> Iterator[str]:
+    by_pixel = points.reshape(-1, *points.shape[2:])
+    for pixel, own in enumerate(by_pixel):
+        _, first, inverse = np.unique(own, axis=0, return_index=True, return_inverse=True)
+        if len(first) < len(own):
+            number = int(np.flatnonzero(first[inverse.ravel()] != np.arange(len(own)))[0])
+            row, column = divmod(pixel, points.shape[1])
+            yield (
+                f"samples {int(first[inverse.ravel()[number]])} and {number} of pixel ({column}, {row}) are "
+                "the same point"
+            )
+            return
+
+
+def _uniform(points: NDArray) -> Iterator[str]:
+    for j in range(points.shape[-1]):
+        # Points that many pixels share count once.
+        values = np.unique(points[..., j])
+        n = len(values)
+        statistic = max(np.max(np.arange(1, n + 1) / n - values), np.max(values - np.arange(n) / n))
+        if n > 1 and statistic > _FAR / np.sqrt(n) + 1 / n:
+            yield f"coordinate {j} is not uniform: its distribution is {statistic:.3f} off"

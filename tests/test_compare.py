@@ -1,0 +1,221 @@
+"""Comparisons of samplers: what is measured, how sure it is, and promises that samplers break."""
+
+import re
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import analysis
+import qmcjax as qj
+from qmcjax import orders, samplers, scenes, sequences
+
+SIDE, SPP = 32, 16
+
+
+class Plug:
+    dims = 2
+
+    def __init__(self, points):
+        self.made = points
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return self.made(x, y, sample)[..., list(dims)].astype(dtype)
+
+
+def good(x, y, sample):
+    number = (y * np.uint32(SIDE) + x) * np.uint32(SPP) + sample
+    steps = np.array([3242174889, 2447445414], np.uint32)
+    return jnp.stack([(number * step >> np.uint32(8)).astype(jnp.float32) / 2**24 for step in steps], axis=-1)
+
+
+class Counts:
+    """Goes on from call to call."""
+
+    dims = 2
+    calls = 0
+
+    def __call__(self, x, y, sample, dims, dtype):
+        self.calls += 1
+        return (good(x, y, sample) * 0.5 + 0.01 * self.calls).astype(dtype)
+
+
+class ByShape:
+    """The points depend on how many are asked for."""
+
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        shift = 0.25 if x.ndim else 0.0
+        return ((good(x, y, sample) + shift) % 1)[..., list(dims)].astype(dtype)
+
+
+class ByPlace:
+    """The first coordinate that is asked for is always the same one."""
+
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return good(x, y, sample)[..., : len(dims)].astype(dtype)
+
+
+class OnePixel:
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return jnp.asarray([float(x) / SIDE, float(y) / SIDE], dtype)
+
+
+BREAKS = {
+    "range": (
+        Plug(lambda x, y, s: good(x, y, s) * 1.01),
+        r"coordinate \d of pixel .* coordinates are in \[0, 1\)",
+    ),
+    "nan": (Plug(lambda x, y, s: jnp.where((s == 3)[..., None], jnp.nan, good(x, y, s))), "sample 3, is nan"),
+    "repeats": (Plug(lambda x, y, s: good(x, y, s // 2)), "samples 0 and 1 of pixel .* are the same point"),
+    "uniform": (Plug(lambda x, y, s: good(x, y, s) ** 2), "coordinate 0 is not uniform"),
+    "state": (Counts(), "a second call gives other points"),
+    "company": (ByShape(), "one sample, 0 of pixel .* gives other points"),
+    "dims": (ByPlace(), "gives other points"),
+    "scalars": (OnePixel(), "a call with arrays of pixels and samples fails: TypeError"),
+    "shape": (Plug(lambda x, y, s: good(x, y, s)[..., None]), "a call with arrays .* fails"),
+}
+
+
+@pytest.mark.parametrize("name", BREAKS)
+def test_a_broken_promise_is_told(name):
+    sampler, sentence = BREAKS[name]
+    broken = analysis.broken_promises(sampler, SIDE, SIDE, SPP)
+    assert any(re.search(sentence, each) for each in broken), broken
+
+
+KEPT = {
+    "own": Plug(good),
+    "Owen": samplers.independent(sequences.sobol(3), 1),
+    "Z": samplers.z(SIDE, SIDE, SPP, 1),
+    "Hilbert": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.halton(2), SPP),
+    "mask": samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(2)),
+    "screen": samplers.full_screen(sequences.sobol(4), SIDE, SIDE),
+    "ranked": samplers.ranked(2, 1),
+    "lattice in each pixel": samplers.independent(sequences.rank1_lattice(SPP), 1, "shift"),
+}
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_samplers_keep_their_promises(name):
+    assert analysis.broken_promises(KEPT[name], SIDE, SIDE, SPP) == []
+
+
+def test_a_sampler_that_refuses_says_why():
+    (sentence,) = analysis.broken_promises(samplers.z(SIDE, SIDE, 4, 1), SIDE, SIDE, SPP)
+    assert sentence.startswith("it refuses 32 x 32 pixels with 16 samples: spp must be")
+
+
+def owen(key):
+    return samplers.independent(sequences.sobol(2), key)
+
+
+def hilbert(width, height, spp, key):
+    return samplers.contiguous(orders.hilbert(width, height), sequences.owen(sequences.sobol(2), key), spp)
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    made = {"Owen": owen, "Hilbert": hilbert, "fixed": KEPT["screen"], "few": samplers.z(SIDE, SIDE, 4, 1)}
+    worlds = {"disc": scenes.disc(), "ball": scenes.ball()}
+    return analysis.compare(made, worlds, [1, 4, 16], width=SIDE, height=SIDE, keys=4)
+
+
+def test_values_are_those_of_images(comparison):
+    exact, _ = scenes.disc().reference(SIDE, SIDE)
+    images = [np.asarray(qj.render(scenes.disc(), owen(key), SIDE, SIDE, 4), np.float64) for key in range(4)]
+    row = comparison.row("disc", "Owen", 4)
+    assert row.values["filtered error"] == tuple(analysis.filtered_error(image, exact) for image in images)
+    squares = [np.mean((image - exact) ** 2) for image in images]
+    assert row.mean("RMS error") == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-12)
+    low, high = row.interval("RMS error")
+    assert np.sqrt(min(squares)) <= low < row.mean("RMS error") < high <= np.sqrt(max(squares))
+    np.testing.assert_array_equal(row.image, images[0].astype(np.float32))
+    powers = [analysis.radial_average(analysis.error_spectrum(image, exact))[1] for image in images]
+    np.testing.assert_allclose(row.power, np.mean(powers, axis=0))
+
+
+def test_what_has_no_key_is_rendered_once_and_has_no_interval(comparison):
+    row = comparison.row("disc", "fixed", 4)
+    assert {len(values) for values in row.values.values()} == {1}
+    assert row.interval("RMS error") == (row.mean("RMS error"),) * 2
+
+
+def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
+    assert "spp must be" in comparison.left_out["disc", "few", 16]
+    assert comparison.left_out["ball", "Owen", 4] == "it has 2 dimensions, the scene needs 3"
+    assert ("ball", "fixed", 4) not in comparison.left_out
+    with pytest.raises(KeyError, match="it has 2 dimensions"):
+        comparison.row("ball", "Owen", 4)
+    assert len(comparison.rows) + len(comparison.left_out) == 4 * 3 * 2
+    assert comparison.promises["few"][0].startswith("it refuses")
+
+
+def test_ranks_say_who_is_told_apart():
+    def of(values):
+        return {"RMS error": tuple(values)}
+
+    def row(sampler, values):
+        return analysis.ComparisonRow(
+            "s", sampler, 1, of(values), 0.0, np.zeros(1), np.zeros(1), np.zeros((2, 2))
+        )
+
+    rows = row("best", [1.0, 1.1, 0.9, 1.0]), row("a", [2.0, 2.6, 2.2, 2.4]), row("b", [2.1, 2.5, 2.3, 2.4])
+    ranks = analysis.Comparison(rows, {}, {}, {}, {}).ranks("s", 1)
+    assert ranks["best"] == (1, 1, 1)
+    assert sorted(rank for rank, _, _ in ranks.values()) == [1, 2, 3]
+    assert ranks["a"][1:] == ranks["b"][1:] == (2, 3)
+
+
+def test_slopes(comparison):
+    slope, low, high = comparison.slope("disc", "Owen")
+    spps, errors = comparison.errors("disc", "Owen")
+    assert slope == pytest.approx(np.polyfit(np.log(spps), np.log(errors), 1)[0])
+    assert low <= slope <= high and slope < -0.5
+
+
+def test_points_are_measured_where_they_are(comparison):
+    measured = comparison.points["fixed"][4]
+    y, x, sample = np.indices((16, 16, 4), np.uint32)
+    own = np.asarray(KEPT["screen"](x, y, sample), np.float64)
+    whole = ((own + np.stack([x, y], axis=-1)) / 16).reshape(-1, 2)
+    assert measured["star discrepancy"] == pytest.approx(analysis.star_discrepancy(whole), rel=1e-12)
+    assert measured["largest t in a pixel"] == max(
+        analysis.t_value(own[i, j]) for i in range(4) for j in range(4)
+    )
+    assert 0 < measured["relative minimum distance"] < 1
+
+
+def test_the_table_is_one_of_plain_values(comparison):
+    table = comparison.table()
+    assert len(table) == len(comparison.rows)
+    assert {type(value) for row in table for value in row.values()} == {str, int, float}
+    assert len({tuple(row) for row in table if row["spp"] > 1}) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "message", "change"),
+    [
+        (TypeError, "samplers must map names to samplers", {"samplers": [owen]}),
+        (ValueError, "samplers must be one or more", {"samplers": {}}),
+        (TypeError, r"samplers\['a'\] must be a function with parameters", {"samplers": {"a": lambda n: n}}),
+        (TypeError, r"samplers\['a'\] must be a sampler", {"samplers": {"a": lambda key: key}}),
+        (TypeError, r"scenes\['a'\] must be a scene", {"scenes": {"a": 3}}),
+        (TypeError, "must have a reference", {"scenes": {"a": scenes.function(jnp.ravel, ("x", "y"))}}),
+        (ValueError, "spps must be different", {"spps": [4, 4]}),
+        (ValueError, "spps must be one or more", {"spps": []}),
+        (TypeError, "spps must be", {"spps": 4}),
+        (ValueError, "keys must be", {"keys": 0}),
+        (ValueError, "width must be", {"width": 16}),
+        (TypeError, "progress must be", {"progress": 1}),
+    ],
+)
+def test_bad_input_is_named(error, message, change):
+    given = {"samplers": {"Owen": owen}, "scenes": {"disc": scenes.disc()}, "spps": [1], **change}
+    with pytest.raises(error, match=message):
+        analysis.compare(**given)

@@ -1,0 +1,12 @@
+"""Points, orders, images, spectra and convergence as all figures draw them: one line each in a notebook."""
+
+from figures.plot._convergence import convergence as convergence
+from figures.plot._images import difference as difference
+from figures.plot._images import image as image
+from figures.plot._points import order as order
+from figures.plot._points import points as points
+from figures.plot._spectra import spectrum as spectrum
+from figures.plot._style import SAMPLERS as SAMPLERS
+from figures.plot._style import Style as Style
+from figures.plot._style import rc as rc
+from figures.plot._style import style as style

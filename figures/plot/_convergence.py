@@ -1,0 +1,135 @@
+"""Errors over numbers of samples, each curve with its name at its end."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.transforms import blended_transform_factory
+from numpy.typing import ArrayLike, NDArray
+
+from figures.plot._panel import panel
+from figures.plot._style import style
+
+_LINE = 0.055
+"""Least distance of names, in heights of the axes."""
+
+
+def convergence(
+    spps: Sequence[int],
+    errors: Mapping[str, ArrayLike],
+    *,
+    bands: Mapping[str, ArrayLike] | None = None,
+    slopes: Sequence[float] = (-0.5, -0.75),
+    title: str = "",
+    ylabel: str = "RMS error",
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw errors over samples per pixel, both logarithmic, with the names of samplers beside their curves.
+
+    Parameters
+    ----------
+    spps : sequence of int
+    errors : mapping of samplers' names to float ArrayLike, shape (len(spps),)
+        Positive.
+    bands : mapping of names to float ArrayLike, shape (2, len(spps)), optional
+        Low and high ends of what is likely, from keys.
+    slopes : sequence of float, optional
+        Powers of the number of samples that are drawn as dotted lines, from the largest first error.
+    title, ylabel : str, optional
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    TypeError
+        If ``errors`` is no mapping, or ``ax`` no Axes.
+    ValueError
+        If errors have another shape, or one is not positive.
+
+    Examples
+    --------
+    >>> ax = convergence([1, 4, 16], {"Z": [0.3, 0.12, 0.05], "random": [0.3, 0.15, 0.08]})
+    >>> print([text.get_text() for text in ax.texts if "n" not in text.get_text()])
+    ['Z']
+    """
+    if not isinstance(errors, Mapping):
+        raise TypeError(f"errors must map names to errors, got {type(errors).__name__}")
+    x = np.asarray(spps, np.float64)
+    of = {name: np.asarray(values, np.float64) for name, values in errors.items()}
+    for name, values in of.items():
+        if values.shape != x.shape or not (values > 0).all():
+            raise ValueError(f"errors[{name!r}] must be {len(x)} positive numbers, got {values.tolist()}")
+    ax = panel(ax, (5.6, 3.8))
+    start = max(values[0] for values in of.values())
+    for power in slopes:
+        ax.plot(x, start * (x / x[0]) ** power, ":", color="0.6", lw=0.8, zorder=0)
+        ax.annotate(
+            f"$n^{{{power:g}}}$",
+            (x[-1], start * (x[-1] / x[0]) ** power),
+            fontsize=8,
+            color="0.4",
+            va="bottom",
+        )
+    for name, values in of.items():
+        drawn = style(name, of)
+        ax.plot(x, values, drawn.line, color=drawn.color, marker=drawn.marker, ms=4, lw=1.2)
+        if bands and name in bands:
+            low, high = np.asarray(bands[name], np.float64)
+            ax.fill_between(x, low, high, color=drawn.color, alpha=0.15, lw=0)
+    ax.set_xscale("log", base=2)
+    ax.set_yscale("log")
+    ax.set_xticks(x, [f"{n:g}" for n in x], minor=False)
+    ax.minorticks_off()
+    ax.set(xlabel="samples per pixel", ylabel=ylabel, title=title)
+    ax.grid(alpha=0.3)
+    _names(ax, of)
+    return ax
+
+
+def _names(ax: Axes, errors: Mapping[str, NDArray[np.float64]]) -> None:
+    """Write each name right of its curve's end, apart from each other, with a line to it."""
+    low, high = np.log(ax.get_ylim())
+    ends = {name: (np.log(values[-1]) - low) / (high - low) for name, values in errors.items()}
+    ordered = sorted(ends, key=lambda name: ends[name])
+    places = _apart([ends[name] for name in ordered])
+    across = blended_transform_factory(ax.transAxes, ax.transAxes)
+    for name, place in zip(ordered, places, strict=True):
+        color = style(name, errors).color
+        ax.annotate(
+            name,
+            (1.0, ends[name]),
+            xycoords=across,
+            xytext=(1.06, place),
+            textcoords=across,
+            va="center",
+            fontsize=8,
+            color=color,
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": color,
+                "lw": 0.6,
+                "shrinkA": 1,
+                "shrinkB": 2,
+                "relpos": (0, 0.5),
+            },
+        )
+
+
+def _apart(places: Sequence[float]) -> NDArray[Any]:
+    """Return places from 0 on near some that ascend, at least a line apart (pool adjacent violators)."""
+    blocks: list[list[float]] = []  # sums of what is left of the steps, and how many
+    for k, place in enumerate(places):
+        blocks.append([place - k * _LINE, 1])
+        while len(blocks) > 1 and blocks[-2][0] / blocks[-2][1] > blocks[-1][0] / blocks[-1][1]:
+            total, count = blocks.pop()
+            blocks[-1][0] += total
+            blocks[-1][1] += count
+    means = np.repeat([total / count for total, count in blocks], [int(count) for _, count in blocks])
+    apart = means + np.arange(len(places)) * _LINE
+    return apart - min(apart[0], 0.0)

@@ -1,0 +1,140 @@
+"""Images at whole zoom: a pixel is as many pixels wide as high, and none is resampled."""
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+_MARGIN = 12
+_HEAD = 20
+
+DPI = 150
+
+
+def image(
+    image: ArrayLike,
+    *,
+    title: str = "",
+    zoom: int | None = None,
+    limits: tuple[float, float] = (0.0, 1.0),
+    transfer: str = "linear",
+) -> Figure:
+    """Draw an image so that each of its pixels is a square of whole pixels, at 150 dpi.
+
+    Parameters
+    ----------
+    image : float ArrayLike, shape (height, width) or (height, width, 3)
+        Grey or linear RGB.
+    title : str, optional
+    zoom : int, optional
+        Pixels of the figure per pixel, at least 1; by default what makes the image about 512 wide.
+    limits : (float, float), optional
+        Values that are black and white; others are clipped.
+    transfer : {"linear", "srgb"}, optional
+        What is done to values between: nothing, which is fit for errors and test patterns, or the curve of
+        sRGB, which screens expect of pictures.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    TypeError
+        If ``image`` is no array of numbers.
+    ValueError
+        If it has another shape or a value that is not finite, or another argument is out of range.
+
+    Examples
+    --------
+    >>> figure = image(np.eye(64), zoom=4)
+    >>> print(figure.axes[0].get_window_extent().width)
+    256.0
+    """
+    return _drawn(_checked("image", image), title, zoom, limits, transfer)
+
+
+def _drawn(
+    array: NDArray[np.float64], title: str, zoom: int | None, limits: tuple[float, float], transfer: str
+) -> Figure:
+    low, high = limits
+    if not low < high:
+        raise ValueError(f"limits must be (low, high) with low < high, got {limits}")
+    shown = np.clip((array - low) / (high - low), 0, 1)
+    if transfer == "srgb":
+        shown = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+    elif transfer != "linear":
+        raise ValueError(f"transfer must be 'linear' or 'srgb', got {transfer!r}")
+    height, width = array.shape[:2]
+    if zoom is None:
+        zoom = max(1, round(512 / width))
+    if isinstance(zoom, bool) or not isinstance(zoom, int | np.integer) or zoom < 1:
+        raise ValueError(f"zoom must be an integer of at least 1, got {zoom!r}")
+    across, down = zoom * width, zoom * height
+    whole = across + 2 * _MARGIN, down + 2 * _MARGIN + _HEAD * bool(title)
+    figure = Figure(figsize=(whole[0] / DPI, whole[1] / DPI), dpi=DPI)
+    axes = figure.add_axes((_MARGIN / whole[0], _MARGIN / whole[1], across / whole[0], down / whole[1]))
+    axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation="nearest", aspect="auto")
+    axes.set_axis_off()
+    if title:
+        axes.set_title(title, fontsize=9, pad=3)
+    return figure
+
+
+def difference(
+    image: ArrayLike, reference: ArrayLike, *, title: str = "", scale: float | None = None
+) -> Figure:
+    """Draw the error of an image: grey is none, white is above by ``scale``, black below by as much.
+
+    Parameters
+    ----------
+    image, reference : float ArrayLike, shape (height, width) or (height, width, 3)
+        Both of one shape.
+    title : str, optional
+        By default the scale.
+    scale : float, optional
+        Positive; by default three times the RMS error.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    TypeError
+        If an argument is no array of numbers.
+    ValueError
+        If shapes differ, a value is not finite, or ``scale`` is not positive.
+
+    Examples
+    --------
+    >>> figure = difference(np.eye(8), np.zeros((8, 8)))
+    >>> print(figure.axes[0].get_title())
+    error, -1.1 to 1.1
+    """
+    error = _checked("image", image) - _same(_checked("reference", reference), image)
+    if scale is None:
+        scale = 3 * math.sqrt(np.mean(error**2)) or 1.0
+    if not (math.isfinite(scale) and scale > 0):
+        raise ValueError(f"scale must be positive, got {scale!r}")
+    return _drawn(error, title or f"error, {-scale:.2g} to {scale:.2g}", None, (-scale, scale), "linear")
+
+
+def _same(reference: NDArray[np.float64], image: Any) -> NDArray[np.float64]:
+    if reference.shape != np.shape(image):
+        raise ValueError(f"reference must have the image's shape {np.shape(image)}, got {reference.shape}")
+    return reference
+
+
+def _checked(name: str, value: Any) -> NDArray[np.float64]:
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be numbers, got {type(value).__name__}") from None
+    if array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)) or not array.size:
+        raise ValueError(f"{name} must have shape (height, width) or (height, width, 3), got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite, got {int((~np.isfinite(array)).sum())} other values")
+    return array

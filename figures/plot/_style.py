@@ -1,0 +1,141 @@
+"""One table of samplers: colour, marker and line of each, wherever it is drawn."""
+
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
+from typing import NamedTuple
+
+import matplotlib
+
+BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
+    "#000000",
+    "#E69F00",
+    "#56B4E9",
+    "#009E73",
+    "#F0E442",
+    "#0072B2",
+    "#D55E00",
+    "#CC79A7",
+)
+"""Colours that colour-blind readers tell apart (M. Okabe, K. Ito, "Color Universal Design", 2008)."""
+
+GREY, DARK = "#999999", "#555555"
+
+
+class Style(NamedTuple):
+    """How a sampler is drawn."""
+
+    color: str
+    marker: str
+    line: str = "-"
+
+
+SAMPLERS: dict[str, Style] = {
+    # At random, or nearly.
+    "random": Style(BLACK, "."),
+    "jittered grid": Style(GREY, "x"),
+    "Lloyd relaxation": Style(DARK, "p"),
+    # One set in each pixel.
+    "rank-1 lattice": Style(PURPLE, "s"),
+    "(0,2), xor": Style(ORANGE, "^", ":"),
+    "(0,2), Owen": Style(ORANGE, "o"),
+    "Sobol' net": Style(ORANGE, "D"),
+    "modified Sobol' net": Style(GREEN, "d"),
+    # One set over the screen.
+    "Hammersley": Style(ORANGE, "h"),
+    "Larcher-Pillichshammer": Style(GREEN, "v"),
+    "optimised matrices": Style(SKY, "P"),
+    "permutation": Style(VERMILLION, "^"),
+    "Sobol' net, full screen": Style(ORANGE, ">", "--"),
+    "modified Sobol' net, full screen": Style(GREEN, "<", "--"),
+    "Sobol', full screen": Style(SKY, "8"),
+    "Halton, full screen": Style(SKY, "H", "--"),
+    # Optimised for what is left of errors after a filter.
+    "dither mask": Style(YELLOW, "X"),
+    "ranked (Heitz)": Style(PURPLE, "*"),
+    # Along Morton's curve.
+    "Z0": Style(BLUE, "1", ":"),
+    "Z, hash": Style(BLUE, "o"),
+    "Z, tree": Style(BLUE, "s", "--"),
+    "Z, ART": Style(BLUE, "^", "-."),
+    # Along other curves.
+    "Hilbert, Halton (2,3)": Style(VERMILLION, "o"),
+    "Hilbert, Halton (3,5)": Style(VERMILLION, "s", "--"),
+    "Hilbert, Owen-Sobol'": Style(VERMILLION, "D", "-."),
+    "Hilbert, shifted lattice": Style(PURPLE, "v", "-."),
+    "Hilbert, segments": Style(VERMILLION, "<", ":"),
+    "Hilbert, partitioned": Style(VERMILLION, ">", ":"),
+    "Moore, Halton (2,3)": Style(GREEN, "o"),
+    "Peano, Halton (2,5)": Style(GREEN, "s", "--"),
+    "optimized": Style(GREEN, "*"),
+}
+"""In the order of legends. One colour may stand for a family, colour and marker together for one sampler."""
+
+OWN = (Style("#8A2BE2", "*"), Style("#A0522D", "P"), Style("#2F4F4F", "X"))
+"""Of samplers that are not in the table."""
+
+_SAME = {
+    "(0,2)-sequence": "(0,2), Owen",
+    "(0,2)": "(0,2), Owen",
+    "(0,2), Owen per pixel": "(0,2), Owen",
+    "(0,2), xor per pixel": "(0,2), xor",
+    "Heitz": "ranked (Heitz)",
+    "Z": "Z, hash",
+    "Sobol'": "Sobol', full screen",
+    "global Sobol'": "Sobol', full screen",
+    "global Halton": "Halton, full screen",
+    "lattice, rotated": "rank-1 lattice",
+    "dither, vectors": "dither mask",
+    "Hilbert, segments (3,5)": "Hilbert, segments",
+    "independent": "random",
+}
+"""Names that figures have taken from the papers for what the table has."""
+
+
+def style(name: str, among: Iterable[str] = ()) -> Style:
+    """Return how a sampler is drawn.
+
+    Parameters
+    ----------
+    name : str
+    among : iterable of str
+        All samplers of a plot: those that the table does not have get different styles.
+
+    Returns
+    -------
+    Style
+
+    Raises
+    ------
+    TypeError
+        If ``name`` is no string.
+
+    Examples
+    --------
+    >>> style("Z") == style("Z, hash"), style("mine") == style("his", ["mine", "his"])
+    (True, False)
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"name must be the name of a sampler, got {name!r}")
+    known = _SAME.get(name, name)
+    if known in SAMPLERS:
+        return SAMPLERS[known]
+    others = [other for other in dict.fromkeys((*among, name)) if _SAME.get(other, other) not in SAMPLERS]
+    return OWN[others.index(name) % len(OWN)]
+
+
+def rc() -> AbstractContextManager[None]:
+    """Return the context in which text is at least 8 pt at the printed size, and grids are light."""
+    return matplotlib.rc_context(
+        {
+            "font.size": 9,
+            "axes.titlesize": 9,
+            "axes.labelsize": 9,
+            "xtick.labelsize": 8,
+            "ytick.labelsize": 8,
+            "legend.fontsize": 8,
+            "axes.grid": False,
+            "grid.alpha": 0.3,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+        }
+    )

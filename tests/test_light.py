@@ -504,10 +504,13 @@ def odd_worlds():
         for j, case in enumerate(odd_worlds())
     ],
 )
-def test_pictures_are_never_nan(case):
+@pytest.mark.parametrize(
+    "estimator", [tracing.path_tracing, pytest.param(tracing.bidirectional, marks=pytest.mark.slow)]
+)
+def test_pictures_are_never_nan(case, estimator):
     _, objects, lights, eye = case
     camera = tracing.camera(eye, [0, 0, -1], fov=60)
-    scene = tracing.path_tracing(tracing.world(objects, lights), camera, 2)
+    scene = estimator(tracing.world(objects, lights), camera, 2)
     values = samples(scene)
     assert np.isfinite(values).all() and (values >= 0).all()
 

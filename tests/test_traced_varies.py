@@ -41,20 +41,22 @@ def chrome():
     return tracing.direct_light(world, tracing.camera([0, 0.7, 5], [0, 0.5, 0]), mirrors=1)
 
 
-def paths():
-    """Indirect light: whatever is seen depends on what moves."""
+def indirect():
+    """Return a world and a camera: whatever is seen depends on what moves."""
     plane = tracing.plane([0, 0, 0], [0, 1, 0])
     opened = np.array([[[0, 1, 0], [1, 1, 0], [0, 2, 0.0]]])
     closing = tracing.triangles(opened, np.add(opened, [[[0, 0, 0], [0, 0, 1], [0, 0, 0]]]))
     camera = tracing.camera([0, 1, 5], [0, 1.2, 0])
-    return tracing.path_tracing(tracing.world([plane, closing], [tracing.environment(1.0)]), camera, 1)
+    lights = [tracing.environment(1.0), tracing.point_light([2, 5, 2], 20.0)]
+    return tracing.world([plane, closing], lights), camera
 
 
 SCENES = {
     "pinhole": scene,
     "lens": lambda: scene(aperture=0.05, focus=4.0),
     "mirror": chrome,
-    "paths": paths,
+    "paths": lambda: tracing.path_tracing(*indirect(), 1),
+    "bidirectional": lambda: tracing.bidirectional(*indirect(), 1),
 }
 
 

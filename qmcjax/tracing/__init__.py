@@ -5,6 +5,8 @@ object, so that rotation is exact at every time.
 """
 
 from qmcjax.tracing import motion as motion
+from qmcjax.tracing._bidirectional import Bidirectional as Bidirectional
+from qmcjax.tracing._bidirectional import bidirectional as bidirectional
 from qmcjax.tracing._camera import Camera as Camera
 from qmcjax.tracing._camera import camera as camera
 from qmcjax.tracing._direct import DirectLight as DirectLight
@@ -25,15 +27,15 @@ from qmcjax.tracing._flat import Rectangle as Rectangle
 from qmcjax.tracing._hit import Hit as Hit
 from qmcjax.tracing._hit import any_hit as any_hit
 from qmcjax.tracing._hit import nearest_hit as nearest_hit
+from qmcjax.tracing._light_factories import environment as environment
+from qmcjax.tracing._light_factories import point_light as point_light
+from qmcjax.tracing._light_factories import rectangle_light as rectangle_light
+from qmcjax.tracing._light_factories import sphere_light as sphere_light
 from qmcjax.tracing._lights import Environment as Environment
 from qmcjax.tracing._lights import Light as Light
 from qmcjax.tracing._lights import PointLight as PointLight
 from qmcjax.tracing._lights import RectangleLight as RectangleLight
 from qmcjax.tracing._lights import SphereLight as SphereLight
-from qmcjax.tracing._lights import environment as environment
-from qmcjax.tracing._lights import point_light as point_light
-from qmcjax.tracing._lights import rectangle_light as rectangle_light
-from qmcjax.tracing._lights import sphere_light as sphere_light
 from qmcjax.tracing._materials import Diffuse as Diffuse
 from qmcjax.tracing._materials import Emitter as Emitter
 from qmcjax.tracing._materials import Glossy as Glossy

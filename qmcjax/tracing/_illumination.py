@@ -1,5 +1,6 @@
 """Light at a point: one light of a world is chosen, and a point of it; and how likely that was."""
 
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -27,6 +28,17 @@ class Choice(NamedTuple):
         """Return the choice by coordinates that are named for a vertex of a path."""
         return cls(*(coordinates.get(f"light{vertex}{part}") for part in ("", "_u", "_v")))
 
+    def number(self, world: World, like: Array) -> Array:
+        """Return which light is chosen, in the shape of an array."""
+        return chosen(self.light, len(world.lights), like)
+
+
+def chosen(coordinate: Array | None, count: int, like: Array) -> Array:
+    """Return which of so many things a coordinate chooses, all with one chance; 0 without a choice."""
+    if coordinate is None:
+        return jnp.zeros_like(like, jnp.int32)
+    return jnp.minimum((coordinate * count).astype(jnp.int32), count - 1)
+
 
 def chosen_by(world: World) -> tuple[str, ...]:
     """Return the names of coordinates that choose a point of a light."""
@@ -38,17 +50,11 @@ def illuminated(world: World, choice: Choice, point: Vector, normal: Vector) -> 
     """Return light that may reach points, over the chance of its light."""
     count = len(world.lights)
     zero = jnp.zeros_like(point[0])
-    number = zero.astype(jnp.int32)
-    if choice.light is not None:
-        number = jnp.minimum((choice.light * count).astype(jnp.int32), count - 1)
+    number = choice.number(world, zero)
     result = Sample((zero, zero, zero), zero, (zero, zero, zero), zero, zero)
-    for lights, places in _kinds(world):
-        row = np.zeros(count, np.int32)
-        mine = np.zeros(count, bool)
-        row[places], mine[places] = np.arange(len(places)), True
+    for lights, row, here in by_kind(world.lights, number):
         u, v = (zero if part is None else part for part in (choice.u, choice.v))
-        sample = lights.sample(jnp.asarray(row)[number], point, normal, u, v)
-        here = jnp.asarray(mine)[number]
+        sample = lights.sample(row, point, normal, u, v)
         result = jax.tree.map(lambda new, old, here=here: jnp.where(here, new, old), sample, result)
     return result._replace(arriving=times(count, result.arriving), density=result.density / count)
 
@@ -91,12 +97,13 @@ def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector
     return radiance, density
 
 
-def _kinds(world: World) -> list[tuple[Light, list[int]]]:
-    """Return one batch for the lights of each kind, and their places."""
+def by_kind(lights: Sequence[Light], number: Array) -> Iterator[tuple[Light, Array, Array]]:
+    """Yield the lights of each kind as one batch, rows of it, and whether it has the light of a number."""
     kinds: dict[Any, list[int]] = {}
-    for place, light in enumerate(world.lights):
+    for place, light in enumerate(lights):
         kinds.setdefault(type(light), []).append(place)
-    return [
-        (jax.tree.map(lambda *leaves: jnp.stack(leaves), *(world.lights[place] for place in places)), places)
-        for places in kinds.values()
-    ]
+    for places in kinds.values():
+        row, mine = np.zeros(len(lights), np.int32), np.zeros(len(lights), bool)
+        row[places], mine[places] = np.arange(len(places)), True
+        batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(lights[place] for place in places))
+        yield batch, jnp.asarray(row)[number], jnp.asarray(mine)[number]

@@ -7,19 +7,18 @@ from typing import Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing import _factories, _maps
+from qmcjax.tracing import _maps
 from qmcjax.tracing._flat import Rectangle
 from qmcjax.tracing._object import Object
 from qmcjax.tracing._round import Sphere
 from qmcjax.tracing._shape import row
-from qmcjax.tracing._textures import color
 from qmcjax.tracing._vectors import (
     Vector,
+    along,
+    components,
     cross,
     dot,
     each,
@@ -46,11 +45,23 @@ class Sample(NamedTuple):
     """The cosine at the light, which says how well known the distance is; 1 where it is exact."""
 
 
+class Start(NamedTuple):
+    """Where light sets out, components of shape (n,)."""
+
+    point: Vector
+    way: Vector
+    """Unit vectors."""
+    radiance: Vector
+    """Of points of light the intensity."""
+
+
 class Light(ABC):
     """Lights of one kind; in numbers that have a first axis, that is the light."""
 
     coordinates: ClassVar[int]
     """How many coordinates choose a point of it."""
+    starts: ClassVar[bool] = False
+    """Whether paths may start at it."""
 
     def object(self) -> Object | None:
         """Return what rays hit of it."""
@@ -72,6 +83,14 @@ class Light(ABC):
         """Tell whether it shines against rays of a direction."""
         return True
 
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        """Return points of one light for each row, and directions, evenly in area times projected angle."""
+        raise NotImplementedError
+
+    def extent(self) -> Array:
+        """Return its area times projected solid angle; of points of light the solid angle."""
+        raise NotImplementedError
+
 
 @pytree
 @dataclass(frozen=True)
@@ -81,6 +100,7 @@ class PointLight(Light):
     position: Any
     intensity: Any
     coordinates: ClassVar[int] = 0
+    starts: ClassVar[bool] = True
     smooth: ClassVar[tuple[str, ...]] = ("intensity",)
 
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
@@ -95,6 +115,13 @@ class PointLight(Light):
     def emitted(self, number: Array) -> Vector:
         return each(jnp.zeros_like, row(self.intensity, number))
 
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        way = _maps.cone(way_u, way_v, 2)
+        return Start(row(self.position, number), unit(way), row(self.intensity, number))
+
+    def extent(self) -> Array:
+        return jnp.full(self.position.shape[:-1], 4 * np.pi, self.position.dtype)
+
 
 @pytree
 @dataclass(frozen=True)
@@ -106,6 +133,7 @@ class RectangleLight(Light):
     edge_v: Any
     radiance: Any
     coordinates: ClassVar[int] = 2
+    starts: ClassVar[bool] = True
     smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object:
@@ -139,6 +167,16 @@ class RectangleLight(Light):
     def shines(self, number: Array, way: Vector) -> Array:
         return dot(way, cross(row(self.edge_u, number), row(self.edge_v, number))) < 0
 
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
+        point = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
+        local, _ = _maps.hemisphere(way_u, way_v)
+        way = _maps.around(local, unit(cross(edge_u, edge_v)))
+        return Start(point, unit(way), row(self.radiance, number))
+
+    def extent(self) -> Array:
+        return np.pi * length(cross(components(self.edge_u), components(self.edge_v)))
+
 
 @pytree
 @dataclass(frozen=True)
@@ -149,6 +187,7 @@ class SphereLight(Light):
     radius: Any
     radiance: Any
     coordinates: ClassVar[int] = 2
+    starts: ClassVar[bool] = True
     smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object:
@@ -185,6 +224,15 @@ class SphereLight(Light):
     def emitted(self, number: Array) -> Vector:
         return row(self.radiance, number)
 
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        normal = unit(_maps.cone(u, v, 2))
+        local, _ = _maps.hemisphere(way_u, way_v)
+        point = along(row(self.center, number), self.radius[number], normal)
+        return Start(point, unit(_maps.around(local, normal)), row(self.radiance, number))
+
+    def extent(self) -> Array:
+        return 4 * np.pi**2 * self.radius * self.radius
+
 
 @pytree
 @dataclass(frozen=True)
@@ -209,123 +257,8 @@ class Environment(Light):
         return row(self.radiance, number)
 
 
-def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
-    """Make a light that is a point.
-
-    Parameters
-    ----------
-    position : float ArrayLike, shape (3,)
-    intensity : float ArrayLike, shape () or (3,)
-        Radiant intensity, not negative: at distance d a surface across gets intensity / d^2.
-
-    Returns
-    -------
-    PointLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or the intensity is negative.
-    """
-    return PointLight(numbers("position", position, (3,)), _radiance("intensity", intensity))
-
-
-def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> SphereLight:
-    """Make a sphere that shines outwards, and reflects nothing.
-
-    Points of it are sampled evenly in the cone of directions in which it is seen.
-
-    Parameters
-    ----------
-    center : float ArrayLike, shape (3,)
-    radius : float
-        Positive.
-    radiance : float ArrayLike, shape () or (3,)
-        The same in all directions, not negative.
-
-    Returns
-    -------
-    SphereLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or negative, or the radius is 0.
-    """
-    center, radius = numbers("center", center, (3,)), numbers("radius", radius)
-    require("radius", radius, lambda r: r > 0, "positive")
-    return SphereLight(center, radius, _radiance("radiance", radiance))
-
-
-def rectangle_light(
-    corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
-) -> RectangleLight:
-    """Make a rectangle, or parallelogram, that shines from one side, and reflects nothing.
-
-    Points of it are sampled evenly by area.
-
-    Parameters
-    ----------
-    corner, edge_u, edge_v : float ArrayLike, shape (3,)
-        A corner, and the edges from there. It shines to the side of ``edge_u`` x ``edge_v``.
-    radiance : float ArrayLike, shape () or (3,)
-        The same in all directions of that side, not negative.
-
-    Returns
-    -------
-    RectangleLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, the rectangle has no area, or radiance is negative.
-    """
-    corner, edge_u, edge_v = (
-        numbers(name, value, (3,))
-        for name, value in (("corner", corner), ("edge_u", edge_u), ("edge_v", edge_v))
-    )
-    _factories.rectangle(corner, edge_u, edge_v)
-    return RectangleLight(corner, edge_u, edge_v, _radiance("radiance", radiance))
-
-
-def environment(radiance: ArrayLike) -> Environment:
-    """Make light that comes from infinity, the same from everywhere.
-
-    Directions of it are sampled in proportion to the cosine at the surface.
-
-    Parameters
-    ----------
-    radiance : float ArrayLike, shape () or (3,)
-        Not negative.
-
-    Returns
-    -------
-    Environment
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is not finite or negative.
-    """
-    return Environment(_radiance("radiance", radiance))
-
-
 def as_light(name: str, value: Any) -> Light:
     """Return a light, or raise a TypeError that names what came."""
     if not isinstance(value, Light):
         raise TypeError(f"{name} must be lights (point_light, ...), got {checks.shown(value)}")
     return value
-
-
-def _radiance(name: str, value: Any) -> Any:
-    if callable(value):
-        raise TypeError(f"{name} must be a colour, got {checks.shown(value)}")
-    return color(name, value)

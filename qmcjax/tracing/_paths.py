@@ -13,8 +13,9 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._camera import Camera, Sight
 from qmcjax.tracing._estimator import Coordinates, Estimator, check
 from qmcjax.tracing._illumination import Choice, chosen_by, illuminated, visible
-from qmcjax.tracing._interaction import Met, any_of, emission, met, mixed, scatters
-from qmcjax.tracing._reflection import evaluated, reflected, sampled
+from qmcjax.tracing._interaction import Met, any_of, emission, met
+from qmcjax.tracing._reflection import evaluated
+from qmcjax.tracing._scattering import Turn, scattered, turned_by
 from qmcjax.tracing._varies import Seen
 from qmcjax.tracing._vectors import Vector, each
 from qmcjax.tracing._world import World
@@ -24,9 +25,7 @@ class _Draws(NamedTuple):
     """Coordinates for what happens at one surface; None where nothing is left to chance."""
 
     choice: Choice
-    u: Array | None
-    v: Array | None
-    lobe: Array | None
+    turn: Turn
     roulette: Array | None
     last: Array
     """Whether the path ends there."""
@@ -59,10 +58,9 @@ class PathTracing(Estimator):
 
     def light_needs(self) -> tuple[str, ...]:
         choice = chosen_by(self.world)
-        ways = (("u", "v") if scatters(self.world) else ()) + (("lobe",) if mixed(self.world) else ())
         needs = list(choice)
         for k in range(1, self.bounces + 1):
-            needs += [f"bounce{k}_{way}" for way in ways]
+            needs += turned_by(self.world, f"bounce{k}")
             needs += [f"roulette{k}"] if self._at_stake(k) else []
             needs += [name.replace("light", f"light{k}", 1) for name in choice]
         return tuple(needs)
@@ -95,13 +93,13 @@ class PathTracing(Estimator):
         """Return the coordinates of a vertex: its light's, and those of the bounce away from it."""
         ends = vertex == self.bounces
         of_bounce = self.bounces if ends else vertex + 1
-        u, v, lobe = (coordinates.get(f"bounce{of_bounce}_{name}") for name in ("u", "v", "lobe"))
         roulette = None
         if self.roulette is not None and self.roulette <= self.bounces:
             # Before roulette begins all paths survive.
             roulette = coordinates[f"roulette{of_bounce}"] if self._at_stake(of_bounce) else -one
         choice = Choice.of(coordinates, str(vertex) if vertex else "")
-        return _Draws(choice, u, v, lobe, roulette, jnp.asarray(ends))
+        turn = Turn.of(coordinates, f"bounce{of_bounce}")
+        return _Draws(choice, turn, roulette, jnp.asarray(ends))
 
 
 def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
@@ -112,7 +110,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
     lit = _lit(world, at, time, path.throughput, draw)
     radiance = each(lambda r, light: r + light, radiance, lit)
-    way, factor, density = _scattered(at, draw)
+    way, factor, density = scattered(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
     goes_on = at.found.hit & (density > 0) & any_of(throughput) & ~draw.last
     if draw.roulette is not None:
@@ -138,23 +136,6 @@ def _lit(world: World, at: Met, time: Array, throughput: Vector, draw: _Draws) -
     gained = each(lambda t, r, a: t * r * a * weight, throughput, reflectance, light.arriving)
     lit = visible(world, light, at.found.point, time, at.found.hit & any_of(gained))
     return each(lambda a: jnp.where(lit, a, 0), gained)
-
-
-def _scattered(at: Met, draw: _Draws) -> tuple[Vector, Vector, Array]:
-    """Return the next directions, reflectance over density, and the density; 0 where there is none."""
-    zero = jnp.zeros_like(at.normal[0])
-    way, factor, density = (zero, zero, zero), (zero, zero, zero), zero
-    if draw.u is not None:
-        way = sampled(at.surface, at.normal, at.seen, draw.u, draw.v, 0.5 if draw.lobe is None else draw.lobe)
-        reflectance, density = evaluated(at.surface, at.normal, at.seen, way)
-        factor = each(lambda r: r / jnp.where(density > 0, density, 1), reflectance)
-    if at.surface.mirror is not None:
-        on = any_of(at.surface.mirror)
-        mirrored = reflected(at.normal, at.seen)
-        way = each(lambda m, a: jnp.where(on, m, a), mirrored, way)
-        factor = each(lambda m, a: jnp.where(on, m, a), at.surface.mirror, factor)
-        density = jnp.where(on, jnp.inf, density)
-    return way, factor, density
 
 
 def _weight(density: Array, other: Array) -> Array:

@@ -1,0 +1,228 @@
+"""Bidirectional path tracing: against path tracing, and against closed forms of light in a ball."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import tracing
+
+SIDE = 3
+WALLS = tracing.diffuse([0.6, 0.7, 0.8])
+GLOSSY = tracing.glossy(0.6, 0.2, 0.3)
+LIGHTS = {
+    "rectangle": tracing.rectangle_light([-0.4, 1.9, -0.4], [0.8, 0, 0], [0, 0, 0.8], 4.0),
+    "sphere": tracing.sphere_light([-0.5, 1.4, 0.3], 0.2, [6.0, 4.0, 2.0]),
+    "point": tracing.point_light([0.5, 1.5, -0.5], [1.0, 1.5, 2.0]),
+    "environment": tracing.environment([0.5, 1.0, 2.0]),
+}
+
+
+def camera(**options):
+    return tracing.camera([-0.8, 1.0, 0.8], [0.2, 0.6, -0.2], **{"fov": 80, "shutter": 0.5} | options)
+
+
+def room(lights, material=WALLS, motion=None, opened=False):
+    """Return a ball in a room, which may be open at the top."""
+    ball = tracing.sphere([0.3, 0.5, 0.2], 0.45, material=material, motion=motion)
+    walls = tracing.box([-1, 0, -1], [1, 2, 1], material=WALLS)
+    if opened:
+        walls = tracing.plane([0, 0, 0], [0, 1, 0], material=WALLS)
+    return tracing.world([walls, ball], [LIGHTS[name] for name in lights])
+
+
+def flying(time):
+    return jnp.stack([0.3 * time, 0 * time, -0.2 * time], axis=-1)
+
+
+CASES = {
+    "diffuse": lambda: (room(["rectangle"]), camera(), 2, 1),
+    "all lights, glossy": lambda: (room(LIGHTS, GLOSSY, opened=True), camera(), 3, 2),
+    "point": lambda: (room(["point"], GLOSSY), camera(), 2, 2),
+    "sphere, rough metal": lambda: (room(["sphere"], tracing.glossy(0.9, 0.3)), camera(), 3, 1),
+    "mirror": lambda: (room(["rectangle", "sphere"], tracing.mirror(0.9)), camera(), 3, 3),
+    "mirror and point": lambda: (room(["point"], tracing.mirror(0.9)), camera(), 3, 2),
+    "four surfaces": lambda: (room(["rectangle", "sphere"], GLOSSY), camera(), 4, 4),
+    "moving, lens": lambda: (
+        room(["sphere", "point"], motion=tracing.motion.affine(None, flying)),
+        camera(aperture=0.05, shutter=(0.1, 0.9)),
+        2,
+        2,
+    ),
+}
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in [*CASES][1:]]
+
+
+@jax.jit
+def values(scene, points):
+    return scene(points)
+
+
+def means(scene, samples, key):
+    """Return the mean of independent samples in each of a few pixels, and the standard errors."""
+    count = len(scene.needs)
+    points = np.array(jax.random.uniform(jax.random.key(key), (SIDE, SIDE, samples, count)))
+    for axis in (0, 1):
+        shape = [1, 1, 1]
+        shape[axis] = SIDE
+        points[..., axis] = (points[..., axis] + np.arange(SIDE).reshape(shape)) / SIDE
+    found = np.asarray(values(scene, jnp.asarray(points)), np.float64)
+    return found.mean(axis=2), found.std(axis=2, ddof=1) / np.sqrt(samples)
+
+
+@pytest.mark.parametrize("name", ["diffuse", *SLOW])
+def test_the_expectation_is_that_of_path_tracing(name):
+    """Each way to find a path has its own formula for the weights, which must have the sum 1."""
+    world, view, bounces, light_bounces = CASES[name]()
+    paths = tracing.path_tracing(world, view, bounces)
+    both = tracing.bidirectional(world, view, bounces, light_bounces)
+    assert both.needs[: len(paths.needs)] == paths.needs and len(both.needs) > len(paths.needs)
+    samples = 2**15
+    (mean, error), (other, its) = means(paths, samples, 1), means(both, samples, 2)
+    away = abs(mean - other) / np.hypot(error, its)
+    assert away.max() < 5 and np.sqrt(np.mean(away**2)) < 2
+    assert (its > 0).all()
+
+
+def ball_around(light, share, reflectance, bounces):
+    """Return a ball around a light, and what is seen of its inside: an integrating sphere.
+
+    Each point of the inside gets the same of all others: the part ``share`` of what it gives off hits the
+    light and is lost.
+    """
+    ball = tracing.sphere([0, 0, 0], 2.0, material=tracing.diffuse(reflectance))
+    series = sum((reflectance * (1 - share)) ** k for k in range(bounces + 1))
+    return tracing.world([ball], [light]), reflectance * series
+
+
+BALLS = {
+    "large": (tracing.sphere_light([0, 0, 0], 1.5, 16 / 9), 9 / 16, 1.0),
+    "small": (tracing.sphere_light([0, 0, 0], 0.5, 16.0), 1 / 16, 1.0),
+    "point": (tracing.point_light([0, 0, 0], 4 * np.pi), 0.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("light_bounces", [2, *(pytest.param(s, marks=pytest.mark.slow) for s in (1, 3))])
+@pytest.mark.parametrize(
+    "name", ["large", *(pytest.param(n, marks=pytest.mark.slow) for n in ("small", "point"))]
+)
+def test_an_integrating_sphere(name, light_bounces):
+    light, share, irradiance = BALLS[name]
+    world, series = ball_around(light, share, 0.9, 3)
+    view = tracing.camera([1.7, 0.3, 0], [2, 0, 0.4])
+    scene = tracing.bidirectional(world, view, 3, light_bounces)
+    mean, error = means(scene, 2**15, 3)
+    assert (abs(mean - irradiance * series) < 5 * error + 1e-5).all()
+    assert (error < 0.01 * mean).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["all lights, glossy", "mirror", "moving, lens"])
+def test_without_light_paths_it_is_path_tracing(name):
+    world, view, bounces, _ = CASES[name]()
+    paths, both = (
+        tracing.path_tracing(world, view, bounces),
+        tracing.bidirectional(world, view, bounces, light_bounces=0),
+    )
+    assert both.needs == paths.needs
+    points = jax.random.uniform(jax.random.key(1), (2**12, len(paths.needs)))
+    np.testing.assert_allclose(values(both, points), values(paths, points), rtol=1e-4, atol=1e-5)
+
+
+def test_needs_name_what_paths_of_lights_take():
+    def needs(lights, light_bounces, material=WALLS, bounces=3):
+        scene = tracing.bidirectional(room(lights, material), camera(), bounces, light_bounces)
+        paths = tracing.path_tracing(room(lights, material), camera(), bounces)
+        assert scene.needs[: len(paths.needs)] == paths.needs
+        return scene.needs[len(paths.needs) :]
+
+    way = ("emit_way_u", "emit_way_v")
+    assert needs(["rectangle"], 1) == ("emit_u", "emit_v", *way)
+    assert needs(["point"], 1) == way
+    assert (
+        needs(["environment"], 2)
+        == needs([], 2)
+        == needs(["point"], 0)
+        == needs(["point"], 2, bounces=0)
+        == ()
+    )
+    assert needs(["environment", "sphere"], 1) == ("emit_u", "emit_v", *way)
+    assert needs(["point", "sphere"], 2) == ("emit", "emit_u", "emit_v", *way, "scatter1_u", "scatter1_v")
+    assert needs(["point"], 9, GLOSSY, 3) == (
+        *way,
+        *(f"scatter{s}_{part}" for s in (1, 2) for part in ("u", "v", "lobe")),
+    )
+
+
+@pytest.mark.slow
+def test_one_picture_by_any_dtype_and_program():
+    world, view, bounces, light_bounces = CASES["mirror"]()
+    scene = tracing.bidirectional(world, view, bounces, light_bounces)
+    points = jax.random.uniform(jax.random.key(1), (2**12, len(scene.needs)))
+    compiled = np.asarray(values(scene, points))
+    np.testing.assert_allclose(scene(points[:64]), compiled[:64], rtol=1e-3, atol=1e-4)
+    np.testing.assert_array_equal(
+        values(scene, points.reshape(2, 2, -1, len(scene.needs))).reshape(-1, 3), compiled
+    )
+    with jax.enable_x64():
+        double = np.asarray(values(scene, points.astype(jnp.float64)))
+    assert double.dtype == np.float64
+    assert np.mean(abs(double - compiled) > 1e-3 * (1 + compiled)) < 5e-3
+
+
+def smooth_scene(parameters):
+    """Return a picture without edges: the inside of a ball, whose light is a point."""
+    material = tracing.glossy(parameters["color"], parameters["roughness"], 0.4)
+    ball = tracing.sphere([0, 0, 0], parameters["radius"], material=material)
+    world = tracing.world([ball], [tracing.point_light(parameters["position"], [1.0, 2.0, 3.0])])
+    view = tracing.camera(parameters["eye"], [2.0, 0, 0.4])
+    return tracing.bidirectional(world, view, 2, 2, smooth=True)
+
+
+@pytest.mark.slow
+def test_gradients_of_smooth_pictures_are_differences():
+    with jax.enable_x64():
+        given = {
+            "color": jnp.array([0.2, 0.5, 0.7]),
+            "roughness": jnp.array(0.4),
+            "radius": jnp.array(2.0),
+            "position": jnp.array([0.3, 0.5, -0.2]),
+            "eye": jnp.array([0.1, 0.5, 1.0]),
+        }
+        points = jax.random.uniform(jax.random.key(4), (2**9, len(smooth_scene(given).needs)), jnp.float64)
+        mean = jax.jit(lambda given: smooth_scene(given)(points).mean())
+        slopes = jax.jit(jax.grad(mean))(given)
+        for name, value in given.items():
+            for j in np.ndindex(value.shape):
+                ends = [mean(given | {name: value.at[j].add(step)}) for step in (1e-6, -1e-6)]
+                tolerance = 1e-3 * abs(slopes[name]).max()
+                np.testing.assert_allclose(slopes[name][j], (ends[0] - ends[1]) / 2e-6, 1e-3, tolerance)
+
+
+@pytest.mark.slow
+def test_derivatives_that_miss_edges_are_refused():
+    def value(color, corner):
+        light = tracing.rectangle_light(corner, [0.1, 0, 0], [0, 0, 0.1], 1.0)
+        walls = tracing.box([-1, 0, -1], [1, 2, 1], material=tracing.diffuse(color))
+        scene = tracing.bidirectional(tracing.world([walls], [light]), camera(), 1)
+        return scene(jnp.full(len(scene.needs), 0.5))[0]
+
+    corner = jnp.array([0.0, 1.9, 0.0])
+    assert np.isfinite(jax.jit(jax.grad(value))(0.5, corner))
+    with pytest.raises(ValueError, match="moves an edge"):
+        jax.jit(jax.grad(value, 1))(0.5, corner)
+
+
+def test_bad_input_is_named():
+    world = tracing.world([])
+    for call, error, message in [
+        (lambda: tracing.bidirectional([], camera(), 1), TypeError, "world must be made by"),
+        (lambda: tracing.bidirectional(world, 1, 1), TypeError, "camera must be made by"),
+        (lambda: tracing.bidirectional(world, camera(), -1), ValueError, "bounces must be"),
+        (lambda: tracing.bidirectional(world, camera(), 1, 65), ValueError, "light_bounces must be"),
+        (lambda: tracing.bidirectional(world, camera(), 1, 0.5), TypeError, "light_bounces must be"),
+        (lambda: tracing.bidirectional(world, camera(), 1, smooth=1), TypeError, "smooth must be"),
+        (lambda: tracing.bidirectional(world, camera(), 1)(jnp.zeros(3)), ValueError, "point must have"),
+    ]:
+        with pytest.raises(error, match=message):
+            call()

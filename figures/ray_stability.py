@@ -26,8 +26,8 @@ ALLOWED = 1e-3
 DOCUMENTED = 1e3, 0.03
 """Distance, in sizes of a body, and the part of the rays that may go wrong there as `nearest_hit` says."""
 
-TOLD = 1e-8, 1e8
-"""Sizes between which no ray is lost."""
+TOLD, ALONE = (1e-8, 1e8), (1e-6, 1e2)
+"""Sizes between which no ray is lost: of a mesh, seen from as far, and of a triangle, seen from 1 at most."""
 
 Curves = dict[str, dict[float, float]]
 
@@ -37,7 +37,9 @@ NOTE = (
     " more than 3 degrees, the part that meets it again; 'lost inside': of rays into it at more than 3 "
     "degrees, the part that meets nothing, or missed the body at first: a point so near to two surfaces that "
     "rounding cannot tell is on both. 'Size': a mesh of 320 triangles around the origin, all of it scaled; "
-    "the part of the rays at points of its edges that miss it (squares of squares overflow, or underflow). "
+    "the part of the rays at points of its edges that miss it (squares of squares overflow, or underflow); "
+    "and one triangle, seen from as far as it is large, or from 1 if it is larger: the part that misses it "
+    "or, leaving it, meets it again. An origin within 16 units of rounding of its coordinates is on it. "
     "'Grazing': rays from the height 1 at a plane, relative error of the distance against the exact one. "
     "'Pictures': RMS difference over the mean between float32 and float64 of direct light on a sphere, a box "
     "and a mesh. Parts of 0 are drawn at half a ray."
@@ -81,13 +83,21 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     axes[-1].text(0, 0.5, "\n".join(lines), va="center", fontsize=9)
     far, most = DOCUMENTED
     near = [p for of in leaving.values() for c in of.values() for away, p in c.items() if away <= far]
-    sized = [p for c in measured["size"].values() for size, p in c.items() if TOLD[0] <= size <= TOLD[1]]
+
+    def lost(body: str, sizes: tuple[float, float]) -> float:
+        curves = (c for label, c in measured["size"].items() if label.startswith(body))
+        return max(part for c in curves for size, part in c.items() if sizes[0] <= size <= sizes[1])
+
     return figure, {
         "measured": {name: {k: _keyed(v) for k, v in of.items()} for name, of in measured.items()}
         | {"wrong from": broken}
         | {
             f"at most {most:.0%} of the rays are wrong up to {far:g} sizes away": max(near) <= most,
-            f"no ray misses an edge of a mesh of size {TOLD[0]:g} to {TOLD[1]:g}": max(sized) == 0,
+            f"no ray misses an edge of a mesh of size {TOLD[0]:g} to {TOLD[1]:g}": lost("mesh", TOLD) == 0,
+            f"no ray misses a lone triangle of size {ALONE[0]:g} to {ALONE[1]:g}, or meets it again": lost(
+                "lone triangle", ALONE
+            )
+            == 0,
         },
         "note": NOTE.format(count=count),
     }
@@ -175,9 +185,31 @@ def _sizes(count: int) -> Curves:
             world = tracing.world([tracing.triangles(size * mesh)])
             start, end = jnp.asarray(size * origin, dtype), jnp.asarray(size * target, dtype)
             curve[size] = float(jnp.mean(~tracing.any_hit(world, start, end - start)))
-        return {"mesh": curve}
+        return {"mesh": curve, "lone triangle": _lone(count, dtype)}
 
     return _in_both(measure)
+
+
+def _lone(count: int, dtype: Any) -> dict[float, float]:
+    """Return the part of rays near the middle of one triangle that miss it, or meet it again.
+
+    They are as long as it is, but no longer than 1: a huge one is seen from near by.
+    """
+    turn = np.linalg.qr(np.array([[1.0, 0.3, -0.2], [0.4, 1.0, 0.5], [-0.6, 0.1, 1.0]]))[0]
+    corners = np.array([[-1.0, 0.0, -0.6], [1.0, 0.0, -0.6], [0.1, 0.0, 1.1]]) @ turn
+    inwards, onwards, middle = (_directions(count, key) for key in (5, 6, 7))
+    inwards, onwards = (way[np.abs(way[:, 1]) > 0.05] for way in (inwards, onwards))
+    rays = min(len(inwards), len(onwards))
+    up = [np.where(way[:rays, 1:2] > 0, way[:rays], -way[:rays]) @ turn for way in (inwards, onwards)]
+    target = 0.4 * (middle[:rays] * [1.0, 0.0, 1.0]) @ turn
+    curve = {}
+    for size in SIZES:
+        world = tracing.world([tracing.triangles(size * corners[None])])
+        start = jnp.asarray(min(1.0, size) * (target + up[0]), dtype)
+        hit = tracing.nearest_hit(world, start, jnp.asarray(-up[0], dtype))
+        again = tracing.any_hit(world, hit.point, jnp.asarray(up[1], dtype))
+        curve[size] = float(jnp.mean((hit.shape < 0) | again))
+    return curve
 
 
 def _grazing(count: int) -> Curves:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from figures import _mitsuba, _sweep, _traced_sweep
 from figures._error_over_time import best, lines, time_for
@@ -63,6 +64,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         lines(axes, rows, "sampler", STYLES)
         axes.axhline(exact.error, color="0.6", lw=0.8, zorder=0, label="error of the reference")
         axes.set_title(name)
+        # Those of a decade would overlap.
+        axes.xaxis.set_minor_formatter(NullFormatter())
         measured[name] = _compared(rows) | {"error of the reference": exact.error}
         table += [{"scene": name, **row} for row in rows]
         origins += f"{name}, {exact.origin}, RMS error {exact.error:.1e}. "

@@ -19,9 +19,8 @@ SAME = 1.15
 
 NOTE = (
     "{side} x {side} pixels; scenes of the package for those of the paper: sports for motion blur, defocus "
-    "for depth of field, the interior for path tracing, with {bounces} bounces, and the caustic, by path "
-    "tracing from the camera, for what the paper renders bidirectionally: its sentence on Heitz and "
-    "bidirectional paths is not tested. Up to 16 samples, 2 % of the pixels have half of the square error of "
+    "for depth of field, the interior for path tracing, with {bounces} bounces, and the caustic for "
+    "bidirectional path tracing. Up to 16 samples, 2 % of the pixels have half of the square error of "
     "defocus and caustic or more, mostly over 0.9 at one sample: these curves, and perhaps that of sports, "
     "depend on luck. Sobol' sees nothing of what is brightest in the caustic with one sample. "
     "Samplers are those of Fig. 1. The ranked one is no fair stand-in for Heitz's at many "

@@ -1,4 +1,4 @@
-"""Light that a ring of metal focuses on the floor."""
+"""Light of a lamp that its shade of metal sends to the floor."""
 
 from typing import Any
 
@@ -6,20 +6,24 @@ from qmcjax import tracing
 from qmcjax.scenes.traced._base import Traced, positive
 
 
-def caustic(radius: Any = 0.8, roughness: Any = None, *, bounces: int = 3) -> Traced:
-    """Return a ring on a floor, whose inside reflects the light of a sphere into a caustic.
+def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, light_bounces: int = 1) -> Traced:
+    """Return a lamp over a floor: a bulb in a ring of metal, whose inside reflects its light into a caustic.
 
-    The caustic of a circle is a nephroid, the curve of light in a cup. Paths begin at the camera: they find
-    the light when their reflection in the ring hits it. The scene is still.
+    The bulb is beside the axis of the ring, a lid is above, and a disc below it, so that the floor gets
+    little light but what the ring reflects. Paths from the camera hardly find the inside of the lamp, those
+    that begin at the bulb always do: they are joined to one another. The scene is still.
 
     Parameters
     ----------
     radius : float, optional
-        Of the light. Its power is the same for all; the smaller it is, the sharper and noisier the caustic.
+        Of the bulb, a sphere. Its power is the same for all.
     roughness : float, optional
-        Of the ring, as :func:`qmcjax.tracing.glossy` takes it; by default the ring is a mirror.
+        Of the ring, as :func:`qmcjax.tracing.glossy` takes it. None is a mirror: no paths are joined there,
+        and its caustics are found by paths from the camera that hit the bulb.
     bounces : int, optional
         Reflections of a path, as :func:`qmcjax.tracing.path_tracing` takes them.
+    light_bounces : int, optional
+        As :func:`qmcjax.tracing.bidirectional` takes them; 0 is path tracing.
 
     Returns
     -------
@@ -39,16 +43,20 @@ def caustic(radius: Any = 0.8, roughness: Any = None, *, bounces: int = 3) -> Tr
 
     Examples
     --------
-    >>> caustic(bounces=1).needs[:4]
-    ('x', 'y', 'light_u', 'light_v')
+    >>> caustic(bounces=1).needs[-4:]
+    ('emit_u', 'emit_v', 'emit_way_u', 'emit_way_v')
     """
     radius = positive("radius", radius)
     metal = (0.95, 0.72, 0.38)
     ring = tracing.mirror(metal) if roughness is None else tracing.glossy(metal, roughness)
+    up, dark = [0.0, 1.0, 0.0], tracing.diffuse(0.2)
     objects = [
-        tracing.plane([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], material=tracing.diffuse((0.7, 0.68, 0.65))),
-        tracing.cylinder([0.0, 0.0, 0.0], [0.0, 0.5, 0.0], 1.0, closed=False, material=ring),
+        tracing.plane([0.0, 0.0, 0.0], up, material=tracing.diffuse((0.7, 0.68, 0.65))),
+        tracing.cylinder([0.0, 0.4, 0.0], [0.0, 0.75, 0.0], 0.5, closed=False, material=ring),
+        tracing.disc([0.0, 0.75, 0.0], up, 0.5, material=dark),
+        tracing.disc([0.25, 0.55, 0.0], up, 0.12, material=dark),
     ]
-    light = tracing.sphere_light((-4.2, 3.0, -1.6), radius, 21.0 / radius**2)
-    camera = tracing.camera((0.3, 4.0, 3.4), (0.05, 0.1, 0.0), fov=36.0, shutter=0.0)
-    return Traced("caustic", tracing.path_tracing(tracing.world(objects, [light]), camera, bounces))
+    bulb = tracing.sphere_light((0.25, 0.62, 0.0), radius, 1.4 / radius**2)
+    camera = tracing.camera((0.0, 2.2, 2.9), (-0.1, 0.25, 0.1), fov=40.0, shutter=0.0)
+    world = tracing.world(objects, [bulb])
+    return Traced("caustic", tracing.bidirectional(world, camera, bounces, light_bounces))

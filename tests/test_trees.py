@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from qmcjax import tracing
-from qmcjax.tracing import _compiled_walk, _found, _hit, _search, _tree, _walk, motion
+from qmcjax.tracing import _compiled_world, _found, _hit, _search, _tree, motion
 from qmcjax.tracing._vectors import components
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-WALKS = {
-    "jax": _walk.walk,
-    "compiled": pytest.param(_compiled_walk.walk, marks=needs_numba),
+WAYS = {
+    "jax": _search.by_program,
+    "compiled": pytest.param(_compiled_world.search, marks=needs_numba),
 }
 
 
@@ -92,15 +92,20 @@ def rays(count, key, center=0.0):
     return origin, rng.normal(size=(count, 3)), rng.uniform(size=count)
 
 
-@partial(jax.jit, static_argnames=("any_hit", "walk"))
-def searched(world, origin, direction, time, limit, any_hit=False, walk=None):
+@partial(jax.jit, static_argnames=("any_hit", "way"))
+def searched(world, origin, direction, time, limit, any_hit=False, way=None):
     world = _found.in_dtype(world, origin.dtype)
-    return _search.search(world, components(origin), components(direction), time, limit, any_hit, walk)
+    return _search.search(world, components(origin), components(direction), time, limit, any_hit, way)
 
 
 def without_trees(world):
     items = (replace(item, shapes=tuple(s.alone() for s in item.shapes)) for item in world.objects)
     return replace(world, objects=tuple(items))
+
+
+def looped(world, *given):
+    """Test all primitives one by one."""
+    return searched(without_trees(world), *given, way=_search.by_program)
 
 
 def mesh(vertices, close=None, path=None):
@@ -126,12 +131,12 @@ def test_without_numba_few_triangles_need_no_tree(monkeypatch):
     monkeypatch.setattr(_search, "find_spec", lambda name: None)
     triangles = np.random.default_rng(1).uniform(-1, 1, (600, 3, 3))
     world = tracing.world([mesh(triangles[:100]), mesh(triangles), tracing.plane([0, 0, -2], [0, 0, 1])])
-    fewer, walk = _search._fastest(world)
-    assert walk is _walk.walk and fewer.count == world.count
+    fewer, way = _search._fastest(world)
+    assert way is _search.by_program and fewer.count == world.count
     assert [item.shapes[0].tree is None for item in fewer.objects] == [True, False, True]
 
 
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 @pytest.mark.parametrize(
     ("name", "dtype"),
     [("moving", "float32"), ("blob", "float64")]
@@ -142,7 +147,7 @@ def test_without_numba_few_triangles_need_no_tree(monkeypatch):
         if name != "flat" and (name, dtype) not in (("moving", "float32"), ("blob", "float64"))
     ],
 )
-def test_walks_find_what_loops_find(name, dtype, walk):
+def test_walks_find_what_loops_find(name, dtype, way):
     """Nearest and any hits before limits, also none, for all triangles one by one and through the tree."""
     vertices, close = MESHES[name]
     with jax.enable_x64(dtype == "float64"):
@@ -152,8 +157,8 @@ def test_walks_find_what_loops_find(name, dtype, walk):
         given = [jnp.asarray(a, dtype) for a in rays(count, 2, 1e3 if name == "far" else 0)]
         limit = jnp.asarray(rng.choice([np.inf, 0.0, 0.3, 1.0, 2.0], count), dtype)
         for any_hit in (False, True):
-            expected = searched(without_trees(world), *given, limit, any_hit)
-            found = searched(world, *given, limit, any_hit, walk)
+            expected = looped(world, *given, limit, any_hit)
+            found = searched(world, *given, limit, any_hit, way)
             assert found[0].dtype == dtype and found[1].dtype == jnp.int32
             same(found, expected, any_hit)
             assert 0.1 < np.mean(np.asarray(found[1]) >= 0) < 0.9 and np.all(found[1][limit == 0] == -1)
@@ -165,8 +170,8 @@ SPIN = motion.affine(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
-def test_trees_turn_with_their_objects(walk):
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_trees_turn_with_their_objects(way):
     """Two trees beside shapes without any; also rays of NaN, and along axes."""
     vertices = blob(12, 7)
     world = tracing.world(
@@ -183,13 +188,13 @@ def test_trees_turn_with_their_objects(walk):
     direction[1200:1300, 0] = 0
     limit = np.full(2000, np.inf, np.float32)
     for any_hit in (False, True):
-        found = searched(world, origin, direction, time, limit, any_hit, walk)
-        same(found, searched(without_trees(world), origin, direction, time, limit, any_hit), any_hit)
+        found = searched(world, origin, direction, time, limit, any_hit, way)
+        same(found, looped(world, origin, direction, time, limit, any_hit), any_hit)
         assert np.all(np.asarray(found[1])[1000:1006] == -1) and np.mean(np.asarray(found[1]) >= 0) > 0.1
 
 
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
-def test_no_ray_slips_through(walk):
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_no_ray_slips_through(way):
     """From inside, at edges and vertices: all hit."""
     vertices = blob(16, 13).astype(np.float32)
     rng = np.random.default_rng(5)
@@ -203,13 +208,13 @@ def test_no_ray_slips_through(walk):
     origin = rng.uniform(-0.2, 0.2, (count, 3)).astype(np.float32)
     direction = (a + part * (b - a) - origin).astype(np.float32)
     time, limit = np.zeros(count, np.float32), np.full(count, np.inf, np.float32)
-    distance, number = searched(tracing.world([mesh(vertices)]), origin, direction, time, limit, False, walk)
+    distance, number = searched(tracing.world([mesh(vertices)]), origin, direction, time, limit, False, way)
     assert np.all(np.asarray(number) >= 0) and np.max(abs(np.asarray(distance) - 1)) < 1e-4
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
-def test_replaced_vertices_are_hit(walk):
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_replaced_vertices_are_hit(way):
     """A tree knows what is near what, but boxes are those of the vertices that come."""
     vertices = blob(8, 7)
     world = tracing.world([mesh(vertices)])
@@ -217,26 +222,26 @@ def test_replaced_vertices_are_hit(walk):
     origin, direction, time = (np.asarray(a, np.float32) for a in rays(2000, 1, 3.0))
     direction = (3 - origin + 0.3 * direction).astype(np.float32)
     limit = np.full(2000, np.inf, np.float32)
-    found = searched(moved, origin, direction, time, limit, False, walk)
-    same(found, searched(without_trees(moved), origin, direction, time, limit))
+    found = searched(moved, origin, direction, time, limit, False, way)
+    same(found, looped(moved, origin, direction, time, limit))
     as_floats = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), moved)
-    assert np.array_equal(searched(as_floats, origin, direction, time, limit, False, walk)[1], found[1])
+    assert np.array_equal(searched(as_floats, origin, direction, time, limit, False, way)[1], found[1])
     assert np.mean(np.asarray(found[1]) >= 0) > 0.1
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("walk", WALKS.values(), ids=WALKS)
-def test_mapped_and_in_loops(walk):
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+def test_mapped_and_in_loops(way):
     """Mapped over rays, worlds and both, and a loop of calls, are one call after the other."""
     worlds = [tracing.world([mesh(blob(8, 7) * size)]) for size in (0.5, 1.0, 1.2)]
     both = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(b) for b in a]), *worlds)
     origin, direction, time = (jnp.asarray(a, jnp.float32).reshape(3, 50, *a.shape[1:]) for a in rays(150, 4))
     limit = jnp.full((3, 50), jnp.inf, jnp.float32)
-    find = partial(searched, any_hit=False, walk=walk)
+    find = partial(searched, any_hit=False, way=way)
     one = [find(worlds[0], *a)[1] for a in zip(origin, direction, time, limit, strict=True)]
     assert np.array_equal(jax.vmap(partial(find, worlds[0]))(origin, direction, time, limit)[1], one)
-    looped = jax.lax.map(lambda a: find(worlds[0], *a)[1], (origin, direction, time, limit))
-    assert np.array_equal(looped, one)
+    in_loop = jax.lax.map(lambda a: find(worlds[0], *a)[1], (origin, direction, time, limit))
+    assert np.array_equal(in_loop, one)
     each = [find(w, origin[i], direction[i], time[i], limit[i])[1] for i, w in enumerate(worlds)]
     assert np.array_equal(jax.vmap(find)(both, origin, direction, time, limit)[1], each)
     same_rays = [find(w, origin[0], direction[0], time[0], limit[0])[1] for w in worlds]

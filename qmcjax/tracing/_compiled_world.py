@@ -1,0 +1,237 @@
+"""The search of rays in a world as a call from a program to loops that Numba compiles.
+
+The call is one of ``buffer_callback``, which hands on the memory of the program. ``jax.pure_callback`` copies
+to a device: that waits for a thread, and for ever where all of them run programs that wait for such calls
+(seen in JAX 0.10 on one core, and where devices share a program).
+
+Each call makes the trees: those of meshes have boxes for the vertices that come, and what has no tree of its
+own gets one, in less time than a hundred rays take for each of its primitives.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.experimental.buffer_callback import buffer_callback
+from numpy.typing import NDArray
+
+from qmcjax.tracing._flat import Box, Disc, Plane, Rectangle
+from qmcjax.tracing._object import Frame
+from qmcjax.tracing._round import Cylinder, Sphere
+from qmcjax.tracing._shape import SLACK, Shape
+from qmcjax.tracing._threads import shared
+from qmcjax.tracing._triangles import Triangles
+from qmcjax.tracing._vectors import Vector
+from qmcjax.tracing._world import World, merged
+
+KINDS = (Plane, Rectangle, Disc, Box, Sphere, Cylinder, Triangles)
+"""Shapes that loops know, in the order of their numbers there."""
+
+
+_RUN = 2048
+"""Rays that a thread takes at a time."""
+
+
+class _Plan(NamedTuple):
+    """What is known of a world before its numbers are."""
+
+    frames: list[int]
+    """For each space the place of its frame, -1 of what is still."""
+    kinds: NDArray[np.int32]
+    """Of all primitives without a tree, in the order of their numbers."""
+    names: NDArray[np.int32]
+    members: list[NDArray[np.int64]]
+    """Which of them are in each space."""
+    meshes: list[tuple[int, int]]
+    """The space of each mesh with a tree, and the number of its first triangle."""
+
+
+def search(
+    world: World,
+    frames: Sequence[Frame | None],
+    origin: Vector,
+    direction: Vector,
+    time: Array,
+    limit: Array,
+    any_hit: bool,
+) -> tuple[Array, Array]:
+    """Return distances and numbers of the nearest hits before limits, the limits and -1 without one."""
+    plan, shapes = _planned(world)
+    moving = [
+        [part for dual in frame.duals for part in dual] + list(frame.translation)
+        for frame in frames
+        if frame is not None
+    ]
+    stacked = [jnp.stack([part for frame in moving for part in frame])] if moving else []
+    result = jax.ShapeDtypeStruct(limit.shape, limit.dtype), jax.ShapeDtypeStruct(limit.shape, jnp.int32)
+    call = buffer_callback(partial(_fill, plan, any_hit), result, vmap_method="expand_dims")
+    return call(*jax.lax.stop_gradient((shapes, stacked, (*origin, *direction, time, limit))))
+
+
+def _planned(world: World) -> tuple[_Plan, Any]:
+    """Return the plan of a world, and its numbers."""
+    frames: list[int] = []
+    moving = 0
+    batches, meshes, given = [], [], []
+    for item, number in world.numbered():
+        frame = -1 if item.motion is None else moving
+        moving += item.motion is not None
+        if frame not in frames:
+            frames.append(frame)
+        space = frames.index(frame)
+        for shape, before in zip(item.shapes, item.starts, strict=True):
+            if not isinstance(shape, Triangles) or shape.tree is None:
+                batches.append((shape, space, number + before))
+            else:
+                meshes.append((space, number + before))
+                ends = [] if shape.close is None else [shape.close]
+                tree = [
+                    part.astype(jnp.int32) for part in (shape.tree.order, shape.tree.skip, shape.tree.start)
+                ]
+                given.append(([shape.vertices, *ends], tree))
+    rows, kinds, names, spaces = [], [], [], []
+    for shape, places in merged([shape for shape, _, _ in batches]):
+        rows.append(_numbers(shape))
+        for place in places:
+            one, space, number = batches[place]
+            kinds.append(np.full(one.count, KINDS.index(type(shape)) + shape.moving, np.int32))
+            names.append(np.arange(number, number + one.count, dtype=np.int32))
+            spaces.append(np.full(one.count, space))
+    kinds, names, spaces = (
+        np.concatenate([np.zeros(0, np.int32), *parts]) for parts in (kinds, names, spaces)
+    )
+    members = [np.flatnonzero(spaces == space) for space in range(len(frames))]
+    loose = [jnp.concatenate(rows)] if rows else []
+    return _Plan(frames, kinds, names.astype(np.int32), members, meshes), (loose, given)
+
+
+def _numbers(shape: Shape) -> Array:
+    """Return the numbers of primitives, 9, those at the end of the shutter, and their boxes: (n, 24)."""
+    parts = [part.reshape(shape.count, -1) for part in jax.tree.leaves(shape)]
+    numbers = jnp.concatenate(parts, axis=1)
+    numbers = jnp.pad(numbers, ((0, 0), (0, 18 - numbers.shape[1])))
+    boxes = [shape.bounds(time) for time in (0, 1)]
+    low, high = (jnp.stack(corners) for corners in zip(*boxes, strict=True))
+    return jnp.concatenate([numbers, low.min(axis=0), high.max(axis=0)], axis=1)
+
+
+def _fill(plan: _Plan, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
+    shapes, frames, rays = jax.tree.map(np.asarray, given)
+    for to, result in zip(out, _mapped(plan, shapes, frames, rays, any_hit), strict=True):
+        np.asarray(to)[...] = result
+
+
+def _mapped(plan: _Plan, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+    """Search in one world, or in as many as are mapped."""
+    loose, meshes = shapes
+    leading = [a.shape[:-2] for a in loose]
+    for ends, tree in meshes:
+        leading += [a.shape[:-3] for a in ends] + [a.shape[:-1] for a in tree]
+    worlds = np.broadcast_shapes(*leading)
+    mapped = np.broadcast_shapes(worlds, *(a.shape[:-2] for a in frames), *(a.shape[:-1] for a in rays))
+
+    def at(a: Any, axes: int, index: Any) -> Any:
+        return np.broadcast_to(a, mapped + a.shape[a.ndim - axes :])[index]
+
+    def world(index: Any) -> Any:
+        return [at(a, 2, index) for a in loose], [
+            ([at(a, 3, index) for a in ends], [at(a, 1, index) for a in tree]) for ends, tree in meshes
+        ]
+
+    if max(worlds, default=1) == 1:
+        # All rays at once.
+        flat = [np.broadcast_to(a, (*mapped, a.shape[-1])).reshape(-1) for a in rays]
+        moved = [
+            np.moveaxis(np.broadcast_to(a, mapped + a.shape[-2:]), -2, 0).reshape(a.shape[-2], -1)
+            for a in frames
+        ]
+        results = [_searched(plan, world((0,) * len(mapped)), moved, flat, any_hit)]
+    else:
+        results = [
+            _searched(
+                plan,
+                world(index),
+                [at(a, 2, index) for a in frames],
+                [at(a, 1, index) for a in rays],
+                any_hit,
+            )
+            for index in np.ndindex(mapped)
+        ]
+    distance, row = (np.stack(a).reshape(*mapped, -1) for a in zip(*results, strict=True))
+    return distance, row
+
+
+def _searched(plan: _Plan, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+    from qmcjax.tracing import _compiled_loops as loops  # Only where numba is installed.
+
+    rays = [np.ascontiguousarray(a) for a in rays]
+    number = rays[-1].dtype
+    unit = number.type(SLACK * np.finfo(number).eps)
+    frame = np.ascontiguousarray(frames[0]) if frames else np.empty((0, len(rays[-1])), number)
+    *world, names = _planted(plan, shapes, number, unit)
+    count = len(rays[-1])
+    distances, numbers = np.empty(count, number), np.empty(count, np.int32)
+
+    def run(first: int) -> None:
+        stack, ahead = np.empty(loops.STACK, np.int64), np.empty(loops.STACK, number)
+        given = (*world, frame), names, tuple(rays), unit, any_hit, first, min(first + _RUN, count)
+        loops.search(*given, stack, ahead, distances, numbers)
+
+    shared(run, range(0, count, _RUN))
+    return distances, numbers
+
+
+def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
+    """Return rows and trees of a world, and the numbers of its rows."""
+    from qmcjax.tracing import _compiled_tree as trees
+    from qmcjax.tracing._compiled_tests import MOVING, TRIANGLE, WIDTH
+
+    loose, meshes = shapes
+    moves = [len(ends) == 2 for ends, _ in meshes]
+    counts = [ends[0].shape[0] for ends, _ in meshes]
+    count = len(plan.kinds) + sum(counts)
+    size = count + len(plan.members) + len(meshes)
+    rows, nodes = np.empty((count, WIDTH), number), np.empty((size, WIDTH), number)
+    # Without anything that moves in its space, one row that no primitive uses.
+    ends = np.empty((count if any(moves) or MOVING in plan.kinds else 1, WIDTH), number)
+    last = np.empty((size if any(moves) else 1, WIDTH), number)
+    links = nodes.view(np.int32 if number == np.float32 else np.int64)
+    codes, order, names = np.empty(count, np.int8), np.empty(count, np.int64), np.empty(count, np.int32)
+    spaces, roots, sizes = np.empty((len(plan.members), 6), np.int64), [], []
+    first = node = 0
+    for place, members in enumerate(plan.members):
+        begin, tree = first, len(roots)
+        triangles = bool((plan.kinds[members] >= TRIANGLE).any())
+        if len(members):
+            numbers = np.ascontiguousarray(loose[0])
+            inside, largest = trees.plant(
+                numbers, plan.kinds, members, unit, first, node, rows, ends, codes, order, nodes, links
+            )
+            names[first : first + len(members)] = plan.names[order[first : first + len(members)]]
+            if inside:
+                roots.append((node, 0, 0))
+                sizes.append(unit * 2 * largest)
+            begin, first, node = first + inside, first + len(members), node + len(members) + 1
+        stop = first
+        for (space, start), many, moving, (vertices, tree_of) in zip(
+            plan.meshes, counts, moves, meshes, strict=True
+        ):
+            if space != place:
+                continue
+            corners = [np.ascontiguousarray(a).reshape(-1, 9) for a in vertices]
+            close = corners[1] if moving else np.empty((0, 9), number)
+            tree_of = [np.ascontiguousarray(a) for a in tree_of]
+            largest = trees.graft(
+                corners[0], close, *tree_of, unit, first, node, rows, ends, nodes, links, last
+            )
+            names[first : first + many] = start + tree_of[0]
+            roots.append((node, 1, int(moving)))
+            sizes.append(unit * 2 * largest)
+            first, node, triangles = first + many, node + many + 1, True
+        spaces[place] = plan.frames[place], begin, stop, tree, len(roots), triangles
+    table = np.array(roots, np.int64).reshape(-1, 3)
+    return rows, ends, codes, nodes, last, links, np.array(sizes, number), spaces, table, names

@@ -76,6 +76,7 @@ CATALOGUE = {
     "z-7": Entry("figures.z_7", "The letters of a self-similar tree, at the nodes of permutations"),
     "z-8": Entry("figures.z_8", "Dimension 5 of the global Sobol' sequence"),
     "z-9": Entry("figures.z_9", "A complex occluder and three coloured lights, by four samplers"),
+    "z-10": Entry("figures.z_10", "Motion blur, a lens, paths and a caustic, by four samplers"),
     "z-11": Entry("figures.z_11", "Convergence on rendered scenes"),
     "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet"),
     "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1"),

@@ -47,6 +47,8 @@ class Padded(samplers.Sampler):
     """uint32 (parts,)."""
     in_pixels: bool = field(metadata={"static": True})
     """Whether each pixel has orders of its own."""
+    spp: int = field(metadata={"static": True})
+    """A power of two."""
 
     @property
     def dims(self) -> int:
@@ -59,29 +61,31 @@ class Padded(samplers.Sampler):
         values = []
         for part, size, seed in zip(self.parts, self.sizes, self.seeds, strict=True):
             own = hash_word(hash_word(x ^ seed) + y) if self.in_pixels else seed
-            values.append(part(x, y, _shuffled(sample, own), tuple(range(size)), dtype))
+            values.append(part(x, y, _shuffled(sample, own, self.spp), tuple(range(size)), dtype))
         return jnp.concatenate(values, axis=-1)[..., np.array(dims)]
 
 
-def _shuffled(sample: Array, seed: Array) -> Array:
-    """Permute the numbers below ``SPP`` by a random nested permutation, one for each seed."""
-    unused = np.uint32(32 - (SPP.bit_length() - 1))
+def _shuffled(sample: Array, seed: Array, spp: int) -> Array:
+    """Permute the numbers below ``spp`` by a random nested permutation, one for each seed."""
+    unused = np.uint32(32 - (spp.bit_length() - 1))
     return reverse(owen_hash(reverse(sample << unused), seed)) >> unused
 
 
-def make_samplers(needs: tuple[str, ...], side: int) -> dict[str, samplers.Sampler]:
+def make_samplers(
+    needs: tuple[str, ...], side: int, spp: int = SPP, key: int = KEY
+) -> dict[str, samplers.Sampler]:
     """Return the four samplers for a square image of a scene with these coordinates."""
     sizes, dims = constituents(needs), len(needs)
-    keys = jax.random.split(jax.random.key(KEY), len(sizes))
-    seeds = jax.random.bits(jax.random.key(KEY + 1), (len(sizes),), jnp.uint32)
+    keys = jax.random.split(jax.random.key(key), len(sizes))
+    seeds = jax.random.bits(jax.random.key(key + 1), (len(sizes),), jnp.uint32)
     xored = tuple(samplers.independent(sequences.sobol(2), key, "xor") for key in keys)
     ranked = tuple(samplers.ranked(2, key) for key in keys)
     return {
-        "(0,2)-sequence": Padded(xored, sizes, seeds, in_pixels=True),
+        "(0,2)-sequence": Padded(xored, sizes, seeds, in_pixels=True, spp=spp),
         "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
         # The arrangement in a tile is of sets of samples: an order that is the same everywhere leaves it.
-        "Heitz": Padded(ranked, sizes, seeds, in_pixels=False),
-        "Z": samplers.z(side, side, SPP, KEY, constituents=sizes),
+        "Heitz": Padded(ranked, sizes, seeds, in_pixels=False, spp=spp),
+        "Z": samplers.z(side, side, spp, key, constituents=sizes),
     }
 
 

@@ -71,7 +71,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure.suptitle(
         "Space-filling curves and the segments that enter a 3x3 neighbourhood (Hilbert paper, Fig. 1)"
     )
-    return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
+    return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 
 def _measure(curve: Curve) -> dict:

@@ -1,0 +1,6 @@
+"""What the papers claim, and whether it came out: an entry a claim, its verdict computed from figures' numbers."""
+
+from figures.ledger._ledger import Claim as Claim
+from figures.ledger._ledger import Finding as Finding
+from figures.ledger._ledger import claims as claims
+from figures.ledger._ledger import findings as findings

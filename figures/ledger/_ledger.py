@@ -1,0 +1,92 @@
+"""Claims of the papers, one file a paper, and what figures found about them.
+
+A figure's numbers have the parts ``measured``, ``printed`` (what the paper prints, and nothing else), ``claims``
+and ``note``. A claim there is true, false, or a dict of cases that are; here is which sentence of the paper it is.
+"""
+
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from importlib import resources
+from typing import Any, NamedTuple
+
+PAPERS = {
+    "hilbert": "Keller, Wächter, Binder: Rendering along the Hilbert Curve",
+    "z": "Ahmed, Wonka: Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical "
+    "Ordering of Pixels",
+    "thesis": "Grünschloß: Motion Blur",
+}
+"""The names of the files, and of the papers."""
+
+
+class Claim(NamedTuple):
+    """A sentence or a number of a paper that can be tested."""
+
+    paper: str
+    place: str
+    claim: str
+    """In our words."""
+    figure: str | None = None
+    """The name of the figure that tests it, and its key in the claims of that."""
+    key: str | None = None
+    measured: str | None = None
+    """What was measured, with fields of ``str.format`` that take it from the figure's numbers."""
+    test: str | None = None
+    """The test that shows it, by pytest's name, in place of a figure."""
+    contrary: bool = False
+    """Whether the test shows that it is false."""
+    why: str | None = None
+    """Why it came out otherwise, or in some cases only; or why it is not tested."""
+
+
+class Finding(NamedTuple):
+    """What came out."""
+
+    claim: Claim
+    verdict: str
+    """reproduced, differs, depends (on the case), or untested; missing where the figure was not made."""
+    measured: str
+    cases: Mapping[str, bool]
+    """Which cases hold, of claims that have some."""
+
+
+@cache
+def claims() -> tuple[Claim, ...]:
+    """Return all claims, in the order of papers and places."""
+    found = []
+    for paper in PAPERS:
+        text = (resources.files("figures.ledger") / f"{paper}.toml").read_text(encoding="utf-8")
+        found += [Claim(paper, **entry) for entry in tomllib.loads(text)["claim"]]
+    return tuple(found)
+
+
+def findings(entries: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
+    """Return what came out of each claim.
+
+    Parameters
+    ----------
+    entries : mapping
+        Those of ``numbers.json``, by the figures' names.
+    """
+    return [_finding(claim, entries) for claim in claims()]
+
+
+def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
+    if claim.test is not None:
+        return Finding(claim, "differs" if claim.contrary else "reproduced", claim.measured or "", {})
+    if claim.figure is None or claim.key is None:
+        return Finding(claim, "untested", "", {})
+    if claim.figure not in entries:
+        return Finding(claim, "missing", "", {})
+    numbers = entries[claim.figure]["numbers"]
+    found = numbers["claims"][claim.key]
+    measured = (claim.measured or "").format(**numbers)
+    if isinstance(found, bool):
+        return Finding(claim, "reproduced" if found else "differs", measured, {})
+    return Finding(claim, verdict(found), measured, found)
+
+
+def verdict(cases: Mapping[str, bool]) -> str:
+    """Return the verdict about a claim that holds in some cases."""
+    held = list(cases.values())
+    return "reproduced" if all(held) else "depends" if any(held) else "differs"

@@ -1,7 +1,8 @@
 """Make the figures: ``python -m figures [names...] [--list] [--out DIR] [--quality draft|paper] [--jobs N]``.
 
 Each figure becomes ``<name>.png`` in the output folder, and what it measured stands beside what the
-papers print in ``numbers.json`` there. A second run makes only what is missing or whose code changed.
+papers print in ``numbers.json`` there; ``index.html`` there shows all of it. A second run makes only
+what is missing or whose code changed.
 """
 
 import argparse
@@ -11,7 +12,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from figures import _store
+from figures import _store, page
 from figures._catalogue import CATALOGUE, Entry
 from figures._update import update
 
@@ -51,6 +52,10 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         parser.error(f"--out {str(options.out)!r} cannot be written: {error}")
     try:
         failed = update(names, catalogue, options.out, options.quality, options.jobs)
+        page.write(options.out, catalogue, failed)
+    except OSError as error:
+        print(f"the page cannot be written: {error}", file=sys.stderr)
+        return 1
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C would only disturb the exit
         print(f"interrupted: what was finished stays in {options.out}", file=sys.stderr)
@@ -75,8 +80,9 @@ examples:
   python -m figures --out gallery --jobs 2         two at a time, into gallery/
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
-papers print in numbers.json there. A second run makes only what is missing or whose code or
-quality changed. Exit status: 0, 1 if a figure failed, 2 for wrong usage, 130 after Ctrl-C.
+papers print in numbers.json there; index.html there shows all of it. A second run makes only what
+is missing or whose code or quality changed. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
+130 after Ctrl-C.
 """,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,

@@ -6,6 +6,8 @@ from typing import NamedTuple
 class Entry(NamedTuple):
     module: str
     title: str
+    our_scene: bool = False
+    """Whether the scene stands in for the paper's own, which is not to be had."""
 
 
 CATALOGUE = {
@@ -17,7 +19,9 @@ CATALOGUE = {
     "thesis-2.6": Entry("figures.thesis_2_6", "The box of a rectangle under continuous rotation"),
     "thesis-2.7": Entry("figures.thesis_2_7", "A fast rotation by linear segments"),
     "thesis-2.8": Entry("figures.thesis_2_8", "A ball that jumps, by linear segments"),
-    "thesis-3.5": Entry("figures.thesis_3_5", "The same times in all pixels, times of their own, even noise"),
+    "thesis-3.5": Entry(
+        "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
+    ),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.4": Entry("figures.thesis_5_4", "Initial direction numbers of the Sobol' sequence"),
@@ -41,16 +45,17 @@ CATALOGUE = {
     "thesis-6.2": Entry("figures.thesis_6_2", "Convergence on the checkerboard"),
     "thesis-6.3": Entry("figures.thesis_6_3", "The zone plate at 64 samples per pixel"),
     "thesis-6.4": Entry("figures.thesis_6_4", "Convergence on the zone plate"),
-    "thesis-6.5": Entry("figures.thesis_6_5", "The Cornell box at 64 samples per pixel"),
-    "thesis-6.6": Entry("figures.thesis_6_6", "Convergence on the Cornell box"),
-    "thesis-6.7": Entry("figures.thesis_6_7", "The helicopter at 64 samples per pixel"),
-    "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter"),
+    "thesis-6.5": Entry("figures.thesis_6_5", "The Cornell box at 64 samples per pixel", our_scene=True),
+    "thesis-6.6": Entry("figures.thesis_6_6", "Convergence on the Cornell box", our_scene=True),
+    "thesis-6.7": Entry("figures.thesis_6_7", "The helicopter at 64 samples per pixel", our_scene=True),
+    "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter", our_scene=True),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
     "path-speed": Entry("figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba"),
     "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
     "benchmark-traced": Entry(
         "figures.benchmark_traced", "Run time against error of ray-traced scenes, beside Mitsuba"
     ),
+    "spp-slider": Entry("figures.spp_slider", "One scene by eight samplers, from 1 to 256 samples per pixel"),
     "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.skipping", "What is not computed: constant pixels, passes, all but the edges"),
     "skipping-traced": Entry("figures.skipping_traced", "What is not computed of ray-traced scenes"),
@@ -66,20 +71,26 @@ CATALOGUE = {
     "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),
     "hilbert-3": Entry("figures.hilbert_3", "Radical inverses along the curves"),
     "hilbert-4": Entry("figures.hilbert_4", "Scrambled radical inverses along the curves"),
-    "hilbert-5": Entry("figures.hilbert_5", "An interior along the Hilbert curve"),
-    "z-1": Entry("figures.z_1", "An interior at one sample a pixel, and the spectra of the errors"),
+    "hilbert-5": Entry("figures.hilbert_5", "An interior along the Hilbert curve", our_scene=True),
+    "z-1": Entry(
+        "figures.z_1", "An interior at one sample a pixel, and the spectra of the errors", our_scene=True
+    ),
     "z-2": Entry("figures.z_2", "The Morton order of 8 x 8 pixels"),
-    "z-3": Entry("figures.z_3", "A soft shadow at one sample a pixel, with and without Morton order"),
+    "z-3": Entry(
+        "figures.z_3", "A soft shadow at one sample a pixel, with and without Morton order", our_scene=True
+    ),
     "z-4": Entry("figures.z_4", "The accordion order, unfolded cut by cut"),
     "z-5": Entry("figures.z_5", "The permutations of a scrambled Morton order"),
     "z-6": Entry("figures.z_6", "The samples of 128 x 128 pixels and their star discrepancies"),
     "z-7": Entry("figures.z_7", "The letters of a self-similar tree, at the nodes of permutations"),
     "z-8": Entry("figures.z_8", "Dimension 5 of the global Sobol' sequence"),
-    "z-9": Entry("figures.z_9", "A complex occluder and three coloured lights, by four samplers"),
-    "z-10": Entry("figures.z_10", "Motion blur, a lens, paths and a caustic, by four samplers"),
-    "z-11": Entry("figures.z_11", "Convergence on rendered scenes"),
-    "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet"),
-    "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1"),
+    "z-9": Entry(
+        "figures.z_9", "A complex occluder and three coloured lights, by four samplers", our_scene=True
+    ),
+    "z-10": Entry("figures.z_10", "Motion blur, a lens, paths and a caustic, by four samplers", our_scene=True),
+    "z-11": Entry("figures.z_11", "Convergence on rendered scenes", our_scene=True),
+    "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet", our_scene=True),
+    "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1", our_scene=True),
     "screen-space-1": Entry("figures.screen_space_1", "All screen-space methods at 1 sample a pixel"),
     "screen-space-4": Entry("figures.screen_space_4", "All screen-space methods at 4 samples a pixel"),
     "screen-space-16": Entry("figures.screen_space_16", "All screen-space methods at 16 samples a pixel"),

@@ -79,15 +79,18 @@ def pictures(
     claims: Callable[[dict[str, float]], dict[str, bool]],
     quality: str,
     progress,
-) -> tuple[Figure, dict]:
-    """Show a scene's reference and all samplers at 64 samples per pixel, each with a magnified area."""
+) -> tuple[Figure, dict, dict[str, np.ndarray]]:
+    """Show a scene's reference and all samplers at 64 samples per pixel, each with a magnified area.
+
+    Hands the images out.
+    """
     side, spp = SIDE[quality], 64
     scene, exact = getattr(scenes, name)(), _traced.reference(name, side, REPLICATE[quality])
     progress(0.3)
     panels = [_traced.Panel("reference", exact.image, crop)]
-    errors, waves = {}, {}
+    images, errors, waves = {"reference": exact.image}, {}, {}
     for done, sampler in enumerate(STYLES, start=1):
-        image = _images.image(scene, make_sampler(sampler, side, spp), side, spp)
+        images[sampler] = image = _images.image(scene, make_sampler(sampler, side, spp), side, spp)
         errors[sampler] = _traced.rms_error(image, exact)
         waves[sampler] = _strongest_wave(image, exact)
         panels.append(_traced.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", image, crop))
@@ -99,7 +102,7 @@ def pictures(
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
         + _note(exact),
     }
-    return figure, numbers
+    return figure, numbers, images
 
 
 def _note(exact: _traced.Reference) -> str:

@@ -59,10 +59,10 @@ def deterministic(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:
 
 def pictures(
     scene: Any, title: str, crop: tuple[float, float, float], quality: str, progress
-) -> tuple[Figure, dict]:
+) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Show reference and samplers at 64 samples per pixel, with a magnified area below each.
 
-    ``crop`` is the left and upper edge and the side of the area, in parts of the image.
+    ``crop`` is the left and upper edge and the side of the area, in parts of the image. Hands the images out.
     """
     side, spp = (512, 64) if quality == "paper" else (256, 64)
     makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
@@ -75,7 +75,8 @@ def pictures(
     area = np.s_[upper : upper + part, left : left + part]
     lines = {name: _line((image - reference)[area]) for name, image in images.items()}
     progress(0.9)
-    figure = _sheet({"exact reference": reference, **images}, captions, title, area)
+    images = {"exact reference": reference, **images}
+    figure = _sheet(images, captions, title, area)
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -94,7 +95,7 @@ def pictures(
         "line is a row of pixels whose RMS error is so many times the median of the eight rows around it, "
         f"visible from {VISIBLE:g} on. The thesis has the same caption below both of its lattice's images.",
     }
-    return figure, numbers
+    return figure, numbers, images
 
 
 def _line(error: np.ndarray) -> float:

@@ -5,12 +5,14 @@ import io
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 NUMBERS = "numbers.json"
+IMAGE_PARTS = ("file", "difference", "spectrum")
+"""The files of an image that is handed out."""
 
 
 def prepare(folder: Path) -> None:
@@ -73,6 +75,12 @@ def record(folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str],
     entries = known(folder, warn) | {name: entry}
     text = json.dumps(dict(sorted(entries.items())), indent=2, ensure_ascii=False, allow_nan=False)
     write(folder / NUMBERS, (text + "\n").encode())
+
+
+def image_files(name: str, entry: Mapping[str, Any]) -> list[str]:
+    """Return the files of the images that a figure handed out, by its entry."""
+    items = entry.get("images", {}).get("items", [])
+    return [f"{name}.{item[key]}" for item in items for key in IMAGE_PARTS if key in item]
 
 
 def as_csv(rows: list[dict[str, Any]]) -> bytes:

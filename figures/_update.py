@@ -4,14 +4,16 @@ import json
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import closing
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TextIO
+from typing import Any, TextIO
 
 from tqdm import tqdm
 
 from figures import _store
 from figures._catalogue import Entry
 from figures._fingerprint import fingerprint
+from figures._machine import machine
 from figures._runner import run
 from figures._worker import Done, Failed, Progress, Task
 
@@ -27,7 +29,8 @@ def update(
         Keys of ``catalogue``.
     catalogue : mapping of str to Entry
     folder : Path
-        Exists; gets ``<name>.png``, ``numbers.json``, and ``<name>.csv`` of figures that have a table.
+        Exists; gets ``<name>.png``, ``numbers.json``, ``<name>.csv`` of figures that have a table, and
+        ``<name>.<image>.png`` of those that hand out images.
     quality : str
         ``"draft"`` or ``"paper"``, handed to the figures.
     jobs : int
@@ -38,11 +41,11 @@ def update(
     list of str
         The names of the figures that failed.
     """
-    known = _known_fingerprints(folder)
+    known = _known(folder)
     fingerprints = {name: fingerprint(catalogue[name].module, quality) for name in names}
     tasks: list[Task] = []
     for name in names:
-        if known.get(name) == fingerprints[name] and _picture(folder, name).is_file():
+        if _is_whole(folder, name, known.get(name, {}), fingerprints[name]):
             _say(f"{name}: up to date")
         else:
             tasks.append(Task(name, catalogue[name].module, quality))
@@ -76,16 +79,20 @@ def _finish(folder: Path, task: Task, message: Done | Failed, title: str, finger
         _say(message.trace.rstrip(), sys.stderr)
         return False
     seconds = round(message.seconds, 2)
-    numbers = json.loads(message.numbers)
+    numbers, images = json.loads(message.numbers), json.loads(message.images)
     entry = {
         "title": title,
         "quality": task.quality,
         "fingerprint": fingerprint,
         "seconds": seconds,
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": machine() | ({} if message.device is None else {"device": message.device}),
         "numbers": numbers,
-    }
+    } | ({} if images is None else {"images": images})
     try:
         _store.write(_picture(folder, task.name), message.png)
+        for end, png in message.files:
+            _store.write(folder / f"{task.name}.{end}", png)
         if "table" in numbers:
             _store.write(folder / f"{task.name}.csv", _store.as_csv(numbers["table"]))
         _store.record(folder, task.name, entry, _warn)
@@ -97,10 +104,19 @@ def _finish(folder: Path, task: Task, message: Done | Failed, title: str, finger
     return True
 
 
-def _known_fingerprints(folder: Path) -> dict[str, object]:
+def _known(folder: Path) -> dict[str, dict[str, Any]]:
     if any(folder.glob("*.png")) and not (folder / _store.NUMBERS).exists():
         _warn(f"{folder / _store.NUMBERS} is missing: the figures are made anew")
-    return {name: entry.get("fingerprint") for name, entry in _store.known(folder, _warn).items()}
+    return _store.known(folder, _warn)
+
+
+def _is_whole(folder: Path, name: str, entry: Mapping[str, Any], fingerprint: str) -> bool:
+    """Tell whether a figure is up to date, and all its pictures are there."""
+    return (
+        entry.get("fingerprint") == fingerprint
+        and _picture(folder, name).is_file()
+        and all((folder / file).is_file() for file in _store.image_files(name, entry))
+    )
 
 
 def _picture(folder: Path, name: str) -> Path:

@@ -5,6 +5,7 @@ import io
 import json
 import multiprocessing
 import os
+import sys
 import threading
 import time
 import traceback
@@ -30,10 +31,19 @@ class Progress(NamedTuple):
     fraction: float
 
 
+Files = tuple[tuple[str, bytes], ...]
+
+
 class Done(NamedTuple):
     seconds: float
     png: bytes
     numbers: str  # JSON, since unpickling NumPy's scalars would import NumPy
+    files: Files = ()
+    """Images that are handed out, by the ends of their names."""
+    images: str = "null"
+    """What they are, as JSON."""
+    device: str | None = None
+    """What JAX computed on, if it was used in this process."""
 
 
 class Failed(NamedTuple):
@@ -57,13 +67,14 @@ def _answer(task: Task, connection: Connection) -> Done | Failed:
     progress = _reporter(connection)
     progress(0.0)
     try:
-        png, numbers = _draw(task, progress)
+        png, numbers, files, images = _draw(task, progress)
     except Exception:  # the parent shows it whole, and the other figures still run
         return Failed(traceback.format_exc())
-    return Done(time.perf_counter() - start, png, numbers)
+    return Done(time.perf_counter() - start, png, numbers, files, images, _device())
 
 
-def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str]:
+def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Files, str]:
+    """Return the picture, the numbers, the images that were handed out, and what they are."""
     make = importlib.import_module(task.module).make
 
     import matplotlib.pyplot as plt
@@ -71,15 +82,31 @@ def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str]:
 
     # What a figure does to matplotlib's parameters must not reach the next one.
     with plt.rc_context():
-        picture, numbers = make(task.quality, progress)
-        if not isinstance(picture, Figure) or not isinstance(numbers, dict):
-            found = f"({type(picture).__name__}, {type(numbers).__name__})"
+        made = make(task.quality, progress)
+        if not (len(made) in (2, 3) and isinstance(made[0], Figure) and isinstance(made[1], dict)):
+            found = f"({', '.join(type(part).__name__ for part in made)})"
             raise TypeError(f"{task.module}.make must return a matplotlib Figure and a dict, got {found}")
+        picture, numbers, *images = made
         check_numbers(numbers)
         buffer = io.BytesIO()
         picture.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
     plt.close("all")
-    return buffer.getvalue(), json.dumps(numbers, allow_nan=False)
+    files, described = {}, None
+    if images:
+        from figures._handed_out import encode
+
+        files, described = encode(images[0])
+    return (
+        buffer.getvalue(),
+        json.dumps(numbers, allow_nan=False),
+        tuple(files.items()),
+        json.dumps(described),
+    )
+
+
+def _device() -> str | None:
+    jax = sys.modules.get("jax")
+    return jax.devices()[0].device_kind if jax else None
 
 
 def _reporter(connection: Connection) -> Callable[[float], None]:

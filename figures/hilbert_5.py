@@ -51,19 +51,21 @@ def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
     }
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Render all ways at 1, 4, 16 and 64 samples per pixel."""
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
+    """Render all ways at 1, 4, 16 and 64 samples per pixel; hand the images out."""
     side, scene = SIDE[quality], scenes.interior(BOUNCES[quality])
     exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
     progress(0.5)
     area = _diffusion.beside_window(side)
     smooth = _smooth(exact.image[area])
     rows: dict[str, dict[str, NDArray]] = {}
+    images = {"reference": exact.image[area]}  # without the window, as they are measured
     measured: dict[str, dict[str, Any]] = {}
     for done, spp in enumerate(COUNTS, start=1):
         row = rows.setdefault(f"{spp} sample{'s' * (spp > 1)}", {})
         for name, sampler in ways(len(scene.needs), side, spp).items():
             image = _images.image(scene, sampler, side, spp)
+            images[f"{name}, {spp} spp"] = image[area]
             row[name] = _diffusion.shown(image)
             measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact, area) | _by_area(
                 (image - exact.image)[area], smooth
@@ -78,7 +80,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         origin=exact.origin,
         error=float(np.sqrt(np.mean(np.square(exact.error[area])))),
     )
-    return figure, {"measured": measured, "printed": _claims(measured), "note": note}
+    return figure, {"measured": measured, "printed": _claims(measured), "note": note}, images
 
 
 def _smooth(image: NDArray) -> NDArray[np.bool_]:

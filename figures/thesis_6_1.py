@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _screens
@@ -10,7 +11,7 @@ from qmcjax import scenes
 CROP = (0.375, 0.0, 0.25)
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
     title = "The checkerboard, 64 samples per pixel, and a magnified area (thesis Fig. 6.1)"
     return _screens.pictures(scenes.checkerboard(), title, CROP, quality, progress)

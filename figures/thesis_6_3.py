@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _screens
@@ -10,7 +11,7 @@ from qmcjax import scenes
 CROP = (0.7, 0.7, 0.25)
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
     title = "The zone plate test pattern, 64 samples per pixel, and a magnified area (thesis Fig. 6.3)"
     return _screens.pictures(scenes.zone_plate(), title, CROP, quality, progress)

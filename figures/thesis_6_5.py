@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _motion_blur
@@ -17,11 +18,11 @@ WHY = (
 """Of the sentences that do not hold."""
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
     title = "The Cornell box, 64 samples per pixel, and a magnified area (thesis Fig. 6.5)"
-    figure, numbers = _motion_blur.pictures("cornell_box", title, CROP, _claims, quality, progress)
-    return figure, numbers | {"note": numbers["note"] + WHY}
+    figure, numbers, images = _motion_blur.pictures("cornell_box", title, CROP, _claims, quality, progress)
+    return figure, numbers | {"note": numbers["note"] + WHY}, images
 
 
 def _claims(errors: dict[str, float]) -> dict[str, bool]:

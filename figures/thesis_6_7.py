@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _motion_blur
@@ -10,7 +11,7 @@ from figures._motion_blur import FULL, NETS, OTHERS
 CROP = (0.62, 0.4, 0.3)
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
     title = "The helicopter, 64 samples per pixel, and a magnified area (thesis Fig. 6.7)"
     return _motion_blur.pictures("helicopter", title, CROP, _claims, quality, progress)

@@ -54,16 +54,18 @@ def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
     }
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Render with each sampler, and show the spectra of the errors."""
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
+    """Render with each sampler, show the spectra of the errors, and hand the images out."""
     side, scene = SIDE[quality], scenes.interior(BOUNCES[quality])
     area = _diffusion.beside_window(side)
     exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
     progress(0.8)
     images, spectra, measured = {}, {}, {}
+    handed_out = {"reference": exact.image[area]}  # without the window, as they are measured
     square = slice(side // 8, side - side // 8), slice(side // 4, side)
     for name, sampler in ways(len(scene.needs), side, 1).items():
         image = _images.image(scene, sampler, side, 1)
+        handed_out[name] = image[area]
         images[name] = _diffusion.shown(image)
         spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
         measured[name] = _diffusion.measures(image, exact, area) | {
@@ -88,7 +90,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         blue=BLUE,
     )
     note += _diffusion.BESIDE_WINDOW + "Spectra are of the middle square of it. " + _diffusion.EXPLAINED
-    return figure, {"measured": measured, "printed": _claims(measured), "note": note}
+    return figure, {"measured": measured, "printed": _claims(measured), "note": note}, handed_out
 
 
 def _strongest(spectrum: NDArray) -> float:

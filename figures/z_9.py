@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _traced, _z_renderings
@@ -12,8 +13,8 @@ PATTERN = 1.5
 """How much stronger the strongest wave is than that of an error without aliasing."""
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Render the occluder, and measure errors and their spectra."""
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
+    """Render the occluder, and measure errors and their spectra; hand the images out."""
     panels, measured, exact = _z_renderings.compare("occluder", CROP, quality, progress)
     title = f"The occluder, {_z_renderings.SPP} samples per pixel (Z paper Fig. 9)"
     low = {name: of["low-frequency power"] for name, of in measured.items()}
@@ -32,4 +33,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "printed": printed,
         "note": _z_renderings.note(quality, exact),
     }
-    return _traced.sheet(panels, 3, title, 256), numbers
+    names = ("reference", *_z_renderings.NAMES)
+    images = {name: panel.image for name, panel in zip(names, panels, strict=True)}
+    return _traced.sheet(panels, 3, title, 256), numbers, images

@@ -165,10 +165,13 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert (status, stderr) == (0, "")
     assert re.fullmatch(r"one: \d+\.\d s\ntwo: \d+\.\d s\nimported: set\(\)\n", stdout)
     assert project.calls() == ["one", "two"]
-    assert project.files() == ["numbers.json", "one.png", "two.png"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
     first = project.numbers()
     assert list(first) == ["one", "two"]
-    assert list(first["one"]) == ["title", "quality", "fingerprint", "seconds", "numbers"]
+    parts = ["title", "quality", "fingerprint", "seconds", "date", "machine", "numbers"]
+    assert list(first["one"]) == parts
+    assert first["one"]["machine"].keys() == {"processor", "cores", "jax"}
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", first["one"]["date"])
     assert (first["one"]["title"], first["one"]["quality"]) == ("Title of one", "draft")
     pid = first["one"]["numbers"].pop("process")
     assert pid == first["two"]["numbers"]["process"], "one worker makes both"
@@ -248,7 +251,8 @@ def test_a_failure_is_told_and_stops_nothing_else(tmp_path):
     summary = re.fullmatch("6 of 7 figures failed: (.*)", stderr.splitlines()[-1])
     assert summary
     assert set(summary[1].split(", ")) == {"broken", "syntax", "infinite", "wrong", "dead", "blocked"}
-    assert project.files() == ["blocked.png", "numbers.json", "one.png"]
+    assert project.files() == ["blocked.png", "index.html", "numbers.json", "one.png"]
+    assert "Failed in the last run: blocked, broken, dead" in (project.out / "index.html").read_text()
     assert list(project.numbers()) == ["one"]
 
 
@@ -288,7 +292,7 @@ def test_interrupt_keeps_what_is_finished(tmp_path):
     assert status == 0
     assert project.calls() == ["one"], "two calls one's make, one itself was up to date"
     assert re.match(r"one: up to date\ntwo: \d", stdout)
-    assert project.files() == ["numbers.json", "one.png", "two.png"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -320,7 +324,7 @@ def make(quality, progress):
 """
     project = Project(tmp_path, one=meeting, two=meeting)
     assert project.run("--jobs", "2")[0] == 0
-    assert project.files() == ["numbers.json", "one.png", "two.png"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
 
 
 def test_progress_moves_within_a_figure_on_a_terminal(tmp_path):
@@ -447,6 +451,40 @@ def test_tables_are_written_beside_the_pictures(tmp_path):
     assert (tmp_path / "sheet.csv").read_text() == 'name,seconds\n"a, b",0.5\nc,1e-09\n'
     assert _finish(tmp_path, task._replace(name="plain"), Done(1.0, b"", "{}"), "Title", "fingerprint")
     assert not (tmp_path / "plain.csv").exists()
+
+
+IMAGES = """
+import numpy as np
+from matplotlib.figure import Figure
+
+def make(quality, progress):
+    grey = np.full((4, 4), 0.5)
+    return Figure(figsize=(1, 1)), {}, {"reference": grey, "Z, 4 spp": grey * 1.1}
+"""
+
+
+def test_images_that_are_handed_out_lie_beside_the_picture(tmp_path):
+    """And one that is lost is made again, with its figure."""
+    project = Project(tmp_path, one=IMAGES, wrong=IMAGES.replace('"reference"', "1"))
+    status, _, stderr = project.run()
+    assert status == 1 and "TypeError: images must be a mapping of names to arrays" in stderr
+    ends = ["reference", "z-4-spp.difference", "z-4-spp", "z-4-spp.spectrum"]
+    pictures = ["one.png", *(f"one.{end}.png" for end in ends)]
+    assert project.files() == sorted(["index.html", "numbers.json", *pictures])
+    assert [item["name"] for item in project.numbers()["one"]["images"]["items"]] == ["reference", "Z"]
+    assert project.run("one")[1].startswith("one: up to date\n")
+    for picture in pictures:
+        (project.out / picture).unlink()
+        assert re.match(r"one: \d", project.run("one")[1])
+        assert (project.out / picture).exists()
+
+
+def test_a_page_that_cannot_be_written_is_told(tmp_path):
+    project = Project(tmp_path, one=GOOD)
+    (project.out / "index.html").mkdir(parents=True)
+    status, stdout, stderr = project.run()
+    assert status == 1 and re.match(r"one: \d", stdout)
+    assert stderr.startswith("the page cannot be written: [Errno 21] Is a directory")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"one": 1}', '{"one": {"x": NaN}}', b"\xff"])

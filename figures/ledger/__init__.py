@@ -1,4 +1,4 @@
-"""What the papers claim, and whether it came out: an entry a claim, its verdict computed from figures' numbers."""
+"""What the papers claim, and whether it came out: verdicts are computed from figures' numbers."""
 
 from figures.ledger._ledger import Claim as Claim
 from figures.ledger._ledger import Finding as Finding

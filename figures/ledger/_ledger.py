@@ -1,7 +1,8 @@
 """Claims of the papers, one file a paper, and what figures found about them.
 
-A figure's numbers have the parts ``measured``, ``printed`` (what the paper prints, and nothing else), ``claims``
-and ``note``. A claim there is true, false, or a dict of cases that are; here is which sentence of the paper it is.
+A figure's numbers have the parts ``measured``, ``printed`` (what the paper prints, and nothing else),
+``claims`` and ``note``. A claim there is true, false, or a dict of cases that are; here is which sentence of
+the paper it is.
 """
 
 import tomllib
@@ -56,7 +57,7 @@ def claims() -> tuple[Claim, ...]:
     found = []
     for paper in PAPERS:
         text = (resources.files("figures.ledger") / f"{paper}.toml").read_text(encoding="utf-8")
-        found += [Claim(paper, **entry) for entry in tomllib.loads(text)["claim"]]
+        found += [Claim(paper, **entry) for entry in tomllib.loads(text).get("claim", [])]
     return tuple(found)
 
 

@@ -1,0 +1,171 @@
+"""Images that figures hand out, as PNGs: each with its difference from the first and the spectrum of that."""
+
+import io
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from PIL import Image
+
+import analysis
+
+TRANSFER = "linear values, clipped to [0, 1] and raised to the power of 1/2.2"
+AS_IT_IS = "values as they are"
+SHADES = 16
+DECADES = (-2.0, 2.0)
+"""Powers of ten that are black and white in a spectrum; 0 is the mean of any."""
+
+FITTING = 99.5
+"""Percentage of the differences that a scale has to hold: a few pixels may see the lamp itself."""
+
+COUNTED = re.compile(r"(.+), (\d+) spp")
+"""Names of images of a series over samples per pixel."""
+
+
+def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str, Any]]:
+    """Encode images of one shape, the reference first.
+
+    Parameters
+    ----------
+    images : mapping of str to ArrayLike
+        Finite floats, linear, or uint8, shape (height, width) or (height, width, 3). Names such as
+        "Z, 16 spp" make a series.
+
+    Returns
+    -------
+    files : dict of str to bytes
+        PNGs, by the part of the file's name that follows the figure's.
+    description : dict
+        Width, height, transfer, and the items: name, spp of series, file, and of all but the reference
+        the files of difference and spectrum, the difference's root mean square and the scale of its picture.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no such images.
+    """
+    arrays = _checked(images)
+    coded = next(iter(arrays.values())).dtype == np.uint8
+    shown = {name: array if coded else _shown(array) for name, array in arrays.items()}
+    values = {name: array / 255 if coded else array for name, array in arrays.items()}
+    first, *others = arrays
+    differences = {name: values[name] - values[first] for name in others}
+    scales = _scales(differences)
+
+    height, width = arrays[first].shape[:2]
+    files = {f"{_slug(first)}.png": _png(shown[first])}
+    items: list[dict[str, Any]] = [{"name": first, "file": f"{_slug(first)}.png"}]
+    for name in others:
+        slug, count = _slug(name), _count(name)
+        parts = {
+            "file": f"{slug}.png",
+            "difference": f"{slug}.difference.png",
+            "spectrum": f"{slug}.spectrum.png",
+        }
+        files[parts["file"]] = _png(shown[name])
+        files[parts["difference"]] = _png(_signed(differences[name], scales[count]))
+        files[parts["spectrum"]] = _png_of_shades(_spectrum(values[name], values[first]))
+        rms = float(np.sqrt(np.mean(differences[name] ** 2)))
+        spp = {} if count is None else {"spp": count}
+        items.append({"name": _sampler(name), **spp, **parts, "rms": rms, "scale": scales[count]})
+    if len(files) != 1 + 3 * len(others):
+        raise ValueError(f"images must have names that differ in letters or digits, got {list(images)}")
+    transfer = AS_IT_IS if coded else TRANSFER
+    return files, {"width": width, "height": height, "transfer": transfer, "items": items}
+
+
+def _checked(images: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
+    if not isinstance(images, Mapping) or not all(isinstance(name, str) for name in images):
+        raise TypeError(f"images must be a mapping of names to arrays, got {type(images).__name__}")
+    if not images:
+        raise ValueError("images must have a reference, got none")
+    arrays = {name: np.asarray(image) for name, image in images.items()}
+    first = next(iter(arrays.values()))
+    for name, array in arrays.items():
+        if array.dtype != np.uint8 and not np.issubdtype(array.dtype, np.floating):
+            raise TypeError(f"images must be of floats or uint8, got {array.dtype} for {name!r}")
+        if array.shape != first.shape or array.ndim not in (2, 3) or array.shape[2:] not in ((), (3,)):
+            raise ValueError(
+                "images must be of one shape (height, width) or (height, width, 3), "
+                f"got {array.shape} for {name!r}"
+            )
+        if (array.dtype == np.uint8) != (first.dtype == np.uint8):
+            raise TypeError(f"images must be all of floats or all of uint8, got {array.dtype} for {name!r}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"images must be finite, got others in {name!r}")
+    return arrays
+
+
+def _slug(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
+
+
+def _count(name: str) -> int | None:
+    counted = COUNTED.fullmatch(name)
+    return int(counted[2]) if counted else None
+
+
+def _sampler(name: str) -> str:
+    counted = COUNTED.fullmatch(name)
+    return counted[1] if counted else name
+
+
+def _shown(image: NDArray) -> NDArray[np.uint8]:
+    return np.round(255 * np.clip(image, 0, 1) ** (1 / 2.2)).astype(np.uint8)
+
+
+def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:
+    """Return the difference that is white, one for all images of as many samples: they are to be compared."""
+    largest: dict[int | None, float] = {}
+    for name, difference in differences.items():
+        found = float(np.percentile(np.abs(_grey(difference)), FITTING))
+        largest[_count(name)] = max(largest.get(_count(name), 0.0), found)
+    return {count: _rounded_up(value) for count, value in largest.items()}
+
+
+def _rounded_up(value: float) -> float:
+    """Return the next of 1, 2 or 5 times a power of ten; 1 for no difference."""
+    if value == 0:
+        return 1.0
+    power = int(np.floor(np.log10(value)))
+    steps = (float(f"{k}e{power}") for k in (1, 2, 5, 10))
+    return next(step for step in steps if value <= step * (1 + 1e-6))
+
+
+def _grey(image: NDArray) -> NDArray:
+    return image if image.ndim == 2 else image.mean(axis=2)
+
+
+def _signed(difference: NDArray, scale: float) -> NDArray[np.uint8]:
+    """Return mid-grey for none, white for ``scale`` too bright."""
+    return np.round(127.5 + 127.5 * np.clip(_grey(difference) / scale, -1, 1)).astype(np.uint8)
+
+
+def _spectrum(image: NDArray, reference: NDArray) -> NDArray[np.uint8]:
+    """Return the shades of the error's power in decades, frequency 0 in the middle; black for no error."""
+    if np.ptp(image - reference, axis=(0, 1)).max() == 0:
+        return np.zeros(image.shape[:2], np.uint8)
+    power = np.fft.fftshift(analysis.error_spectrum(image, reference))
+    low, high = DECADES
+    place = (np.log10(np.maximum(power, 10**low)) - low) / (high - low)
+    return np.minimum(SHADES * place, SHADES - 1).astype(np.uint8)
+
+
+def _png(pixels: NDArray[np.uint8]) -> bytes:
+    """Return a PNG of grey or colours."""
+    return _saved(Image.fromarray(pixels))
+
+
+def _png_of_shades(pixels: NDArray[np.uint8]) -> bytes:
+    """Return a PNG of few greys, at 4 bits a pixel: noise does not compress."""
+    image = Image.fromarray(pixels)
+    image.putpalette([value for k in range(SHADES) for value in [k * 255 // (SHADES - 1)] * 3])
+    return _saved(image, bits=4)
+
+
+def _saved(image: Image.Image, **options: Any) -> bytes:
+    buffer = io.BytesIO()
+    image.save(buffer, format="png", optimize=True, **options)
+    return buffer.getvalue()

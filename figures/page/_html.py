@@ -1,0 +1,55 @@
+"""HTML by templates that escape what they are given."""
+
+import html
+import struct
+from collections.abc import Iterable
+from importlib import resources
+from pathlib import Path
+from string import Template
+from typing import Any
+
+
+class Markup(str):
+    """HTML as it is, not to be escaped again."""
+
+
+def fill(template: str, **values: Any) -> Markup:
+    """Return a ``string.Template`` with values in place of its names, escaped unless they are `Markup`.
+
+    Iterables of markup are put together.
+    """
+    return Markup(Template(template).substitute({name: _text(value) for name, value in values.items()}))
+
+
+def join(parts: Iterable[Markup]) -> Markup:
+    """Put pieces of markup together."""
+    return Markup("\n".join(parts))
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, Markup) else html.escape(str(value))
+
+
+def static(name: str) -> str:
+    """Return the text of one of the page's own files."""
+    return (resources.files("figures.page") / "static" / name).read_text(encoding="utf-8")
+
+
+def script_safe(text: str) -> Markup:
+    """Return JSON as the content of a script element, which no ``</script>`` in a string may end."""
+    return Markup(text.replace("<", "\\u003c"))
+
+
+def png_size(path: Path) -> tuple[int, int] | None:
+    """Return width and height from the head of a PNG; None if it is none."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(24)
+    except OSError:
+        return None
+    return struct.unpack(">II", head[16:24]) if head.startswith(b"\x89PNG") and len(head) == 24 else None
+
+
+def quantity(count: int, noun: str) -> str:
+    """Return a count with its noun, in the plural unless it is one."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"

@@ -1,0 +1,43 @@
+"""Images that a figure hands out: side by side with a split, magnified, their differences and spectra."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from figures import _store
+from figures.page._html import Markup, fill, script_safe
+
+VIEWER = """
+<section class="viewer" aria-label="Images of $name side by side" data-name="$name" data-title="$title">
+<script type="application/json">$images</script>
+</section>
+"""
+
+WALL = """
+<div class="wall wide" style="--width: 1370px" data-name="$name" data-title="$title">
+<script type="application/json">$images</script></div>
+"""
+
+LOST = '<p class="warning">Images are missing: $files</p>'
+
+
+def viewer(folder: Path, name: str, title: str, images: Mapping[str, Any] | None) -> Markup:
+    """Return what the page's script makes a viewer of; nothing for a figure without images."""
+    return _component(VIEWER, folder, name, title, images)
+
+
+def wall(folder: Path, name: str, title: str, images: Mapping[str, Any] | None) -> Markup:
+    """Return what the page's script makes a wall of: all samplers at as many samples as a slider says."""
+    return _component(WALL, folder, name, title, images)
+
+
+def _component(
+    template: str, folder: Path, name: str, title: str, images: Mapping[str, Any] | None
+) -> Markup:
+    if images is None:
+        return Markup("")
+    lost = [file for file in _store.image_files(name, {"images": images}) if not (folder / file).is_file()]
+    if lost:
+        return fill(LOST, files=", ".join(lost))
+    return fill(template, name=name, title=title, images=script_safe(json.dumps(images, ensure_ascii=False)))

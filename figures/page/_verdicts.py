@@ -1,0 +1,68 @@
+"""Verdicts of the ledger on an output folder, whatever is in it."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
+
+from figures import ledger
+from figures.page._html import Markup, fill, join
+
+VERDICTS = {
+    "reproduced": ("✓", "came out as the paper says"),
+    "differs": ("✗", "came out otherwise"),
+    "depends": ("◐", "holds in some cases only"),
+    "untested": ("–", "has no test, and says why"),
+    "missing": ("○", "its figure is not in this folder"),
+}
+"""Signs and meanings, in the order in which they are counted: a verdict is never told by its colour alone."""
+
+UNREADABLE = (KeyError, TypeError, ValueError, IndexError, AttributeError)
+"""What entries raise that were made by an older version, or edited."""
+
+
+class Assessed(NamedTuple):
+    findings: list[ledger.Finding]
+    outdated: list[str]
+    """Figures whose numbers do not have what the ledger looks for."""
+
+
+def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
+    """Return what came out of all claims; figures of an older version count as missing."""
+    readable = {name: entry for name, entry in entries.items() if _readable(name, entry)}
+    return Assessed(ledger.findings(readable), [name for name in entries if name not in readable])
+
+
+def _readable(name: str, entry: Mapping[str, Any]) -> bool:
+    try:
+        ledger.findings({name: entry})
+    except UNREADABLE:
+        return False
+    return True
+
+
+def badge(verdict: str) -> Markup:
+    """Return a verdict in its colour, with its sign."""
+    return fill(
+        '<span class="verdict $verdict"><i aria-hidden="true">$sign</i> $verdict</span>',
+        verdict=verdict,
+        sign=VERDICTS[verdict][0],
+    )
+
+
+def counts(verdicts: Iterable[str]) -> dict[str, int]:
+    """Return how many there are of each, in the order of `VERDICTS`, without those of which there is none."""
+    counted = Counter(verdicts)
+    return {verdict: counted[verdict] for verdict in VERDICTS if counted[verdict]}
+
+
+def summary(counted: Mapping[str, int]) -> Markup:
+    """Return counts by verdict, in their colours."""
+    return join(
+        fill(
+            '<span class="verdict $verdict"><i aria-hidden="true">$sign</i> $count $verdict</span>',
+            verdict=verdict,
+            count=count,
+            sign=VERDICTS[verdict][0],
+        )
+        for verdict, count in counted.items()
+    )

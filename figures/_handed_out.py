@@ -11,7 +11,7 @@ from PIL import Image
 
 import analysis
 
-TRANSFER = "linear values, clipped to [0, 1] and raised to the power of 1/2.2"
+TRANSFER = "linear values, clipped to [0, 1], by the curve of sRGB"
 AS_IT_IS = "values as they are"
 SHADES = 16
 DECADES = (-2.0, 2.0)
@@ -113,7 +113,10 @@ def _sampler(name: str) -> str:
 
 
 def _shown(image: NDArray) -> NDArray[np.uint8]:
-    return np.round(255 * np.clip(image, 0, 1) ** (1 / 2.2)).astype(np.uint8)
+    """Return linear values as screens expect them, by the curve of sRGB."""
+    linear = np.clip(image, 0, 1)
+    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(255 * curved).astype(np.uint8)
 
 
 def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:

@@ -87,7 +87,9 @@ CATALOGUE = {
     "z-9": Entry(
         "figures.z_9", "A complex occluder and three coloured lights, by four samplers", our_scene=True
     ),
-    "z-10": Entry("figures.z_10", "Motion blur, a lens, paths and a caustic, by four samplers", our_scene=True),
+    "z-10": Entry(
+        "figures.z_10", "Motion blur, a lens, paths and a caustic, by four samplers", our_scene=True
+    ),
     "z-11": Entry("figures.z_11", "Convergence on rendered scenes", our_scene=True),
     "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet", our_scene=True),
     "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1", our_scene=True),

@@ -51,6 +51,7 @@ CATALOGUE = {
     "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter", our_scene=True),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
     "path-speed": Entry("figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba"),
+    "ray-speed": Entry("figures.ray_speed", "Rays a second by each way to search, against Embree"),
     "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
     "benchmark-traced": Entry(
         "figures.benchmark_traced", "Run time against error of ray-traced scenes, beside Mitsuba"

@@ -5,7 +5,16 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures import _error_over_time, _images, _mitsuba, _motion_blur, _traced, _traced_sweep, _z_renderings
+from figures import (
+    _error_over_time,
+    _images,
+    _mitsuba,
+    _motion_blur,
+    _traced,
+    _traced_sweep,
+    _z_renderings,
+    ray_speed,
+)
 from qmcjax import samplers, scenes, sequences
 
 NEEDS = ("x", "y", "time", "light_u", "light_v")
@@ -106,3 +115,27 @@ def test_mitsubas_samplers_have_the_samples_that_they_say():
     assert min(seconds) > 0
     noise = abs(images[::2] - images[1::2]).mean(axis=(1, 2, 3))
     assert (noise[1:] < 0.7 * noise[0]).all() and noise[0] > 0
+
+
+@pytest.mark.parametrize("count", [32, 512])
+def test_bodies_are_closed(count):
+    """Each edge of the triangles is there once in each direction."""
+    vertices = ray_speed.body(count)
+    assert vertices.shape == (count, 3, 3)
+    edges = {(tuple(face[j]), tuple(face[j - 1])) for face in vertices.tolist() for j in range(3)}
+    assert len(edges) == 3 * count and all(edge[::-1] in edges for edge in edges)
+
+
+def test_coherent_rays_go_through_all_pixels_in_squares():
+    _, direction = ray_speed.coherent(64 * 64)
+    pixels = np.round((direction[:, :2] + 1) * 32 - 0.5).astype(int)
+    assert len(np.unique(pixels, axis=0)) == 64 * 64
+    for square in pixels.reshape(-1, 256, 2):
+        assert np.all(square.max(axis=0) - square.min(axis=0) == 15)
+
+
+def test_all_ways_are_timed_by_turns():
+    calls = []
+    ways = {name: lambda name=name: calls.append(name) for name in "ab"}
+    measured = ray_speed._measured(ways, 100, 3)
+    assert calls == list("abababab") and all(entry["per second"] > 0 for entry in measured.values())

@@ -1,0 +1,225 @@
+"""Rays a second: the ways to search in a world, and Embree."""
+
+import os
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from qmcjax import scenes, tracing
+from qmcjax.tracing import _compiled_world, _found, _search
+from qmcjax.tracing._vectors import components
+
+SIZES = {"draft": (2**12, (32,), 3), "paper": (2**18, (32, 512, 8192, 80000), 9)}
+"""Rays of a call, triangles of the meshes, turns."""
+
+AROUND = {32: 4, 512: 16, 8192: 64, 80000: 200}
+"""Steps around a body, and from pole to pole one more: twice their product are its triangles."""
+
+LOOPED = 600
+"""Primitives up to which fused loops are waited for."""
+
+FAST = find_spec("numba") is not None
+EMBREE = find_spec("embreex") is not None
+WAYS = ("fused loops", "tree, JAX", "compiled", "Embree", "Embree, all threads")
+
+Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
+Call = Callable[[], Any]
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Let all ways search by turns, and draw bars."""
+    count, meshes, turns = SIZES[quality]
+    measured: dict[str, dict[str, dict[str, float]]] = {}
+    total = len(meshes) + 1
+    for done, size in enumerate(meshes, start=1):
+        vertices = body(size)
+        world = tracing.world([tracing.triangles(vertices)])
+        for name, rays in (("coherent", coherent(count)), ("random", random(count))):
+            ways = {way: partial(search, *rays) for way, search in _ways(world, False).items()}
+            if EMBREE:
+                ways |= _embree(vertices, *rays)
+            measured[f"{size} triangles, {name}"] = _measured(ways, count, turns)
+        progress(done / total)
+    of_helicopter = ("compiled",) if FAST and quality == "draft" else WAYS
+    measured["helicopter, primary + shadow"] = _helicopter(count, turns, of_helicopter)
+    progress(1.0)
+    numbers: dict[str, Any] = {
+        "rays a second": measured,
+        "compiled / Embree per processor second": {
+            name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
+            for name, ways in measured.items()
+            if "compiled" in ways and "Embree" in ways
+        },
+        "note": f"{count} rays a call in float32, {os.cpu_count()} processors; medians of {turns} turns in "
+        "which all ways take one each, 'per processor second' the least time of all threads; the first call, "
+        "which compiles, is apart. Drafts search in the helicopter in one way only, and say little. "
+        "'Coherent' rays go through pixels in squares of 16 x 16, 'random' ones from a sphere to points in "
+        "it. An Embree call has one thread; 'all threads' call it with parts of the rays."
+        + ("" if FAST else " numba is not installed: pip install qmcjax[fast].")
+        + ("" if EMBREE else " Embree is not installed: pip install embreex."),
+    }
+    return _drawn(measured), numbers
+
+
+def body(triangles: int) -> NDArray[np.float32]:
+    """Return a closed surface with bumps."""
+    around = AROUND[triangles]
+    polar = np.linspace(0, np.pi, around + 2)[:, None]
+    turn = np.append(np.linspace(0, 2 * np.pi, around, endpoint=False), 0)
+    radius = 0.8 + 0.1 * np.sin(5 * turn) * np.sin(polar) ** 2
+    ring = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar) + 0 * turn], 2)
+    at = radius[..., None] * ring
+    at[0], at[-1] = [0, 0, 0.8], [0, 0, -0.8]
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    upper, lower = np.stack([a, b, c], 2)[:-1], np.stack([a, c, d], 2)[1:]
+    return np.concatenate([upper.reshape(-1, 3, 3), lower.reshape(-1, 3, 3)]).astype(np.float32)
+
+
+def coherent(count: int) -> Rays:
+    """Return rays through the pixels of a square image."""
+    side = int(count**0.5)
+    tiles = np.arange(count).reshape(side // 16, side // 16, 16, 16)
+    number = np.empty((side, side), int)
+    number[:] = tiles.transpose(0, 2, 1, 3).reshape(side, side)
+    place = np.argsort(number.reshape(-1))
+    x, y = (2 * (place % side) + 1) / side - 1, (2 * (place // side) + 1) / side - 1
+    direction = np.stack([x, y, np.full(count, 2.0)], axis=1).astype(np.float32)
+    return np.tile(np.array([0.2, 0.3, -3], np.float32), (count, 1)), direction
+
+
+def random(count: int) -> Rays:
+    """Return rays from a sphere to points inside."""
+    rng = np.random.default_rng(1)
+    origin, target = rng.normal(size=(2, count, 3))
+    origin *= 1.5 / np.linalg.norm(origin, axis=1, keepdims=True)
+    target *= rng.uniform(size=(count, 1)) ** (1 / 3) / np.linalg.norm(target, axis=1, keepdims=True)
+    return origin.astype(np.float32), (target - origin).astype(np.float32)
+
+
+def _ways(world: tracing.World, any_hit: bool) -> dict[str, Callable[..., Any]]:
+    """Return functions of origins, directions, times and limits that find distances and numbers."""
+    loops = tracing.World(
+        tuple(
+            tracing.Object(tuple(shape.alone() for shape in item.shapes), item.motion, item.material)
+            for item in world.objects
+        ),
+        world.lights,
+    )
+    trees = any(shape.tree is not None for shape, _ in world.batches())
+    chosen = {
+        "fused loops": (loops, _search.by_program) if world.count <= LOOPED else None,
+        "tree, JAX": (world, _search.by_program) if trees else None,
+        "compiled": (world, _compiled_world.search) if FAST else None,
+    }
+
+    def searched(way: Any, world: Any, origin: Any, direction: Any, time: Any, limit: Any) -> Any:
+        world = _found.in_dtype(world, origin.dtype)
+        return _search.search(world, components(origin), components(direction), time, limit, any_hit, way)
+
+    def found(
+        program: Any, world: Any, origin: Any, direction: Any, time: Any = None, limit: Any = None
+    ) -> Any:
+        count = len(origin)
+        time = jnp.zeros(count) if time is None else time
+        limit = jnp.full(count, jnp.inf) if limit is None else limit
+        return jax.block_until_ready(program(world, origin, direction, time, limit))
+
+    return {
+        name: partial(found, jax.jit(partial(searched, choice[1])), choice[0])
+        for name, choice in chosen.items()
+        if choice is not None
+    }
+
+
+def _embree(vertices: NDArray[np.float32], origin: Any, direction: Any) -> dict[str, Call]:
+    from embreex.mesh_construction import TriangleMesh  # pyright: ignore[reportMissingImports]
+    from embreex.rtcore_scene import EmbreeScene  # pyright: ignore[reportMissingImports]
+
+    scene = EmbreeScene(robust=True)
+    TriangleMesh(scene, vertices)
+    count = os.cpu_count() or 1
+    pool = ThreadPoolExecutor(count)
+    parts = list(zip(np.array_split(origin, count), np.array_split(direction, count), strict=True))
+
+    def threads() -> None:
+        list(pool.map(lambda part: scene.run(*part), parts))
+
+    return {"Embree": lambda: scene.run(origin, direction), "Embree, all threads": threads}
+
+
+def _helicopter(count: int, turns: int, ways: tuple[str, ...]) -> dict[str, dict[str, float]]:
+    """Measure primary rays at random times, and those from their hits to the light."""
+    scene = scenes.helicopter().estimator
+    world, camera = scene.world, scene.camera
+    side = int(count**0.5)
+    rng = np.random.default_rng(2)
+    _, direction = coherent(count)
+    x, y = (direction[:, 0] + 1) / 2, (direction[:, 1] + 1) / 2
+    time = jnp.asarray(rng.uniform(size=side * side), jnp.float32)
+    sight = camera.rays(jnp.asarray(x), jnp.asarray(y), time, ())
+    origin, way = (
+        jnp.stack(jnp.broadcast_arrays(*part), axis=-1) for part in (sight.origin, sight.direction)
+    )
+    hit = tracing.nearest_hit(world, origin, way, time)
+    light = jnp.asarray(world.lights[0].position, jnp.float32) - hit.point
+    limit = jnp.where(hit.shape >= 0, jnp.float32(1), 0)
+    nearest, shadow = _ways(world, False), _ways(world, True)
+
+    def both(name: str) -> None:
+        nearest[name](origin, way, time)
+        shadow[name](hit.point, light, time, limit)
+
+    return _measured({name: partial(both, name) for name in nearest if name in ways}, 2 * count, turns)
+
+
+def _measured(ways: dict[str, Call], count: int, turns: int) -> dict[str, dict[str, float]]:
+    """Return rays a second of medians, those of the least processor time, and seconds of the first call."""
+    first = {name: _seconds(call)[0] for name, call in ways.items()}
+    times = {name: np.empty((turns, 2)) for name in ways}
+    for turn in range(turns):
+        for name, call in ways.items():
+            times[name][turn] = _seconds(call)
+    return {
+        name: {
+            "per second": count / float(np.median(taken[:, 0])),
+            "per processor second": count / float(taken[:, 1].min()),
+            "seconds of the first call": first[name],
+        }
+        for name, taken in times.items()
+    }
+
+
+def _seconds(call: Call) -> tuple[float, float]:
+    start, used = time.perf_counter(), time.process_time()
+    call()
+    return time.perf_counter() - start, max(time.process_time() - used, 1e-9)
+
+
+def _drawn(measured: dict[str, dict[str, dict[str, float]]]) -> Figure:
+    figure = Figure(figsize=(13, 1.5 + 0.75 * len(measured)), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    names = [way for way in WAYS if any(way in ways for ways in measured.values())]
+    for ax, unit in zip(panels, ("per second", "per processor second"), strict=True):
+        for k, name in enumerate(names):
+            rows = [row for row, ways in enumerate(measured.values()) if name in ways]
+            rates = [ways[name][unit] for ways in measured.values() if name in ways]
+            height = 0.85 / len(names)
+            color = ("C0", "C1", "C2", "0.7", "0.4")[WAYS.index(name)]
+            ax.barh(
+                np.array(rows) + (k - (len(names) - 1) / 2) * height, rates, height, color=color, label=name
+            )
+        ax.set(xscale="log", xlabel=f"rays {unit}", title=f"Rays {unit} (higher is better)")
+        ax.grid(axis="x", alpha=0.3)
+    panels[0].set_yticks(np.arange(len(measured)), list(measured))
+    panels[0].invert_yaxis()
+    panels[1].legend(fontsize=8)
+    return figure

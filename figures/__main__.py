@@ -7,6 +7,7 @@ what is missing or whose code changed.
 
 import argparse
 import difflib
+import importlib
 import signal
 import sys
 from collections.abc import Mapping, Sequence
@@ -37,6 +38,9 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     SystemExit
         With status 2 for wrong usage, with 0 after ``--help``.
     """
+    argv = sys.argv[1:] if argv is None else argv
+    if argv and argv[0] == "compare":
+        return importlib.import_module("figures.arena").main(argv[1:])  # It imports JAX.
     parser = _parser(catalogue)
     options = parser.parse_args(argv)
     for name in options.names:
@@ -78,6 +82,7 @@ examples:
   python -m figures                                all figures, as drafts, into out/
   python -m figures thesis-6.1 --quality paper     one figure as printed
   python -m figures --out gallery --jobs 2         two at a time, into gallery/
+  python -m figures compare --help                 your own sampler against those of the papers
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
 papers print in numbers.json there; index.html there shows all of it. A second run makes only what

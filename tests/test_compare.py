@@ -101,6 +101,7 @@ KEPT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KEPT)
 def test_samplers_keep_their_promises(name):
     assert analysis.broken_promises(KEPT[name], SIDE, SIDE, SPP) == []

@@ -1,3 +1,9 @@
 """The page beside the figures, ``index.html``: claims and verdicts, all pictures, and images side by side."""
 
+from figures.page._html import Markup as Markup
+from figures.page._html import fill as fill
+from figures.page._html import join as join
+from figures.page._html import quantity as quantity
+from figures.page._html import static as static
+from figures.page._images import viewer as viewer
 from figures.page._write import write as write

@@ -1,0 +1,223 @@
+"""The page of a comparison: what was promised, who is ahead and how surely, errors, spectra, images."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+import analysis
+from analysis import Comparison, ComparisonRow
+from figures import _handed_out, _machine, _store
+from figures.arena import _pictures
+from figures.page import Markup, fill, join, quantity, static, viewer
+
+PAGE, TABLE = "index.html", "compare.csv"
+
+SCRIPTS = ("theme.js", "zoom.js", "viewer.js")
+
+RANKED = ("RMS error", "filtered error", "low-frequency power")
+
+SECTION = """
+<section id="scene-$name" class="part"><h2>$name</h2>
+$slopes
+$pictures
+$images</section>
+"""
+
+PICTURE = (
+    '<div class="scroll" tabindex="0" role="region" aria-label="$alt"><img src="$file" alt="$alt"></div>'
+)
+
+TABLE_TEXT = """
+<div class="scroll" tabindex="0" role="region" aria-label="$label"><table class="plain">
+<thead><tr>$heads</tr></thead><tbody>$rows</tbody></table></div>
+"""
+
+
+def write(
+    compared: Comparison, own: Sequence[str], sets: Mapping[str, NDArray], folder: Path, command: str
+) -> Path:
+    """Write page, pictures and CSV into a folder, the page last.
+
+    Parameters
+    ----------
+    compared : Comparison
+    own : sequence of str
+        Names of the user's samplers, which come first.
+    sets : mapping of names to points
+        Those that the user's samplers were made of.
+    folder : Path
+        Exists.
+    command : str
+        What was typed.
+
+    Returns
+    -------
+    Path
+        The page.
+    """
+    _store.write(folder / TABLE, _store.as_csv(_columns(compared.table())))
+    scenes = list(compared.references)
+    sections = join(_section(compared, scene, folder) for scene in scenes)
+    first = next(iter(compared.references.values()))
+    keys = max((len(row.values["RMS error"]) for row in compared.rows), default=1)
+    counts = sorted({row.spp for row in compared.rows} | {spp for *_, spp in compared.left_out})
+    links = {"Promises": "promises", "Ranks": "ranks", "Points": "points"}
+    links |= {scene: f"scene-{scene}" for scene in scenes}
+    machine = _machine.machine()
+    text = fill(
+        static("compare.html"),
+        names=", ".join(own),
+        style=Markup(static("style.css")),
+        script=Markup("\n".join(static(name) for name in SCRIPTS)),
+        nav=join(
+            fill('<a href="#$place">$name</a>', place=place, name=name) for name, place in links.items()
+        ),
+        size=len(first),
+        keys=quantity(keys, "key"),
+        counts=", ".join(map(str, counts)),
+        machine=f"{machine['processor']}, {machine['cores']} cores, JAX {machine['jax']}",
+        command=command,
+        table=TABLE,
+        promises=_promises(compared),
+        ranks=join(_ranks(compared, scene, own) for scene in scenes),
+        points=_points(compared, sets),
+        sections=sections,
+    )
+    _store.write(folder / PAGE, text.encode())
+    return folder / PAGE
+
+
+def _columns(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return rows that all have the columns of any."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return [{name: row.get(name, "") for name in names} for row in rows]
+
+
+def _table(label: str, heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> Markup:
+    return fill(
+        TABLE_TEXT,
+        label=label,
+        heads=join(fill('<th scope="col">$head</th>', head=head) for head in heads),
+        rows=join(
+            fill("<tr>$cells</tr>", cells=join(fill("<td>$cell</td>", cell=cell) for cell in row))
+            for row in rows
+        ),
+    )
+
+
+def _promises(compared: Comparison) -> Markup:
+    broken = {name: sentences for name, sentences in compared.promises.items() if sentences}
+    kept = [name for name in compared.promises if name not in broken]
+    parts = [
+        fill(
+            '<p class="warning"><b>$name</b> breaks $count: all that follows may mean nothing.</p>'
+            "<ul>$items</ul>",
+            name=name,
+            count=quantity(len(sentences), "promise"),
+            items=join(fill("<li>$sentence</li>", sentence=sentence) for sentence in sentences),
+        )
+        for name, sentences in broken.items()
+    ]
+    if kept:
+        parts.append(fill("<p>Kept by $names.</p>", names=", ".join(kept)))
+    return join(parts)
+
+
+def _ranks(compared: Comparison, scene: str, own: Sequence[str]) -> Markup:
+    counts = sorted({row.spp for row in compared.rows if row.scene == scene})
+    names = list(dict.fromkeys(row.sampler for row in compared.rows if row.scene == scene))
+    rows = []
+    for measure in RANKED:
+        ranks = {spp: compared.ranks(scene, spp, measure) for spp in counts}
+        for name in names:
+            cells = [_rank(ranks[spp].get(name), _row(compared, scene, name, spp), measure) for spp in counts]
+            shown = fill("<b>$name</b>", name=name) if name in own else name
+            rows.append([measure, shown, *cells])
+    left_out = {
+        f"{name} at {spp}" if why.startswith("spp") else name: why
+        for (place, name, spp), why in compared.left_out.items()
+        if place == scene
+    }
+    missing = join(
+        fill("<p>Left out: $name, since $why.</p>", name=name, why=why) for name, why in left_out.items()
+    )
+    heads = ["measure", "sampler", *(f"{spp} spp" for spp in counts)]
+    return join([fill("<h3>$scene</h3>", scene=scene), _table(f"Ranks on {scene}", heads, rows), missing])
+
+
+def _row(compared: Comparison, scene: str, name: str, spp: int) -> ComparisonRow | None:
+    return next((r for r in compared.rows if (r.scene, r.sampler, r.spp) == (scene, name, spp)), None)
+
+
+def _rank(rank: tuple[int, int, int] | None, row: ComparisonRow | None, measure: str) -> str:
+    if rank is None or row is None:
+        return "–"
+    least, most = rank[1:]
+    between = f"{least}" if least == most else f"{least}–{most}"
+    return f"{rank[0]} ({between}), {row.mean(measure):.3g}"
+
+
+def _points(compared: Comparison, sets: Mapping[str, NDArray]) -> Markup:
+    measures = list(
+        dict.fromkeys(measure for of in compared.points.values() for each in of.values() for measure in each)
+    )
+    rows = [
+        [name, spp, *(f"{measured[measure]:.4g}" if measure in measured else "–" for measure in measures)]
+        for name, of in compared.points.items()
+        for spp, measured in of.items()
+    ]
+    whole = join(fill("<p>$text</p>", text=_of_set(name, points)) for name, points in sets.items())
+    return join([_table("Measures of points", ["sampler", "spp", *measures], rows), whole])
+
+
+def _of_set(name: str, points: NDArray) -> str:
+    n, dims = points.shape
+    if dims == 2:
+        discrepancy = f"star discrepancy {analysis.star_discrepancy(points):.4g}"
+    else:
+        lower, upper = analysis.star_discrepancy_bounds(points)
+        discrepancy = f"star discrepancy between {lower:.4g} and {upper:.4g}"
+    distance = f", minimum distance on the torus {analysis.min_distance(points):.4g}" if n > 1 else ""
+    return f"The whole set {name}: {n} points in {dims} dimensions, {discrepancy}{distance}."
+
+
+def _section(compared: Comparison, scene: str, folder: Path) -> Markup:
+    rows = [row for row in compared.rows if row.scene == scene]
+    if not rows:
+        return fill(SECTION, name=scene, slopes="Nothing was rendered: see above.", pictures="", images="")
+    drawn = {"errors": _pictures.errors(compared, scene), "spectra": _pictures.spectra(compared, scene)}
+    pictures = []
+    for what, png in drawn.items():
+        if png is not None:
+            file = f"{scene}.{what}.png"
+            _store.write(folder / file, png)
+            pictures.append(fill(PICTURE, file=file, alt=f"{what} of all samplers on {scene}"))
+    images = {"reference": compared.references[scene]}
+    images |= {f"{row.sampler}, {row.spp} spp": row.image for row in rows}
+    files, description = _handed_out.encode(images)
+    for name, png in files.items():
+        _store.write(folder / f"{scene}.{name}", png)
+    return fill(
+        SECTION,
+        name=scene,
+        slopes=_slopes(compared, scene),
+        pictures=join(pictures),
+        images=viewer(folder, scene, scene, description),
+    )
+
+
+def _slopes(compared: Comparison, scene: str) -> Markup:
+    rows = []
+    for name in dict.fromkeys(row.sampler for row in compared.rows if row.scene == scene):
+        seconds = [
+            f"{row.seconds * 1e3:.3g}" for row in compared.rows if (row.scene, row.sampler) == (scene, name)
+        ]
+        try:
+            slope, low, high = compared.slope(scene, name)
+        except ValueError:
+            rows.append([name, "–", ", ".join(seconds)])
+        else:
+            rows.append([name, f"{slope:.2f} ({low:.2f} to {high:.2f})", ", ".join(seconds)])
+    return _table(f"Slopes on {scene}", ["sampler", "slope of the RMS error", "milliseconds an image"], rows)

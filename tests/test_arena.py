@@ -1,0 +1,120 @@
+"""Comparisons from the command line: pages, tables, and what is wrong with a sampler or a command."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+from figures.__main__ import main
+from figures.arena._rivals import RIVALS, SCENES
+
+OWN = """
+import jax.numpy as jnp
+import numpy as np
+from qmcjax import samplers, sequences
+
+def mine(key):
+    return samplers.independent(sequences.sobol(4), key)
+
+def broken():
+    return samplers.function(lambda x, y, sample: jnp.zeros((*x.shape, 2)) + 0.25, 2)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "some_samplers.py").write_text(OWN, encoding="utf-8")
+    np.save(tmp_path / "own_points.npy", np.random.default_rng(1).random((16, 2)))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+SMALL = ["--spp", "1,4", "--size", "32", "--keys", "2", "--against", "owen"]
+
+
+def test_a_page_and_a_table(folder, capsys):
+    command = [
+        "compare",
+        "some_samplers:mine",
+        "--points",
+        "own_points.npy",
+        *SMALL,
+        "--scenes",
+        "disc",
+        "ball",
+    ]
+    assert main(command) == 0
+    assert capsys.readouterr().out.split() == ["out/compare/index.html"]
+    page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
+    assert "mine, own_points, compared" in page and "--size 32" in page
+    # Each file that the page names is there.
+    named = re.findall(r'(?:src|href)="([^"#][^"]*)"', page)
+    named += [
+        f"{scene}.{file}" for scene in ("disc", "ball") for file in re.findall(r'": "([\w.-]+\.png)"', page)
+    ][:3]
+    assert all((folder / "out/compare" / name).is_file() for name in named if not name.startswith("data:"))
+    images = [json.loads(text) for text in re.findall(r'application/json">(.*?)</script>', page)]
+    assert [{item["name"] for item in each["items"]} for each in images] == [
+        {"reference", "mine", "own_points", "(0,2), Owen"},
+        {"reference", "mine", "(0,2), Owen"},
+    ]
+    assert "it has 2 dimensions, the scene needs 3" in page
+    with (folder / "out/compare/compare.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * (3 + 2) and {row["sampler"] for row in rows} == {
+        "mine",
+        "own_points",
+        "(0,2), Owen",
+    }
+    # The same sampler with the same keys, under two names.
+    errors = {row["sampler"]: row["RMS error"] for row in rows if (row["scene"], row["spp"]) == ("disc", "4")}
+    assert errors["mine"] == errors["(0,2), Owen"] != errors["own_points"]
+
+
+def test_a_broken_sampler_is_told_first(folder, capsys):
+    assert main(["compare", "some_samplers:broken", *SMALL, "--scenes", "disc"]) == 1
+    told = capsys.readouterr().err
+    assert "broken breaks 1 of a sampler's promises" in told
+    assert "samples 0 and 1 of pixel (0, 0) are the same point" in told
+    page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
+    assert page.index("are the same point") < page.index('id="ranks"')
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ([], "name a function that makes a sampler"),
+        (["some_samplers"], "samplers are named module:function, got 'some_samplers'"),
+        (["nowhere:mine"], "No module named 'nowhere'"),
+        (["some_samplers:yours"], "some_samplers has no 'yours'"),
+        (["--points", "nowhere.npy"], "nowhere.npy"),
+        (["some_samplers:mine", "--spp", "4,1"], "must be ascending numbers"),
+        (["some_samplers:mine", "--size", "16"], "must be at least 32"),
+        (["some_samplers:mine", "--keys", "0"], "must be an integer of at least 1"),
+        (["some_samplers:mine", "--against", "best"], "invalid choice: 'best'"),
+        (["some_samplers:mine", "--scenes", "helicopter", "--size", "96"], "--size must divide 256"),
+    ],
+)
+def test_wrong_usage(folder, capsys, command, message):
+    with pytest.raises(SystemExit) as ended:
+        main(["compare", *command])
+    assert ended.value.code == 2 and message in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RIVALS)
+def test_rivals_are_samplers_of_any_dimension(name):
+    for dims in (2, 5):
+        sampler = RIVALS[name].make(dims, 32, 32, 4, 1)
+        sampler.check(32, 32, 4)
+        assert sampler.dims >= dims or name in ("dither", "ranked")
+        other = RIVALS[name].make(dims, 32, 32, 4, 2)
+        assert (sampler(3, 5, 1) != other(3, 5, 1)).any()
+
+
+def test_scenes_have_references():
+    assert all(callable(make().reference) for make in SCENES.values())

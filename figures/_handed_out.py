@@ -17,8 +17,8 @@ SHADES = 16
 DECADES = (-2.0, 2.0)
 """Powers of ten that are black and white in a spectrum; 0 is the mean of any."""
 
-FITTING = 99.5
-"""Percentage of the differences that a scale has to hold: a few pixels may see the lamp itself."""
+DEVIATIONS = 3
+"""How many root mean squares of a difference are white."""
 
 COUNTED = re.compile(r"(.+), (\d+) spp")
 """Names of images of a series over samples per pixel."""
@@ -67,9 +67,10 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
         files[parts["file"]] = _png(shown[name])
         files[parts["difference"]] = _png(_signed(differences[name], scales[count]))
         files[parts["spectrum"]] = _png_of_shades(_spectrum(values[name], values[first]))
-        rms = float(np.sqrt(np.mean(differences[name] ** 2)))
         spp = {} if count is None else {"spp": count}
-        items.append({"name": _sampler(name), **spp, **parts, "rms": rms, "scale": scales[count]})
+        items.append(
+            {"name": _sampler(name), **spp, **parts, "rms": _rms(differences[name]), "scale": scales[count]}
+        )
     if len(files) != 1 + 3 * len(others):
         raise ValueError(f"images must have names that differ in letters or digits, got {list(images)}")
     transfer = AS_IT_IS if coded else TRANSFER
@@ -123,9 +124,12 @@ def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:
     """Return the difference that is white, one for all images of as many samples: they are to be compared."""
     largest: dict[int | None, float] = {}
     for name, difference in differences.items():
-        found = float(np.percentile(np.abs(_grey(difference)), FITTING))
-        largest[_count(name)] = max(largest.get(_count(name), 0.0), found)
-    return {count: _rounded_up(value) for count, value in largest.items()}
+        largest[_count(name)] = max(largest.get(_count(name), 0.0), _rms(_grey(difference)))
+    return {count: _rounded_up(DEVIATIONS * value) for count, value in largest.items()}
+
+
+def _rms(values: NDArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _rounded_up(value: float) -> float:

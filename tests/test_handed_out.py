@@ -42,13 +42,19 @@ def test_differences_are_signed_and_of_one_scale_for_as_many_samples():
     first, *others = described["items"]
     assert first == {"name": "reference", "file": "reference.png"}
     assert [(item["name"], item["spp"]) for item in others] == [("Z", 4), ("random", 4), ("Z", 16)]
-    assert [item["scale"] for item in others] == [0.1, 0.1, 0.001]
+    assert [item["scale"] for item in others] == [0.2, 0.2, 0.005], (
+        "three times the largest RMS or somewhat more"
+    )
     assert others[0]["rms"] == pytest.approx(0.04 / np.sqrt(2))
     too_bright, too_dark = (read(files[item["difference"]]) for item in others[:2])
-    assert too_bright[0, 0] == pytest.approx(127.5 * 1.4, abs=1)
-    assert too_dark[0, 0] == pytest.approx(127.5 * 0.2, abs=1)
+    assert too_bright[0, 0] == pytest.approx(127.5 * 1.2, abs=1)
+    assert too_dark[0, 0] == pytest.approx(127.5 * 0.6, abs=1)
     assert too_bright[0, -1] == too_dark[0, -1] == 128, "mid-grey is none"
-    assert read(files[others[2]["difference"]])[0, 0] == 255
+    assert read(files[others[2]["difference"]])[0, 0] == pytest.approx(127.5 * 1.2, abs=1)
+    lamp = GREY.copy()
+    lamp[3, 4] = 9
+    files, _ = encode({"reference": GREY, "lamp": lamp})
+    assert read(files["lamp.difference.png"])[3, 4] == 255
 
 
 def test_a_wave_is_two_points_of_its_spectrum():

@@ -37,7 +37,7 @@ CHIP = """
 ROW = """
 <tr data-verdict="$verdict" data-paper="$paper">
 <td data-label="Paper" data-sort="$order">$name</td><td data-label="Place" data-sort="$order">$place</td>
-<td data-label="Claim">$claim</td><td data-label="Measured">$measured$cases</td>
+<td data-label="Claim">$claim</td><td data-label="Measured">$measured</td>
 <td data-label="Verdict" data-sort="$rank">$badge</td><td data-label="Why">$why</td>
 <td data-label="Shown by">$shown</td>
 </tr>
@@ -87,14 +87,19 @@ def _row(order: int, finding: ledger.Finding) -> Markup:
         name=NAMES.get(claim.paper, claim.paper),
         place=claim.place,
         claim=claim.claim,
-        measured=finding.measured,
-        cases=cases(finding.cases),
+        measured=_measured(finding),
         verdict=finding.verdict,
         rank=list(_verdicts.VERDICTS).index(finding.verdict),
         badge=_verdicts.badge(finding.verdict),
         why=claim.why or "",
         shown=_shown(claim),
     )
+
+
+def _measured(finding: ledger.Finding) -> Markup:
+    if not finding.measured and not finding.cases:
+        return Markup("")
+    return fill("<div>$measured $cases</div>", measured=finding.measured, cases=cases(finding.cases))
 
 
 def cases(held: Mapping[str, bool]) -> Markup:
@@ -109,4 +114,12 @@ def cases(held: Mapping[str, bool]) -> Markup:
 def _shown(claim: ledger.Claim) -> Markup:
     if claim.figure is not None:
         return fill('<a href="#$figure">$figure</a>', figure=claim.figure)
-    return fill("<code>$test</code>", test=claim.test) if claim.test is not None else Markup("")
+    if claim.test is None:
+        return Markup("")
+    file, _, name = claim.test.partition("::")
+    return fill(
+        '<div><code title="$test">$file</code><small>$words</small></div>',
+        test=claim.test,
+        file=file.rpartition("/")[2],
+        words=name.removeprefix("test_").replace("_", " "),
+    )

@@ -23,13 +23,14 @@ UNREADABLE = (KeyError, TypeError, ValueError, IndexError, AttributeError)
 class Assessed(NamedTuple):
     findings: list[ledger.Finding]
     outdated: list[str]
-    """Figures whose numbers do not have what the ledger looks for."""
+    """Figures that are there, but whose numbers do not have what the ledger looks for."""
 
 
 def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
-    """Return what came out of all claims; figures of an older version count as missing."""
-    readable = {name: entry for name, entry in entries.items() if _readable(name, entry)}
-    return Assessed(ledger.findings(readable), [name for name in entries if name not in readable])
+    """Return what came out of all claims; those that cannot be read count as missing."""
+    findings = ledger.findings({name: entry for name, entry in entries.items() if _readable(name, entry)})
+    missing = {finding.claim.figure for finding in findings if finding.verdict == "missing"}
+    return Assessed(findings, [name for name in entries if name in missing])
 
 
 def _readable(name: str, entry: Mapping[str, Any]) -> bool:

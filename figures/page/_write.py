@@ -81,7 +81,7 @@ def page(
         static("page.html"),
         style=Markup(static("style.css")),
         script=Markup("\n".join(static(name) for name in SCRIPTS)),
-        state=f"{quantity(len(figures), 'figure')} of {len(catalogue)}",
+        state=f"{len(figures)} of {quantity(len(catalogue), 'figure')} are here",
         dates=_dates(entries),
         told=_told(failed, assessed.outdated),
         nav=_nav(figures, catalogue),

@@ -26,7 +26,7 @@ const collection = (root) => {
       + (item.rms === undefined ? "" : `, RMS difference ${error(item)}`),
   };
 };
-const error = (item) => Number(item.rms.toPrecision(3)).toString();
+const error = (item) => item.rms.toPrecision(3);
 const modes = { file: "Image", difference: "Difference", spectrum: "Spectrum" };
 const explained = (kind, item) => ({
   file: "",

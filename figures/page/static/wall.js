@@ -1,5 +1,5 @@
 // All samplers beside each other, at as many samples per pixel as the slider says.
-const GAP = 18;
+const GAP = 16;
 for (const root of document.querySelectorAll(".wall")) {
   const images = collection(root);
   const { width, height, counts } = images;

@@ -245,7 +245,7 @@ def test_numbers_unfold(visit):
     numbers.locator("summary").first.click()
     numbers.locator("summary", has_text="measured").click()
     numbers.locator("summary", has_text="rms_error").click()
-    assert numbers.locator("p", has_text="Hammersley").count() == 1
+    numbers.locator("p", has_text="Hammersley").wait_for()
 
 
 def test_everything_that_can_be_used_shows_that_it_has_the_focus(visit):

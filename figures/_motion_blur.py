@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 import analysis
 from figures import _images, _screens, _traced
+from figures._schema import Claims
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -76,7 +77,7 @@ def pictures(
     name: str,
     title: str,
     crop: tuple[float, float, float],
-    claims: Callable[[dict[str, float]], dict[str, bool]],
+    claims: Callable[[dict[str, float]], Claims],
     quality: str,
     progress,
 ) -> tuple[Figure, dict, dict[str, np.ndarray]]:
@@ -98,7 +99,7 @@ def pictures(
     figure = _traced.sheet(panels, 3, title, 192 if quality == "draft" else 256)
     numbers = {
         "measured": {"rms_error": errors, "strongest wave": waves, "reference_error": exact.error},
-        "printed": claims(errors),
+        "claims": claims(errors),
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
         + _note(exact),
     }
@@ -124,7 +125,7 @@ def convergence(
     name: str,
     title: str,
     size: tuple[int, int],
-    claims: Callable[[dict, dict], dict[str, bool]],
+    claims: Callable[[dict, dict], Claims],
     quality: str,
     progress,
 ) -> tuple[Figure, dict]:
@@ -176,8 +177,8 @@ def convergence(
             "fluctuation": {sampler: _traced.fluctuation(of) for sampler, of in errors.items()},
             "reference_error": exact.error,
         },
-        "printed": claims(errors, waves),
-        "note": f"{side} x {side} pixels; 'printed' lists the thesis's sentences and whether they hold in "
+        "claims": claims(errors, waves),
+        "note": f"{side} x {side} pixels; 'claims' lists the thesis's sentences and whether they hold in "
         "these numbers. 'fluctuation' is the root mean square of the distances of the errors' logarithms "
         f"from the line that fits them best. {_note(exact)}",
     }

@@ -38,11 +38,11 @@ class Case(NamedTuple):
     peers: dict[str, Draw]
 
 
-def ours(sequence: sequences.Sequence, n: int) -> dict[str, Draw]:
-    """Return the drawing of blocks of n points that are kept, float32 and float64."""
+def ours(sequence: sequences.Sequence, n: int, repeat: bool = False) -> dict[str, Draw]:
+    """Return the drawing of blocks of n points that are kept, float32 and float64; or of the first, again."""
 
     def draw(dtype: type) -> Draw:
-        return lambda i: jax.block_until_ready(sequence.points(n, i * n, dtype=dtype))
+        return lambda i: jax.block_until_ready(sequence.points(n, 0 if repeat else i * n, dtype=dtype))
 
     return {"float32": draw(jnp.float32), "float64": draw(jnp.float64)}
 
@@ -137,6 +137,16 @@ def cases(quality: str) -> list[Case]:
             ours(sequences.lattice(dims), n),
             qmcpy_net("Lattice", dims, n, randomize=False),
         ),
+    ]
+    n = 2 ** (20 - shrink)
+    m = n.bit_length() - 1
+    listed += [
+        Case(f"{title} {n} x {sequence.dims}", n * sequence.dims, ours(sequence, n, repeat=True), {})
+        for title, sequence in (
+            ("Faure", sequences.faure(3)),
+            ("permutation net", sequences.permutation_net(m)),
+            ("rank-1 lattice", sequences.rank1_lattice(n)),
+        )
     ]
     n = 2 ** (14 - shrink)
     exact = sequences.owen_exact(sequences.sobol(2), key=1)

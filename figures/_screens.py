@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 
 import analysis
 import qmcjax as qj
+from figures._schema import Claims
 from qmcjax import samplers, sequences
 from qmcjax.orders import log_side
 
@@ -139,7 +140,7 @@ def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, 
 
 
 def convergence(
-    scene: Any, title: str, claims: Callable[[dict], dict[str, bool]], quality: str, progress
+    scene: Any, title: str, claims: Callable[[dict], Claims], quality: str, progress
 ) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log, for the whole image and its halves."""
     side, largest = (512, 7) if quality == "paper" else (128, 5)
@@ -180,9 +181,9 @@ def convergence(
             "slope": _slopes(spps, errors),
             "fluctuation": {name: fluctuation(of_region["whole"]) for name, of_region in errors.items()},
         },
-        "printed": claims(errors),
+        "claims": claims(errors),
         "note": f"{side} x {side} pixels. The thesis plots the norm of the error image, the RMS error times "
-        f"{side}. Jittered grids: root mean square over {KEYS} keys. 'printed' lists the thesis's sentences "
+        f"{side}. Jittered grids: root mean square over {KEYS} keys. 'claims' lists the thesis's sentences "
         "and whether they hold in these numbers. 'fluctuation' is the root mean square of the distances of "
         "the errors' logarithms from the line that fits them best.",
     }

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import math
 import os
 from collections.abc import Callable, Mapping
 from itertools import count
@@ -90,23 +89,6 @@ def as_csv(rows: list[dict[str, Any]]) -> bytes:
     writer.writeheader()
     writer.writerows(rows)
     return text.getvalue().encode()
-
-
-def check_numbers(value: Any, key: str = "numbers") -> None:
-    """Raise a ValueError that names the key of the first thing in ``value`` that JSON cannot say."""
-    if isinstance(value, dict):
-        for inner, item in value.items():
-            if not isinstance(inner, str):
-                raise ValueError(f"the keys of {key} must be strings, got {inner!r}")
-            check_numbers(item, f"{key}[{inner!r}]")
-    elif isinstance(value, list | tuple):
-        for i, item in enumerate(value):
-            check_numbers(item, f"{key}[{i}]")
-    elif isinstance(value, float):
-        if not math.isfinite(value):
-            raise ValueError(f"{key} must be finite, got {value!r}")
-    elif value is not None and not isinstance(value, str | int):
-        raise ValueError(f"{key} must be a plain Python value, got {value!r} of type {type(value).__name__}")
 
 
 def _refuse_constant(constant: str) -> None:

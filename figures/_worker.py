@@ -14,7 +14,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import NamedTuple
 
-from figures._store import check_numbers
+from figures._schema import check_numbers
 
 DPI = 150
 PROGRESS_INTERVAL = 0.05

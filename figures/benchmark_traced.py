@@ -74,10 +74,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     missing = "" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."
     return figure, {
         "table": table,
-        "measured": measured,
-        "found": {name: _sentence(found) for name, found in measured.items()},
-        "all samplers of low discrepancy have less error than random samples at the largest count": {
-            name: _below_random(table, name) for name in measured
+        "measured": {name: found | {"in words": _sentence(found)} for name, found in measured.items()},
+        "claims": {
+            "all samplers of low discrepancy have less error than random samples at the largest count": {
+                name: _below_random(table, name) for name in measured
+            },
         },
         "note": NOTE.format(side=size.side, turns=size.turns, origins=origins.strip()) + missing,
     }

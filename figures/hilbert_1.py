@@ -2,17 +2,22 @@
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
+import jax.numpy as jnp
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 import analysis
 from figures._curves import CURVES, Curve, square
 from figures._peano_variants import VARIANTS, meander, peano_variants
+from figures._schema import Claims
+from qmcjax import sequences
 
 SHOWN = (16, 27)
 """Sides of the pixel grids that are drawn, in base 2 and 3."""
@@ -21,6 +26,15 @@ COUNTED = {"draft": (128, 243), "paper": (512, 729)}
 """Sides of the pixel grids that the histogram is of."""
 
 VARIANT_DIGITS = 3
+
+UNIFORM = (128, 81)
+SEQUENCE = sequences.components(sequences.halton(4), (2, 3))
+"""In bases 5 and 7, that all curves are alike to."""
+
+MEAN = "mean L2 star discrepancy of the 9 points of a neighbourhood"
+UNIFORMITY = "the same by the number of segments"
+RARE = 0.01
+"""Numbers of segments of fewer neighbourhoods are left out."""
 
 NOTE = (
     "A segment is a maximal run of consecutive positions among a neighbourhood's 9 pixels. The histogram is "
@@ -35,7 +49,8 @@ NOTE = (
     "clipped; if a segment counts only where the curve steps into the neighbourhood, so that the one that "
     "starts the curve does not; and if the ends of a closed curve are joined. Counted as edges across the "
     "neighbourhood's outline all numbers double, but for neighbourhoods with an end of the curve. The means "
-    "do not tell Hilbert, Moore and Peano apart: all approach 3."
+    "do not tell Hilbert, Moore and Peano apart: all approach 3. Discrepancies are of one point a pixel of "
+    "the Halton sequence's components in bases 5 and 7, on 128 x 128 and 81 x 81 pixels."
 )
 
 
@@ -49,6 +64,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for k, (name, axes) in enumerate(zip(CURVES, panels[:, :2].ravel(), strict=True)):
         _draw_curve(axes, square(name, *SHOWN), name)
         measured[name] = _measure(square(name, *sides))
+        measured[name][MEAN], measured[name][UNIFORMITY] = _uniformity(square(name, *UNIFORM))
         counts = measured[name]["histogram"]
         shares = np.array(list(counts.values())) / sum(counts.values())
         histogram.bar(
@@ -108,14 +124,38 @@ def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
     return counts - (_around(curve, 0) & _around(curve, -1)) if is_closed else counts
 
 
-def _claims(measured: dict) -> dict[str, bool]:
+def _uniformity(curve: Curve) -> tuple[float, dict[str, float]]:
+    """Return the mean discrepancy of interior neighbourhoods, of all and by their number of segments."""
+    points = np.asarray(SEQUENCE.points(curve.positions.size, dtype=jnp.float64))[curve.positions]
+    around = sliding_window_view(points, (3, 3), axis=(0, 1))  # [row, column, coordinate, 3, 3]
+    around = np.moveaxis(around.reshape(*around.shape[:2], 2, 9), 2, 3)
+    # Warnock's formula for the L2 star discrepancy.
+    one = np.prod((1 - around**2) / 2, axis=-1).sum(axis=-1)
+    two = np.prod(1 - np.maximum(around[..., :, None, :], around[..., None, :, :]), axis=-1).sum(
+        axis=(-1, -2)
+    )
+    discrepancy = np.sqrt(1 / 9 - 2 / 9 * one + two / 81)
+    counts = analysis.segment_counts(curve)[1:-1, 1:-1]
+    frequent = [count for count in np.unique(counts) if np.mean(counts == count) > RARE]
+    return float(discrepancy.mean()), {str(c): float(discrepancy[counts == c].mean()) for c in frequent}
+
+
+def _claims(measured: dict) -> Claims:
     maximum = {name: measured[name]["maximum"] for name in CURVES}
     largest = max(maximum["Hilbert"], maximum["Moore"])
     return {
         "no maximum is smaller than that of Hilbert and Moore": largest == min(maximum.values()),
         "the maximum is smaller for Hilbert and Moore than for Morton": largest < maximum["Morton"],
-        "the maximum is smaller for Hilbert and Moore than for Peano": largest < maximum["Peano"],
-        "it is smaller than for Wunderlich's meander": largest < measured["Wunderlich's meander"]["maximum"],
+        "the maximum is smaller for Hilbert and Moore than for Peano": {
+            "Peano's own curve": largest < maximum["Peano"],
+            "Wunderlich's meander": largest < measured["Wunderlich's meander"]["maximum"],
+        },
+        "fewer segments in a neighbourhood improve its uniformity: less mean discrepancy": {
+            name: all(a < b for a, b in pairwise(measured[name][UNIFORMITY].values())) for name in CURVES
+        },
+        "neighbourhoods of the Hilbert curve are more uniform than those of other curves": {
+            name: measured["Hilbert"][MEAN] < measured[name][MEAN] for name in CURVES if name != "Hilbert"
+        },
     }
 
 

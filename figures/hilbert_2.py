@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures._curves import CURVES, Curve, enumerated, square
+from figures._schema import Claims
 from qmcjax import sequences
 
 SHOWN = (8, 9)
@@ -23,6 +24,7 @@ EVEN_COLUMNS = "phi_2 < 1/2 in even columns, >= 1/2 in odd ones"
 ROW_BIT = "second bit of the position is that of the row"
 CHECKERBOARD = "phi_2 < 1/2 in one colour of a checkerboard"
 FREQUENT = "the most frequent differences above 1"
+MIRRORED = "correlation with the image mirrored at the diagonal"
 MULTIPLES = "share of the differences above 1 that are multiples of"
 
 NOTE = (
@@ -51,7 +53,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panels[0].set_title(name)
         measured[name] = _measure(square(name, *COUNTED))
         progress(len(measured) / len(CURVES))
-    return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
+    return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 
 def _draw(axes: Axes, curve: Curve, base: int) -> None:
@@ -90,7 +92,7 @@ def _measure(curve: Curve) -> dict:
         EVEN_COLUMNS: bool(np.all(halves == (x % 2 == 0))),
         ROW_BIT: bool(np.all(curve.positions >> 1 & 1 == y % 2)),
         CHECKERBOARD: bool(np.all(halves == ((x + y) % 2 != halves[0, 0]))),
-        "correlation with the image mirrored at the diagonal": {
+        MIRRORED: {
             f"phi_{base}": float(np.corrcoef(image.ravel(), image.T.ravel())[0, 1])
             for base, image in images.items()
         },
@@ -115,21 +117,28 @@ def _moved(positions: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
     }
 
 
-def _claims(measured: dict) -> dict[str, bool]:
+def _claims(measured: dict) -> Claims:
     binary = ("Hilbert", "Moore")
     return {
         "the Morton index is either odd or even per column: phi_2 < 1/2 in even columns": measured["Morton"][
             EVEN_COLUMNS
         ],
         "its second bit is on and off along the rows": measured["Morton"][ROW_BIT],
-        "curves in base 2 show a checkerboard (Hilbert and Moore)": all(
-            measured[name][CHECKERBOARD] for name in binary
-        ),
+        "curves in base 2 show a checkerboard": {
+            name: measured[name][CHECKERBOARD] for name in ("Morton", *binary)
+        },
+        "symmetries along the diagonal for Peano: a correlation above 0.5 with the mirrored image": {
+            name: found > 0.5 for name, found in measured["Peano"][MIRRORED].items()
+        },
+        "differences have symmetries: more than half stay under some motion": {
+            name: max(of["share of the edges whose difference stays"].values()) > 0.5
+            for name, of in measured.items()
+        },
         "many neighbours differ by 3 on the Hilbert curve: no other difference above 1 is as frequent": next(
             iter(measured["Hilbert"][FREQUENT])
         )
         == "3",
-        "Hilbert and Moore have more multiples of 3 than a third": all(
-            measured[name][MULTIPLES]["3"] > 1 / 3 for name in binary
-        ),
+        "Hilbert and Moore have more multiples of 3 than a third": {
+            name: measured[name][MULTIPLES]["3"] > 1 / 3 for name in binary
+        },
     }

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures._curves import CURVES, EXPLAINED, enumerated, image_sheet, square, structure
+from figures._schema import Claims
 from qmcjax import sequences
 
 SIDES = (64, 81)
@@ -31,23 +32,29 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             row[name] = image
         measured[name] = {row: structure(image) for row, image in images.items()}
     figure = image_sheet("Radical inverses along the curves (Hilbert paper, Fig. 3)", rows)
-    return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
+    return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 
-def _claims(measured: dict) -> dict[str, bool]:
+def _claims(measured: dict) -> Claims:
     share = {
         name: {row: numbers["share of the strongest 1 % of frequencies"] for row, numbers in rows.items()}
         for name, rows in measured.items()
     }
     return {
-        "all have regular structures: more than twice the share of white noise": min(
-            min(rows.values()) for rows in share.values()
-        )
-        > 0.1,
+        "all have regular structures: more than twice the share of white noise": {
+            name: min(rows.values()) > 0.1 for name, rows in share.items()
+        },
+        "they resemble masks of blue noise: less than half of white noise at low frequencies": {
+            f"{name}, {row}": of["power at low frequencies"] < 0.5
+            for name, rows in measured.items()
+            for row, of in rows.items()
+        },
         "Morton, phi_2: nothing but stripes and other structures": share["Morton"]["phi_2"] > 0.99,
-        "superimposed, Hilbert and Moore are less regular than phi_2 alone": all(
-            share[name]["superimposed"] < share[name]["phi_2"] for name in ("Hilbert", "Moore")
-        ),
+        "superimposed, Hilbert and Moore are less regular than each of the three": {
+            f"{name}, {row}": share[name]["superimposed"] < share[name][row]
+            for name in ("Hilbert", "Moore")
+            for row in ("phi_2", "phi_3", "phi_5")
+        },
         "superimposed, Hilbert and Moore are less regular than Morton and Peano": max(
             share["Hilbert"]["superimposed"], share["Moore"]["superimposed"]
         )

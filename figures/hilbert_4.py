@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._curves import CURVES, EXPLAINED, Curve, enumerated, image_sheet, square, structure
+from figures._schema import Claims
 from qmcjax import sequences
 
 SIDES = (64, 81)
@@ -40,6 +41,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     labels = (r"$\phi_2$, digit scrambling", r"$\phi_2$, Owen scrambling", r"$\phi_5$, Faure and Lemieux")
     sheet: dict[str, dict] = {label: {} for label in labels}
     measured = {}
+    leading: dict[str, list[NDArray[np.bool_]]] = {}
     for name in CURVES:
         curve = square(name, *SIDES)
         images = {row: enumerated(curve, *source) for row, source in rows.items()}
@@ -49,8 +51,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name] = {row: structure(image) for row, image in (compared | images).items()}
         for row in ("phi_2, digit scrambling", "phi_2, Owen scrambling"):
             measured[name][row] |= _halves(curve, images[row])
+            leading.setdefault(name, []).append(images[row] >= 0.5)
     figure = image_sheet("Scrambling along the curves (Hilbert paper, Fig. 4)", sheet)
-    return figure, {"measured": measured, "printed": _claims(measured), "note": NOTE}
+    return figure, {"measured": measured, "claims": _claims(measured, leading), "note": NOTE}
 
 
 def _halves(curve: Curve, image: NDArray[np.float64]) -> dict[str, bool]:
@@ -69,7 +72,7 @@ def _halves(curve: Curve, image: NDArray[np.float64]) -> dict[str, bool]:
     }
 
 
-def _claims(measured: dict) -> dict[str, bool]:
+def _claims(measured: dict, leading: dict[str, list[NDArray[np.bool_]]]) -> Claims:
     scrambled = ("phi_2, digit scrambling", "phi_2, Owen scrambling")
     change = {
         name: rows["phi_5, Faure-Lemieux"][SHARE] - rows["phi_5"][SHARE] for name, rows in measured.items()
@@ -90,8 +93,16 @@ def _claims(measured: dict) -> dict[str, bool]:
             for name in ("Hilbert", "Moore", "Peano")
             for row in scrambled
         ),
-        "the digits of phi_5 change the share by less than 0.02 for Morton, Hilbert and Moore": all(
-            abs(change[name]) < 0.02 for name in ("Morton", "Hilbert", "Moore")
-        ),
+        "the leading bit is the same by digit and by Owen scrambling, up to one flip for all": {
+            name: bool(len(np.unique(np.not_equal(*pair))) == 1) for name, pair in leading.items()
+        },
+        "scrambling leaves correlations: more than twice the share of white noise": {
+            f"{name}, {row}": rows[row][SHARE] > 0.1
+            for name, rows in measured.items()
+            for row in (*scrambled, "phi_5, Faure-Lemieux")
+        },
+        "the digits of phi_5 change little: the share by less than 0.02": {
+            name: abs(change[name]) < 0.02 for name in ("Morton", "Hilbert", "Moore")
+        },
         "they lower the share most for Peano": change["Peano"] == min(change.values()),
     }

@@ -69,6 +69,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress(done / len(POINT_SETS))
     return _draw(table, m), {
         "measured": {"points": 2**m, **table},
+        "claims": {
+            "the Larcher-Pillichshammer net has less star discrepancy than other nets and lattices": {
+                name: table["Larcher-Pillichshammer net"]["star"] < table[name]["star"]
+                for name in ("Hammersley net", "permutation net", "optimized net", "rank-1 lattice")
+            },
+        },
         "note": "The first 2^m points of sequences and all of nets, in the unit square; random ones with one "
         "key. Distances are on the torus. The minimum distance is relative to that of the densest packing, "
         "Clark-Evans the mean distance to the nearest neighbour over that of random points, dispersion "

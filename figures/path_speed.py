@@ -30,8 +30,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress(done / len(listed))
     numbers = {
         "measured": measured,
-        "paths": f"{side} x {side} pixels, {spp} samples, {BOUNCES} bounces, light sampled at each surface",
-        "note": "Medians of turns, ours not compiling, Mitsuba's (scalar_rgb, all threads) not loading. "
+        "note": f"{side} x {side} pixels, {spp} samples, {BOUNCES} bounces, light sampled at each surface. "
+        "Medians of turns, ours not compiling, Mitsuba's (scalar_rgb, all threads) not loading. "
         "Ours take points of Sobol' sequences scrambled in each pixel, Mitsuba's are independent. "
         "Drafts are small and say little."
         + ("" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."),

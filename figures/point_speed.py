@@ -10,6 +10,9 @@ from figures import _point_speed, _process
 SETTINGS = {"4 KiB pages": None, "large pages": "glibc.malloc.hugetlb=1"}
 """The memory that programs get from malloc: as it comes, and as GLIBC_TUNABLES asks for."""
 
+ALIKE = 1.25
+"""Ratio of rates that are about the same."""
+
 COLORS = {"float32": "tab:blue", "float64": "tab:cyan", "scipy": "0.35", "QMCPy": "0.6", "torch": "0.8"}
 
 
@@ -36,10 +39,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for bar, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
     figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=len(drawn))
+    between = {
+        f"{one} / {other}": {
+            name: _rate(of["cases"], one) / _rate(of["cases"], other) for name, of in measured.items()
+        }
+        for one, other in (("Faure", "Sobol'"), ("permutation net", "rank-1 lattice"))
+    }
     numbers = {
         "measured": {
             name: result | {"ours / fastest peer": _ratios(result["cases"])}
             for name, result in measured.items()
+        }
+        | {"rates over those of others": between},
+        "claims": {
+            "bases above 2 are slower: Faure's sequence makes fewer coordinates a second than Sobol's": {
+                name: rate < 1 for name, rate in between["Faure / Sobol'"].items()
+            },
+            "permutation nets are as fast as rank-1 lattices, within 25 %": {
+                name: 1 / ALIKE < rate < ALIKE
+                for name, rate in between["permutation net / rank-1 lattice"].items()
+            },
         },
         "note": "Peers not installed are left out (pip install -e '.[bench]' brings QMCPy and torch). "
         "scipy and torch draw block after block, QMCPy its first points each time. Peers make float64, and "
@@ -75,6 +94,11 @@ def _bars(axes, cases: list[dict]) -> None:
     axes.set_yticks(range(len(cases)), [case["case"].replace(", ", ",\n") for case in cases])
     if not axes.yaxis_inverted():
         axes.invert_yaxis()
+
+
+def _rate(cases: list[dict], title: str) -> float:
+    """Return our rate, float32, in the first case with such a title."""
+    return next(case["ours"]["float32"] for case in cases if case["case"].startswith(title))
 
 
 def _ratios(cases: list[dict]) -> dict:

@@ -89,8 +89,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     gradients = _gradients(panels[3, :3], size)
     _draw_times(panels[3, 3], table)
     return figure, {
-        "measured": {"skipping": table, "passes": passes, "gradient of the disc's radius": gradients},
-        "asked for": ASKED,
+        "measured": {
+            "skipping": table,
+            "passes": passes,
+            "gradient of the disc's radius": gradients,
+            "asked for": ASKED,
+        },
         "note": NOTE.format(
             side=size.side,
             calls=size.calls,

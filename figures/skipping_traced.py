@@ -69,8 +69,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         _draw(panels[row], name, exact.image, moving, counts, measured[name], size)
         progress((row + 1) / len(size.names))
     return figure, {
-        "measured": measured,
-        "found": {
+        "measured": measured
+        | {
             "the image with skipping is that without, bit by bit": {
                 name: found["skipping"]["largest difference of pixels"] == 0
                 for name, found in measured.items()

@@ -60,7 +60,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "sum minus 1, at most": float(abs(values.sum(axis=1) - 1).max()),
         "functions that do not vanish inside a span": sorted({int(n) for n in nonzero}),
     }
-    printed = {
+    claims = {
         "the inverted triangular scheme avoids dividing by zero": bool(np.isfinite(values).all()),
         "it computes the functions of Eq. 2.2": difference < 1e-12,
         "p functions do not vanish": measured["functions that do not vanish inside a span"] == [DEGREE],
@@ -74,7 +74,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             (weighted[:, SWITCHED_OFF] == 0).all() and abs(weighted.sum(axis=1) - 1).max() < 1e-12
         ),
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE.format(count=COUNT)}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE.format(count=COUNT)}
 
 
 def _recursive(i: int, p: int, u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -42,7 +42,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         ratio = measured[name]["longest step / shortest"]
         panel.set_title(f"{name}\nlongest step / shortest = {ratio:.4g}", fontsize=9)
     legend(figure)
-    printed = {
+    claims = {
         "speed is not constant where u is linear in time": measured["parameter linear in time"][
             "longest step / shortest"
         ]
@@ -50,7 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "it is where the arc length is": measured["arc length linear in time"]["longest step / shortest"]
         < 1 + 1e-3,
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _arc_length(point: NDArray, fine: NDArray, lengths: NDArray) -> float:

@@ -35,7 +35,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panel.set_title(f"{name}\nturn at the bottom {found['turn, degrees']:.1f}°", fontsize=9)
     legend(figure)
     corner, smooth = measured.values()
-    printed = {
+    claims = {
         "it causes the curve to interpolate the control point at the bottom": corner["distance"] < 1e-12,
         "there it is continuous": corner["gap"] < 1e-5,
         "but only that: its direction jumps": corner["turn, degrees"] > 1,
@@ -44,7 +44,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "knots and control points tell where (Sect. 2.4)": corner["corners"] == [2.0]
         and smooth["corners"] == [],
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _at_bottom(curve: motion.Nurbs) -> dict:

@@ -52,7 +52,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         }
         for name, curve in CURVES.items()
     }
-    printed = {
+    claims = {
         "sums of lengths of linear segments approximate the length: 4096 miss less than 1/1000": all(
             of[-1] < 1e-3 for of in errors.values()
         ),
@@ -60,7 +60,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "it works for all continuous curves: errors fall with a corner, too": slopes["with a corner"] < -0.8,
         "as fast as without": slopes["with a corner"] < 0.9 * slopes["smooth"],
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _draw_segments(axes, curve: motion.Nurbs) -> None:

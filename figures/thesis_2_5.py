@@ -72,7 +72,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "area of the convex hull": areas,
         "table": unequal,
     }
-    printed = {
+    claims = {
         "ends of segments lie exactly on the curve": max(at_ends) < 1e-7,
         "points in between may not": errors[0] > 1e-3,
         "no error is above its bound": all(e <= b for e, b in zip(errors, bounds, strict=True)),
@@ -84,7 +84,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "for accuracy the table should have more pieces than there are segments": unequal["1"]
         > 4 * unequal["16"],
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _curve_at(part: NDArray, u: NDArray, lengths: NDArray) -> NDArray[np.float64]:

@@ -61,23 +61,23 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measured["Eq. 2.13 is the maximum, of random points"] = float(is_maximum.mean())
     past, before = (measured[name] for name in STOPS)
     tight = of_space["rotation_box"]
-    printed = {
-        "the largest x of a corner is at the angle where the derivative vanishes": _near(
-            past["degrees at which it is reached"], -highest
-        ),
-        "if the rotation stops before, it is at its end": _near(
-            before["degrees at which it is reached"], -STOPS["stopped before it"]
-        ),
-        "the box is tight in the plane": all(
-            abs(of["area / brute force"] - 1) < 1e-6 for of in (past, before)
-        ),
-        "the box of the box about the axis is tight in space": max(of_space["thesis"]) < 1.01,
-        "rotation_box is": max(tight) < 1 + 1e-5 and min(tight) > 1 - 1e-5,
-        "Eq. 2.8 as printed is part of a rotation": _is_rotation(-1.0),
-        "with the sign of v cos(theta) turned, and that of u sin(theta)": _is_rotation(1.0),
+    claims = {
+        "the largest x of a corner is where the derivative vanishes, or at the end if it stops before": {
+            "past the maximum": _near(past["degrees at which it is reached"], -highest),
+            "stopped before it": _near(before["degrees at which it is reached"], -STOPS["stopped before it"]),
+        },
+        "boxes are tight": {
+            "in the plane": all(abs(of["area / brute force"] - 1) < 1e-6 for of in (past, before)),
+            "in space, the box of the box about the axis": max(of_space["thesis"]) < 1.01,
+            "in space, rotation_box": max(tight) < 1 + 1e-5 and min(tight) > 1 - 1e-5,
+        },
+        "Eq. 2.8 is part of a rotation": {
+            "as printed": _is_rotation(-1.0),
+            "with both signs turned": _is_rotation(1.0),
+        },
         "Eq. 2.13 gives maxima": bool(is_maximum.all()),
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _near(degrees: float, radians: float) -> bool:

@@ -50,7 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "error with one less, and with these": {f"{turns:g} turns": of for turns, of in around.items()},
         "error / radius, one turn": {str(n): _error(1.0, n) for n in SHOWN},
     }
-    printed = {
+    claims = {
         "fast rotation needs a large number of segments: more than 20 a turn for 1 %": enough[1] > 20,
         "the number is in proportion to the angle: 1 - cos(half of a segment's) is the error": all(
             with_one_less > ALLOWED >= with_these for with_one_less, with_these in around.values()
@@ -59,7 +59,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             of[-1] < 0.3 * of[-2] for of in errors.values()
         ),
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _rotation(turns: float) -> Callable[[Any], Any]:

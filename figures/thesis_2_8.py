@@ -60,14 +60,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             name: {str(n): of[n] for n in COUNTS} for name, of in floating.items()
         },
     }
-    printed = {
+    claims = {
         "if ends do not coincide with the corners, the ball turns above the floor": all(
             height > 1e-3 for n, height in without.items() if n % JUMPS
         ),
         "with ends at the corners it touches the floor": max(knowing.values()) < 1e-12,
         "multiplicities of the knot vector tell the corners": np.allclose(BALL.corners, _LANDINGS[1:-1]),
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
 def _approximated(segments: int, corners: Sequence[float]) -> motion.LinearSegments:

@@ -5,12 +5,28 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 import analysis
+import qmcjax as qj
 from figures import _points
-from qmcjax import samplers, sequences
+from figures._schema import Claims
+from qmcjax import samplers, scenes, sequences
 
 SIDE, INSTANCES = 8, 4
+
+SCREEN, COUNTS, KEYS = 64, (4, 16, 64), 8
+"""Pixels a side of the images that compare random and low discrepancy shifts, samples, and random ones."""
+
+
+def screen(sampler: samplers.Sampler, count: int) -> list[NDArray[np.float64]]:
+    """Return the points on the screen of so many samples of all pixels."""
+    y, x = (jnp.asarray(a.ravel()) for a in np.mgrid[0:SIDE, 0:SIDE].astype(np.uint32))
+    pixels = np.stack([x, y], axis=1)
+    return [
+        (pixels + np.asarray(sampler(x, y, jnp.full_like(x, k), dtype=jnp.float64))) / SIDE
+        for k in range(count)
+    ]
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
@@ -18,12 +34,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     del quality, progress
     net = sequences.larcher_pillichshammer_net(6)
     sampler = samplers.padded_replications(net, SIDE, SIDE, offsets=0)
-    y, x = (jnp.asarray(a.ravel()) for a in np.mgrid[0:SIDE, 0:SIDE].astype(np.uint32))
-    pixels = np.stack([x, y], axis=1)
-    instances = [
-        (pixels + np.asarray(sampler(x, y, jnp.full_like(x, k), dtype=jnp.float64))) / SIDE
-        for k in range(INSTANCES)
-    ]
+    instances = screen(sampler, INSTANCES)
     together = np.concatenate(instances)
     figure, axes = _points.panels(
         INSTANCES + 1, "Padded replications: one net, shifted by whole pixels and jittered (thesis Fig. 5.11)"
@@ -44,13 +55,57 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "minimum distance of each instance": [analysis.min_distance(i) for i in instances],
         "minimum distance superimposed": analysis.min_distance(together),
         "the same of four frames of the Sobol' sequence": analysis.min_distance(frames),
-        "instance is a (0,6,2)-net": [_points.holds_one_each(i, 6) for i in instances],
-        "superimposed they are a (0,8,2)-net": _points.holds_one_each(together, 8),
+        "RMS error of the checkerboard": _errors(),
     }
     return figure, {
         "measured": measured,
-        "printed": "always exactly one sample in each pixel, and each set is well stratified over the "
-        "screen; superimposed, the samples can lie arbitrarily close together",
+        "claims": _claims(measured, [_points.holds_one_each(i, 6) for i in instances]),
         "note": "Toroidal distances. The net is Larcher and Pillichshammer's, as in the programs of the "
-        "thesis, which does not give the shifts. These keep distances, but not all elementary intervals.",
+        "thesis, which does not give the shifts. These keep distances, but not all elementary intervals. "
+        f"Errors: {SCREEN} x {SCREEN} pixels, shifts and jitter of the Halton sequence against random ones, "
+        f"the root mean square over {KEYS} keys.",
+    }
+
+
+def _claims(measured: dict, is_net: list[bool]) -> Claims:
+    def each(holds: list[bool]) -> dict[str, bool]:
+        return {f"instance {k}": held for k, held in enumerate(holds)}
+
+    distances = measured["minimum distance of each instance"]
+    random, halton = measured["RMS error of the checkerboard"].values()
+    return {
+        "one sample of each instance in each pixel": each(
+            [count == SIDE**2 for count in measured["pixels with one sample of each instance"]]
+        ),
+        "shifts keep the minimum distance": each(
+            [bool(np.isclose(d, measured["minimum distance of the net"], rtol=1e-12)) for d in distances]
+        ),
+        "shifts do not keep elementary intervals": each([not found for found in is_net]),
+        "superimposed, samples lie close together: below a quarter of an instance's distance": measured[
+            "minimum distance superimposed"
+        ]
+        < 0.25 * min(distances),
+        "shifts of low discrepancy have less error than random ones": {
+            spp: halton[spp] < random[spp] for spp in random
+        },
+    }
+
+
+def _errors() -> dict[str, dict[str, float]]:
+    """Return the errors of an image by the number of samples, by random shifts and by the Halton sequence."""
+    scene = scenes.checkerboard()
+    exact = scene.reference(SCREEN, SCREEN)[0]
+
+    def square(offsets: sequences.Sequence | int, spp: int) -> float:
+        net = sequences.larcher_pillichshammer_net(2 * (SCREEN.bit_length() - 1))
+        sampler = samplers.padded_replications(net, SCREEN, SCREEN, offsets)
+        return float(np.mean((np.asarray(qj.render(scene, sampler, SCREEN, SCREEN, spp)) - exact) ** 2))
+
+    return {
+        "random shifts": {
+            f"{spp} spp": float(np.sqrt(np.mean([square(key, spp) for key in range(KEYS)]))) for spp in COUNTS
+        },
+        "shifts by the Halton sequence": {
+            f"{spp} spp": float(np.sqrt(square(sequences.halton(4), spp))) for spp in COUNTS
+        },
     }

@@ -2,26 +2,23 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+import analysis
 from figures import _points
+from figures.thesis_5_11 import SIDE, screen
 from qmcjax import samplers, sequences
 
-SIDE, FRAMES = 8, 4
+FRAMES = 4
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw four frames of 8 x 8 pixels, and all of them together."""
     del quality, progress
     sampler = samplers.full_screen(sequences.sobol(2), SIDE, SIDE)
-    y, x = (jnp.asarray(a.ravel()) for a in np.mgrid[0:SIDE, 0:SIDE].astype(np.uint32))
-    pixels = np.stack([x, y], axis=1)
-    frames = [
-        (pixels + np.asarray(sampler(x, y, jnp.full_like(x, k), dtype=jnp.float64))) / SIDE
-        for k in range(FRAMES)
-    ]
+    frames = screen(sampler, FRAMES)
     figure, axes = _points.panels(
         FRAMES + 1, "One sample per pixel in each frame of the Sobol' sequence (thesis Fig. 5.10, 5.12)"
     )
@@ -31,10 +28,45 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     _points.grid(axes[-1], SIDE, SIDE)
     for k in range(FRAMES):
         _points.scatter(axes[-1], frames[k], "superimposed", color=f"C{k}")
-    measured = {f"frame {k} is a (0,6,2)-net": _points.holds_one_each(frames[k], 6) for k in range(FRAMES)}
-    measured["the frames together are a (0,8,2)-net"] = _points.holds_one_each(np.concatenate(frames), 8)
+    together = np.concatenate(frames)
+    net = sequences.larcher_pillichshammer_net(6)
+    replicated = screen(samplers.padded_replications(net, SIDE, SIDE, offsets=0), FRAMES)
+    measured = {
+        "superimposed": _measures(together),
+        "superimposed instances of Fig. 5.11": _measures(np.concatenate(replicated)),
+        "first frame": _measures(frames[0]),
+        "Larcher-Pillichshammer net": _measures(_points.block(net, 64)),
+    }
     return figure, {
         "measured": measured,
-        "printed": "always exactly one sample in each pixel, and each set is well stratified over the screen",
-        "note": "The index follows from pixel and frame by solving linear equations over F2, without tables.",
+        "claims": {
+            "one sample in each pixel, and each set well stratified: each frame is a (0,6,2)-net": {
+                f"frame {k}": _points.holds_one_each(frame, 6) for k, frame in enumerate(frames)
+            },
+            "superimposed they form a larger net, a (0,8,2)-net": _points.holds_one_each(together, 8),
+            "better stratified than those of Fig. 5.11": _better(
+                measured["superimposed"], measured["superimposed instances of Fig. 5.11"]
+            ),
+            "a single set is not as good as Larcher and Pillichshammer's": _better(
+                measured["Larcher-Pillichshammer net"], measured["first frame"]
+            ),
+        },
+        "note": "The index follows from pixel and frame by solving linear equations over F2, without tables. "
+        "Distances are toroidal.",
     }
+
+
+def _measures(points: NDArray[np.float64]) -> dict[str, float]:
+    return {
+        "t": analysis.t_value(points),
+        "star discrepancy": analysis.star_discrepancy(points),
+        "minimum distance": analysis.min_distance(points),
+    }
+
+
+def _better(one: dict[str, float], other: dict[str, float]) -> dict[str, bool]:
+    """Tell by which measures one set of points is better than another."""
+    return {
+        "star discrepancy": one["star discrepancy"] < other["star discrepancy"],
+        "minimum distance": one["minimum distance"] > other["minimum distance"],
+    } | ({"t": one["t"] < other["t"]} if one["t"] != other["t"] else {})

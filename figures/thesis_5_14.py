@@ -52,15 +52,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     net = wrapped(unwrapped(M))
     draw(axes[-1], net, unwrapped(M), 2, "(f) wrapped")
     direct = np.asarray(sequences.permutation_net(M).bits(jnp.arange(2**M, dtype=jnp.uint32)))
+    squared = analysis.squared_min_distance(net, side=2**M)
     return figure, {
         "measured": {
-            f"is a (0,{M},2)-net": _points.holds_one_each(net / 2**M, M),
-            "squared distance on the integer grid": analysis.squared_min_distance(net, side=2**M),
-            "equals the direct construction, Eq. 5.44": np.array_equal(
+            "squared distance on the integer grid": squared,
+        },
+        "printed": {"squared distance on the integer grid": 512},
+        "claims": {
+            f"it is a (0,{M},2)-net": _points.holds_one_each(net / 2**M, M),
+            "its squared distance is 2^m": squared == 2**M,
+            "it equals the direct construction, Eq. 5.44": np.array_equal(
                 net[np.argsort(net[:, 0])], direct >> np.uint32(32 - M)
             ),
         },
-        "printed": {"squared distance on the integer grid": 512},
         "note": "Grey: the square with the net. Red: points beyond it, and where they are wrapped to.",
     }
 

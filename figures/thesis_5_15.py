@@ -61,18 +61,33 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     diagonal = (points[:, 0] - points[:, 1]) % n
     along = _smallest_gap(points[diagonal == 0, 1], n)
     across = _smallest_gap(np.unique(diagonal), n)
+    squared = analysis.squared_min_distance(points, side=n)
     return figure, {
         "measured": {
             "fewest and most points in an elementary interval": counts,
             "squared distance along a diagonal, Eq. 5.41": 2 * along**2,
             "squared distance between diagonals, Eq. 5.42": across**2 // 2,
-            "squared distance": analysis.squared_min_distance(points, side=n),
+            "squared distance": squared,
         },
         "printed": {
             "points in an elementary interval": 1,
             "squared distance along a diagonal, Eq. 5.41": 32,
             "squared distance between diagonals, Eq. 5.42": 32,
             "squared distance": 32,
+        },
+        "claims": {
+            "exactly one point in each elementary interval (Theorem 3)": {
+                shape: found == [1, 1] for shape, found in counts.items()
+            },
+            "the squared distance is 2^m": {
+                "along a diagonal, Eq. 5.41": 2 * along**2 == n,
+                "between diagonals, Eq. 5.42": across**2 // 2 == n,
+                "of all points": squared == n,
+            },
+            "formulas of the proof are right as printed": {
+                "range of r in case (c)": 2**half == int(np.count_nonzero(diagonal == 0)),
+                "value of Eq. 5.42": 2 * (2**half / 2) ** 2 == n,
+            },
         },
         "note": NOTE,
     }

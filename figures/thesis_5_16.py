@@ -20,16 +20,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure, axes = _points.panels(
         6, "Permutation nets for odd and even m (thesis Fig. 5.13 and 5.16)", columns=3
     )
-    measured = {}
+    measured: dict[str, int] = {}
+    with_origin = {}
     for m, panel in zip(SIZES, axes, strict=True):
         net = sequences.permutation_net(m)
         words = np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
         shear = 0 if m % 2 else 2 ** (m - 2)
         measured[str(m)] = analysis.squared_min_distance(words, side=2**m, shear=shear)
+        with_origin[f"m = {m}"] = bool((words == 0).all(axis=1).any())
         _points.grid(panel, 2 ** (m // 2), 2 ** (m // 2))
         _points.scatter(panel, _points.block(net, 2**m), f"m = {m}, squared distance {measured[str(m)]}")
     return figure, {
         "measured": {"squared distance on the integer grid": measured},
         "printed": {"squared distance on the integer grid": {str(m): PRINTED[m] for m in SIZES}},
+        "claims": {
+            "squared distances are those of Table 5.1": {
+                f"m = {m}": measured[str(m)] == PRINTED[m] for m in SIZES
+            },
+            "for even m no matrices generate them: the point (0, 0) is missing": {
+                name: not found for name, found in with_origin.items() if int(name[-1]) % 2 == 0
+            },
+        },
         "note": "Even m with the sheared tiling.",
     }

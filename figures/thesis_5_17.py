@@ -47,17 +47,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     net = wrapped(unwrapped(M))
     draw(axes[-1], net, unwrapped(M), 1.25, "(d) wrapped")
     direct = np.asarray(sequences.permutation_net(M).bits(jnp.arange(2**M, dtype=jnp.uint32)))
+    squared = analysis.squared_min_distance(net, side=2**M, shear=2 ** (M - 2))
     return figure, {
         "measured": {
-            f"is a (0,{M},2)-net": _points.holds_one_each(net / 2**M, M),
-            "squared distance on the integer grid": analysis.squared_min_distance(
-                net, side=2**M, shear=2 ** (M - 2)
-            ),
-            "equals the direct construction": np.array_equal(
+            "squared distance on the integer grid": squared,
+        },
+        "printed": {"squared distance on the integer grid": 241},
+        "claims": {
+            f"it is a (0,{M},2)-net": _points.holds_one_each(net / 2**M, M),
+            "its squared distance is 241": squared == 241,
+            "it equals the direct construction": np.array_equal(
                 net[np.argsort(net[:, 0])], direct >> np.uint32(32 - M)
             ),
         },
-        "printed": {"squared distance on the integer grid": 241},
         "note": "Grey: the square with the net. Red: points beyond it, and where they are wrapped to. "
         "Distance with the sheared tiling. Step 1 moves P_1 and P_3, Eq. 5.45. The sentence above it moves "
         "P_0 and P_2: nets, too, but of squared distance 41, 164, 656 for m = 6, 8, 10.",

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+import analysis
 from figures import _points
 from qmcjax import sequences
 
@@ -18,9 +19,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for i, panel in enumerate(axes):
         _points.grid(panel, 2 ** (M - i), 2**i)
         _points.scatter(panel, points, f"1/{2 ** (M - i)} wide, 1/{2**i} high")
-    holds = _points.holds_one_each(points, M)
     return figure, {
-        "measured": {"one point in each interval": holds},
-        "printed": "exactly one point in each elementary interval",
+        "measured": {"t": analysis.t_value(points)},
+        "claims": {"exactly one point in each elementary interval": _points.holds_one_each(points, M)},
         "note": "The net of the thesis's figure is not named; this is the Larcher-Pillichshammer net.",
     }

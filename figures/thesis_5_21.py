@@ -1,6 +1,7 @@
 """Thesis Fig. 5.21 and Table 5.1: minimum distances of (0,m,2)-nets in base 2."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,13 +10,26 @@ from matplotlib.figure import Figure
 import analysis
 from qmcjax import sequences
 
-# The radicands as printed; some decimals beside them are misprints (the one of sqrt(2) / 2**7, for example).
 PRINTED = {
     "Hammersley": [2] * 15,
     "Larcher-Pillichshammer": [2, 5, 8, 18, 32, 72, 128, 265, 512, 1060, 2048, 4153, 8192, 16612, 32768],
     "optimised matrices": [2, 8, 13, 29, 52, 100, 208, 400, 832, 1600, 3328, 6385, 13312, 25313, 53248],
     "permutation": [2, 8, 13, 32, 53, 128, 241, 512, 964, 2048, 3856, 8192, 15424, 32768, 61696],
 }
+"""The radicands."""
+
+DECIMALS = {
+    "Hammersley": "0.35355339 0.17677670 0.088388835 0.04419417 0.02209709 0.0104854 0.00552427 0.00276214 "
+    "0.00138107 0.00069053 0.00034527 0.00017263 0.00008632 0.00004316 0.00002158",
+    "Larcher-Pillichshammer": "0.35355339 0.27950850 0.17677670 0.13258252 0.088388835 0.06629126 0.04419417 "
+    "0.03179457 0.02209709 0.01589729 0.0104854 0.00786667 0.00552427 0.00393334 0.00276214",
+    "optimised matrices": "0.35355339 0.35355339 0.22534695 0.16828640 0.11267348 0.07812500 0.05633674 "
+    "0.03906250 0.02816837 0.01953125 0.01408418 0.00975417 0.00704209 0.00485536 0.00352105",
+    "permutation": "0.35355339 0.35355339 0.22534695 0.17677670 0.11375172 0.08838835 0.0664131 0.04419417 "
+    "0.03032065 0.02209709 0.01516033 0.0104854 0.00758016 0.00552427 0.00379008",
+}
+"""What is printed beside them, for their roots over 2**m."""
+
 NETS = {
     "Hammersley": sequences.hammersley_net,
     "Larcher-Pillichshammer": sequences.larcher_pillichshammer_net,
@@ -57,17 +71,54 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     upper.grid(alpha=0.3)
     upper.legend()
     _draw_table(lower, measured)
+    misprints = _misprints()
     numbers = {
         "measured": {
             name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in measured.items()
-        },
+        }
+        | {"decimals that are not those of the printed roots": misprints},
         "printed": {
-            name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in PRINTED.items()
+            "squared distances": {
+                name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in PRINTED.items()
+            },
+            "decimals": DECIMALS,
         },
-        "equal": {name: measured[name] == PRINTED[name] for name in PRINTED},
+        "claims": _claims(measured, misprints),
         "note": NOTE,
     }
     return figure, numbers
+
+
+def _misprints() -> dict[str, str]:
+    """Return the decimals that are more than one in their last place off."""
+    found = {}
+    for name, text in DECIMALS.items():
+        for m, squared, decimal in zip(SIZES, PRINTED[name], text.split(), strict=True):
+            unit = 10.0 ** -len(decimal.partition(".")[2])
+            if abs(float(decimal) - squared**0.5 / 2**m) > unit:
+                found[f"{name}, m = {m}"] = decimal
+    return found
+
+
+def _claims(measured: dict[str, list[int]], misprints: dict[str, str]) -> dict[str, Any]:
+    best = measured["permutation"]
+    even = [m for m in SIZES if m % 2 == 0 and m >= 8]
+    return {
+        "the squared distances are those of Table 5.1": {
+            name: measured[name] == PRINTED[name] for name in PRINTED
+        },
+        "the decimals of Table 5.1 are those of its roots": {
+            name: not any(where.startswith(name) for where in misprints) for name in DECIMALS
+        },
+        "permutation nets have the largest distance": {
+            name: all(a >= b for a, b in zip(best, measured[name], strict=True))
+            for name in NETS
+            if name != "permutation"
+        },
+        "for even m from 8 on it is sqrt(241 2^(m-8)) / 2^m": {
+            f"m = {m}": best[m - SIZES[0]] == 241 * 2 ** (m - 8) for m in even
+        },
+    }
 
 
 def _draw_table(axes, measured: dict[str, list[int]]) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
+import analysis
 from figures import _points
 from qmcjax import sequences
 
@@ -23,6 +24,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     _points.grid(axes[-1], 2 ** (M // 2 + 1), 2 ** (M // 2 + 1))
     for k in range(BLOCKS):
         _points.scatter(axes[-1], blocks[k], "superimposed", color=f"C{k}")
-    measured = {f"block {k} is a (0,6,2)-net": _points.holds_one_each(blocks[k], M) for k in range(BLOCKS)}
-    measured["their union is a (0,8,2)-net"] = _points.holds_one_each(np.concatenate(blocks), M + 2)
-    return figure, {"measured": measured, "printed": "each block is a (0,6,2)-net, the union a (0,8,2)-net"}
+    together = np.concatenate(blocks)
+    return figure, {
+        "measured": {
+            "t of the blocks": [analysis.t_value(points) for points in blocks],
+            "t of their union": analysis.t_value(together),
+        },
+        "claims": {
+            "each block is a (0,6,2)-net": {
+                f"block {k}": _points.holds_one_each(points, M) for k, points in enumerate(blocks)
+            },
+            "their union is a (0,8,2)-net": _points.holds_one_each(together, M + 2),
+        },
+    }

@@ -95,7 +95,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for way, of in by_way.items()
         },
     }
-    printed = {
+    claims = {
         "better stratification: t is smaller on average with Joe and Kuo's numbers": _ratio(np.mean, t_values)
         < 0.6,
         "much fewer artefacts, along the Hilbert curve: less than half the filtered error, in the median": (
@@ -103,7 +103,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         ),
         "also over the screen": _ratio(np.median, filtered["over the screen"]) < 0.5,
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE.format(side=side, spp=spp)}
+    return figure, {"measured": measured, "claims": claims, "note": NOTE.format(side=side, spp=spp)}
 
 
 def _ones() -> NDArray[np.uint32]:

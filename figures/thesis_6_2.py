@@ -5,13 +5,14 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from figures import _screens
+from figures._schema import Claims
 from qmcjax import scenes
 
 ALIKE = 4 / 3
 """Errors whose ratio is below are similar."""
 
 
-def _claims(errors: dict) -> dict[str, bool]:
+def _claims(errors: dict) -> Claims:
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     low_discrepancy = {name: found for name, found in whole.items() if name != "jittered grid"}
     nets = [found for name, found in low_discrepancy.items() if name != "rank-1 lattice"]
@@ -20,18 +21,20 @@ def _claims(errors: dict) -> dict[str, bool]:
     fluctuations = {name: _screens.fluctuation(found) for name, found in whole.items()}
     return {
         "Larcher-Pillichshammer best for most sample counts": 2 * wins > count,
-        "the quasi-Monte Carlo samplers perform similarly well": all(
-            max(found) < ALIKE * min(found) for found in zip(*low_discrepancy.values(), strict=True)
-        ),
-        "all of them but the lattice do": all(
-            max(found) < ALIKE * min(found) for found in zip(*nets, strict=True)
-        ),
+        "the quasi-Monte Carlo samplers perform similarly well": {
+            "all of them": _similar(list(low_discrepancy.values())),
+            "all but the lattice": _similar(nets),
+        },
         "the lattice depends most on the sample count": max(fluctuations, key=lambda name: fluctuations[name])
         == "rank-1 lattice",
         "the lattice and all nets ahead of the jittered grid at the largest count": all(
             found[-1] < whole["jittered grid"][-1] for found in low_discrepancy.values()
         ),
     }
+
+
+def _similar(errors: list[list[float]]) -> bool:
+    return all(max(found) < ALIKE * min(found) for found in zip(*errors, strict=True))
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

@@ -5,10 +5,11 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from figures import _screens
+from figures._schema import Claims
 from qmcjax import scenes
 
 
-def _claims(errors: dict) -> dict[str, bool]:
+def _claims(errors: dict) -> Claims:
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     last = range(5, len(whole["permutation"]))  # Beyond 256 = 4**4 samples per pixel.
     return {
@@ -18,11 +19,10 @@ def _claims(errors: dict) -> dict[str, bool]:
         "permutation net best beyond 256 samples per pixel": all(
             min(whole, key=lambda name: whole[name][k]) == "permutation" for k in last
         ),
-    } | {
-        f"{name} in parts worse than the jittered grid": any(
-            a > b for a, b in zip(whole[name], whole["jittered grid"], strict=True)
-        )
-        for name in ("Hammersley", "rank-1 lattice", "optimised matrices")
+        "in parts worse than the jittered grid": {
+            name: any(a > b for a, b in zip(whole[name], whole["jittered grid"], strict=True))
+            for name in ("Hammersley", "rank-1 lattice", "optimised matrices")
+        },
     }
 
 

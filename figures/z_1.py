@@ -1,8 +1,11 @@
 """Z paper Fig. 1: an interior at one sample a pixel by four samplers, and the spectra of their errors."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -29,6 +32,10 @@ STRUCTURED = 1.1
 SHARE = "share of the strongest 1 % of frequencies"
 
 REPEATS = "correlation of errors a tile apart"
+SPIKES = "power at harmonics of the tile / mean"
+
+FLAT, FADING = 128, (2, 4, 8, 16)
+"""Side of an image that is the same in all pixels, and the numbers of coordinates of its integrands."""
 
 NOTE = (
     "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions: not the "
@@ -62,6 +69,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     progress(0.8)
     images, spectra, measured = {}, {}, {}
     handed_out = {"reference": exact.image[area]}  # without the window, as they are measured
+    siblings: dict[str, float] = {}
     square = slice(side // 8, side - side // 8), slice(side // 4, side)
     for name, sampler in ways(len(scene.needs), side, 1).items():
         image = _images.image(scene, sampler, side, 1)
@@ -71,7 +79,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         measured[name] = _diffusion.measures(image, exact, area) | {
             SHARE: _strongest(spectra[name]),
             REPEATS: _correlation((image - exact.image)[area]),
+            SPIKES: _spikes((image - exact.image)[area]),
         }
+        if name == "Z":
+            siblings = _neighbours((image - exact.image)[area])
     images["reference"] = _diffusion.shown(exact.image)
     rows = {
         "image": images,
@@ -90,7 +101,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         blue=BLUE,
     )
     note += _diffusion.BESIDE_WINDOW + "Spectra are of the middle square of it. " + _diffusion.EXPLAINED
-    return figure, {"measured": measured, "printed": _claims(measured), "note": note}, handed_out
+    fading = _fading()
+    return figure, {
+        "measured": measured
+        | {
+            "correlation of Z's errors in neighbouring pixels": siblings,
+            "low-frequency power of Z for a product of coordinates": fading,
+        },
+        "claims": _claims(measured, siblings, fading),
+        "note": note,
+    }, handed_out
 
 
 def _strongest(spectrum: NDArray) -> float:
@@ -104,18 +124,69 @@ def _correlation(error: NDArray) -> float:
     return float(np.sum(upper * lower) / np.sqrt(np.sum(upper**2) * np.sum(lower**2)))
 
 
-def _claims(measured: dict[str, dict[str, float]]) -> dict[str, bool]:
+def _spikes(error: NDArray) -> float:
+    """Return the power at harmonics of the tile over its mean, of as many whole tiles as there are."""
+    rows, columns = (size // TILE for size in error.shape[:2])
+    tiles = error[: rows * TILE, -columns * TILE :]
+    spectrum = analysis.error_spectrum(tiles, np.zeros_like(tiles))
+    return float(spectrum[::rows, ::columns].mean() / spectrum.mean())
+
+
+def _neighbours(error: NDArray) -> dict[str, float]:
+    """Return the correlation of errors of pixels that share an edge, within a block of 2 x 2 and across."""
+
+    def correlation(pairs: list[tuple[NDArray, NDArray]]) -> float:
+        return float(sum(np.sum(a * b) for a, b in pairs) / sum(np.sum(a**2 + b**2) / 2 for a, b in pairs))
+
+    return {
+        "siblings": correlation([(error[0::2], error[1::2]), (error[:, 0::2], error[:, 1::2])]),
+        "cousins": correlation([(error[1:-1:2], error[2::2]), (error[:, 1:-1:2], error[:, 2::2])]),
+    }
+
+
+def _fading() -> dict[str, float]:
+    """Return the power at low frequencies of the errors of Z for products of more and more coordinates."""
+    found = {}
+    for dims in FADING:
+        sampler = samplers.z(FLAT, FLAT, 1, KEY, "tree", dims=dims)
+        image = analysis.pixel_means(_product, sampler, FLAT, FLAT, 1, tuple(range(dims)))
+        error = np.asarray(image, np.float64)[..., 0] - 1.0
+        found[f"{dims} dimensions"] = analysis.low_frequency_power(error, np.zeros_like(error))
+    return found
+
+
+def _product(point: Array) -> Array:
+    return 2.0 ** point.shape[-1] * jnp.prod(point, axis=-1, keepdims=True)
+
+
+def _claims(
+    measured: dict[str, dict[str, float]], siblings: dict[str, float], fading: dict[str, float]
+) -> dict[str, bool]:
     low = {name: values["low-frequency power"] for name, values in measured.items()}
     share = {name: values[SHARE] for name, values in measured.items()}
     return {
-        "(0,2): white noise": WHITE[0] < low["(0,2)"] < WHITE[1],
-        "Z: blue noise": low["Z"] < BLUE,
-        "Heitz: blue noise": low["Heitz"] < BLUE,
-        "Sobol': structured, a larger share of the strongest frequencies than (0,2)": share["Sobol'"]
+        "the error of (0,2) is white noise": WHITE[0] < low["(0,2)"] < WHITE[1],
+        "the error of Z is blue noise": low["Z"] < BLUE,
+        "the error of Heitz is blue noise": low["Heitz"] < BLUE,
+        "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": share["Sobol'"]
         > STRUCTURED * share["(0,2)"],
-        "Heitz: repetition at the period of the tile: a correlation above 0.1": measured["Heitz"][REPEATS]
+        "Heitz repeats itself at the period of the tile: a correlation above 0.1": measured["Heitz"][REPEATS]
         > 0.1,
-        "Z: no such structure": share["Z"] < STRUCTURED * share["(0,2)"],
-        "Z: less filtered error than (0,2)": measured["Z"]["filtered error"]
+        "the spectrum of Heitz has spikes at the tile's period: a tenth more than its share of the power": (
+            measured["Heitz"][SPIKES] > 1.1
+        ),
+        "Z has no such structure": share["Z"] < STRUCTURED * share["(0,2)"],
+        "Z has less filtered error than (0,2)": measured["Z"]["filtered error"]
         < measured["(0,2)"]["filtered error"],
+        "samples of siblings are better distributed than those of cousins: less correlated errors": siblings[
+            "siblings"
+        ]
+        < siblings["cousins"],
+        "diffusion fades with the dimension: more power at low frequencies, of 2 to 16": all(
+            a < b for a, b in pairwise(fading.values())
+        ),
+        "in 16 dimensions the error is no worse than white noise: at most 1.2 times its power": fading[
+            "16 dimensions"
+        ]
+        <= 1.2,
     }

@@ -31,8 +31,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     panels[0].set_xticklabels(labels)
     panels[0].set_yticklabels(labels)
     return figure, {
-        "measured": _measure(index, binary, quaternary),
-        "printed": "all of these (Eq. 2, Fig. 2)",
+        "measured": {
+            "from left to right, then bottom to top in each block of 2 x 2": index[:2, :2].ravel().tolist()
+        },
+        "claims": _claims(index, binary, quaternary),
     }
 
 
@@ -50,7 +52,7 @@ def write(axes: Axes, index: NDArray[np.int64], texts: NDArray, title: str, cell
     axes.set(title=title, xticks=[], yticks=[])
 
 
-def _measure(index: NDArray[np.int64], binary: NDArray, quaternary: NDArray) -> dict:
+def _claims(index: NDArray[np.int64], binary: NDArray, quaternary: NDArray) -> dict:
     y, x = (np.vectorize(lambda i: format(i, f"0{BITS}b"))(axis) for axis in np.indices(index.shape))
     interleaved = [
         "".join(a + b for a, b in zip(*pair, strict=True)) for pair in zip(y.flat, x.flat, strict=True)
@@ -60,11 +62,10 @@ def _measure(index: NDArray[np.int64], binary: NDArray, quaternary: NDArray) -> 
         side = SIDE >> digits
         leading = np.vectorize(lambda text, digits=digits: int(text[:digits], 4))(quaternary)
         cells = leading.reshape(SIDE // side, side, SIDE // side, side)
-        blocks[str(digits)] = (
+        blocks[f"{digits} digit{'s' * (digits > 1)}"] = (
             bool(np.all(cells == cells[:, :1, :, :1])) and len(np.unique(leading)) == 4**digits
         )
     return {
         "the index is y2 x2 y1 x1 y0 x0": interleaved == binary.ravel().tolist(),
-        "all pixels of a block share its leading base 4 digits, and no others do: number of digits": blocks,
-        "from left to right, then bottom to top in each block of 2 x 2": index[:2, :2].ravel().tolist(),
+        "all pixels of a block share its leading base 4 digits, and no others do": blocks,
     }

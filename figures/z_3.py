@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 import analysis
 import qmcjax as qj
@@ -17,6 +18,9 @@ from qmcjax.core.pytrees import pytree
 
 SIDE, KEY = 256, 1
 REFERENCE_SPP = {"draft": 256, "paper": 4096}
+
+SECTORS = 16
+DIRECTIONS = "standard deviation of the power over directions / mean"
 
 TOP, LEFT, CROP = 32, 96, 64
 """The magnified area, in pixels: in the penumbra."""
@@ -57,6 +61,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     compared = {
         "(0,2)-sequence, xor-scrambled": samplers.independent(sequences.sobol(4), KEY, randomize="xor"),
         "Z0": samplers.z(SIDE, SIDE, 1, None, "plain", dims=4),
+        "Z, of the next section": samplers.z(SIDE, SIDE, 1, KEY, dims=4),
     }
     images = {
         name: np.asarray(qj.render(scene, sampler, SIDE, SIDE, 1), np.float64)
@@ -80,18 +85,38 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     title = "A soft shadow at 1 sample a pixel, with and without Morton order (Z paper, Fig. 3)"
     measured = {
-        name: {"RMS error": float(np.sqrt(np.mean((image - reference) ** 2)))} | structure(image - reference)
+        name: {"RMS error": float(np.sqrt(np.mean((image - reference) ** 2)))}
+        | structure(image - reference)
+        | {DIRECTIONS: _directions(spectra[name])}
         for name, image in images.items()
     }
-    numbers = {"measured": measured, "printed": _claims(*measured.values()), "note": NOTE.format(spp=spp)}
+    numbers = {"measured": measured, "claims": _claims(*measured.values()), "note": NOTE.format(spp=spp)}
     return image_sheet(title, rows, panel=SIDE), numbers
 
 
-def _claims(random: dict[str, float], morton: dict[str, float]) -> dict[str, bool]:
+def _directions(spectrum: NDArray) -> float:
+    """Return how much the power differs between directions, below a quarter of a cycle per pixel."""
+    y, x = np.meshgrid(*(np.fft.fftfreq(side) for side in spectrum.shape), indexing="ij")
+    radius, angle = np.hypot(x, y), np.arctan2(y, x) % np.pi
+    seen = (radius > 0) & (radius < 0.25)
+    sector = (angle[seen] / (np.pi / SECTORS)).astype(int) % SECTORS
+    power = np.bincount(sector, spectrum[seen]) / np.bincount(sector)
+    return float(power.std() / power.mean())
+
+
+def _claims(
+    random: dict[str, float], morton: dict[str, float], scrambled: dict[str, float]
+) -> dict[str, bool]:
     low, share = "power at low frequencies", "share of the strongest 1 % of frequencies"
     return {
         "excellent error diffusion: Z0 has less than half the power at low frequencies": morton[low]
         < 0.5 * random[low],
         "significant aliasing: Z0 has more than twice the share of the strongest frequencies": morton[share]
         > 2 * random[share],
+        "Z0 prefers directions: its power differs more than twice as much as that of (0,2)": morton[
+            DIRECTIONS
+        ]
+        > 2 * random[DIRECTIONS],
+        "scrambling makes it more isotropic: less than half of that": scrambled[DIRECTIONS]
+        < 0.5 * morton[DIRECTIONS],
     }

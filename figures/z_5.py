@@ -48,14 +48,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measured = {
         "permutations": {"pi" + ("_" + prefix if prefix else ""): pi for prefix, pi in permutations.items()},
         "number of permutations": len(permutations),
-        "Eq. 5 gives the library's order": np.array_equal(worked, scrambled),
         "worked example": {
             "canonical index": _digits(example),
             "scrambled index": _digits(_equation_5(_digits(example), permutations)),
         },
     }
     printed = {"pi": PRINTED[""], "pi_0": PRINTED["0"], "number of permutations, by Eq. 4 as printed": 5}
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    claims = {
+        "Eq. 5 gives the order": np.array_equal(worked, scrambled),
+        "Eq. 4 gives the number of permutations": (4 ** (LEVELS - 1) - 1) // 3 == len(permutations),
+        "pi_3 is that of the top-left quadrant": int(code[-1, 0]) // 4 ** (LEVELS - 1) == 3,
+    }
+    return figure, {"measured": measured, "printed": printed, "claims": claims, "note": NOTE}
 
 
 def _digits(index: int) -> str:

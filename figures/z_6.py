@@ -55,7 +55,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         )
     measured = {
         "star discrepancy": discrepancy,
-        "the samples of the block are the underlying net": np.array_equal(_sorted(points["Z"]), _sorted(net)),
         "star discrepancy of the underlying net": analysis.star_discrepancy(net),
         "Z, points of 8 decimals": analysis.star_discrepancy(np.round(points["Z"], 8)),
         "Z, the four aligned blocks of 256 x 256 pixels": blocks,
@@ -63,8 +62,29 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "xor-scrambled over Z": discrepancy["xor-scrambled"] / discrepancy["Z"],
     }
     measured["printed for xor-scrambled, in units of 2^-18"] = PRINTED["xor-scrambled"] * 2**18
-    printed = PRINTED | {"xor-scrambled over Z": PRINTED["xor-scrambled"] / PRINTED["Z"]}
-    return figure, {"measured": measured, "printed": printed, "note": NOTE}
+    underlying = measured["star discrepancy of the underlying net"]
+    claims = {
+        "the points of (a) are one low discrepancy sequence": np.array_equal(
+            _sorted(points["Z"]), _sorted(net)
+        ),
+        "the discrepancy of (a) is that printed": {
+            "points in full": _is_printed(discrepancy["Z"]),
+            "points of 8 decimals": _is_printed(measured["Z, points of 8 decimals"]),
+        },
+        "that of (b) is within those of random scramblings": min(scramblings)
+        <= PRINTED["xor-scrambled"]
+        <= max(scramblings),
+        "(b) is less uniform: more than ten times the discrepancy": measured["xor-scrambled over Z"] > 10,
+        "all blocks of adjacent pixels are as uniform: at most twice the discrepancy of the first": max(
+            blocks
+        )
+        <= 2 * underlying,
+    }
+    return figure, {"measured": measured, "printed": PRINTED, "claims": claims, "note": NOTE}
+
+
+def _is_printed(found: float) -> bool:
+    return abs(found - PRINTED["Z"]) < 0.6e-12
 
 
 def _z(side: int) -> Callable[[int, int], NDArray[np.float64]]:

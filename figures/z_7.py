@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._curves import curve_of
-from qmcjax import orders
+from qmcjax import orders, samplers
 
 LETTERS = "ABCDE"
 PRODUCTION = {"A": "BCDE", "B": "ACED", "C": "DEBA", "D": "CEBA", "E": "ABCD"}
@@ -22,6 +23,14 @@ LEVELS = 3
 DEEP = 6
 """Levels whose neighbours are compared."""
 KEY = 1
+
+PRINTED = {
+    "production, 4096 letters": 2**16,
+    "production, 256 letters": 2**10,
+    "permutations, 4096 letters": 2**12,
+    "permutations, 4096 letters, 1024 dimensions": 2**22,
+}
+"""Bytes of tables, Sect. 5.5."""
 
 COLOURS = dict(zip(LETTERS, ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple"), strict=True))
 
@@ -60,8 +69,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "equal letters among siblings": {name: _among_siblings(grid) for name, grid in grids.items()},
     }
+    measured["bytes of tables"] = _sizes()
     repeated = measured["equal letters side by side or one above the other"]
-    printed = {
+    claims = {
         "pi takes the permutation in A, pi_0 to pi_3 those in B, C, D, E, and pi_00 that in A": measured[
             "letters of pi, pi_0, pi_1, pi_2, pi_3, pi_00"
         ]
@@ -69,18 +79,42 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "every occurrence of a letter reproduces the same tree: the same order of the pixels below": _similar(
             rules
         ),
-        "Eq. 11 avoids local repetitions: among siblings": measured["equal letters among siblings"][
-            "Eq. 11, 5 letters"
-        ]
-        == 0,
-        "Eq. 11 avoids local repetitions: among all neighbours": repeated["Eq. 11, 5 letters"] == 0,
+        "Eq. 11 avoids local repetitions": {
+            "among siblings": measured["equal letters among siblings"]["Eq. 11, 5 letters"] == 0,
+            "among all neighbours": repeated["Eq. 11, 5 letters"] == 0,
+        },
         "a large alphabet and a random production hardly repeat: below 1 in 1000 neighbours": repeated[
             "random, 4096 letters"
         ]
         < 1e-3,
         "ART has no repetitions": repeated["ART, 4096 letters"] == 0,
+        "tables have the printed sizes": {
+            name: size == PRINTED[name] for name, size in measured["bytes of tables"].items()
+        },
     }
-    return figure, {"measured": measured, "printed": printed, "note": NOTE.format(side=2**DEEP)}
+    return figure, {
+        "measured": measured,
+        "printed": {"bytes of tables": PRINTED},
+        "claims": claims,
+        "note": NOTE.format(side=2**DEEP),
+    }
+
+
+def _sizes() -> dict[str, int]:
+    """Return the bytes of the tables of look-up trees."""
+
+    def tables(letters: int, dims: int) -> tuple[int, int]:
+        sampler = samplers.z(2, 2, 1, KEY, "tree", constituents=(1,) * dims, alphabet=letters)
+        arrays = [leaf for leaf in jax.tree.leaves(sampler) if leaf.size >= letters]
+        production = max((leaf for leaf in arrays if leaf.shape[-1:] == (4,)), key=lambda leaf: leaf.size)
+        return production.nbytes, sum(leaf.nbytes for leaf in arrays) - production.nbytes
+
+    return {
+        "production, 4096 letters": tables(4096, 1)[0],
+        "production, 256 letters": tables(256, 1)[0],
+        "permutations, 4096 letters": tables(4096, 1)[1],
+        "permutations, 4096 letters, 1024 dimensions": tables(4096, 1024)[1],
+    }
 
 
 def _rules(variant: str, letters: int | None) -> NDArray[np.int64]:

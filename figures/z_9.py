@@ -20,7 +20,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     low = {name: of["low-frequency power"] for name, of in measured.items()}
     waves = {name: of["strongest wave"] for name, of in measured.items()}
     filtered = {name: of["filtered error"] for name, of in measured.items()}
-    printed = {
+    claims = {
         "Z has a blue-noise error: less than a third of white noise at low frequencies": low["Z"] < 1 / 3,
         "Z has less error from afar than (0,2)": filtered["Z"] < filtered["(0,2)-sequence"],
         "(0,2) diffuses nothing: low frequencies within 40 % of white noise": abs(low["(0,2)-sequence"] - 1)
@@ -30,7 +30,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     }
     numbers = {
         "measured": measured | {"reference_error": exact.error},
-        "printed": printed,
+        "claims": claims,
         "note": _z_renderings.note(quality, exact),
     }
     names = ("reference", *_z_renderings.NAMES)

@@ -20,6 +20,9 @@ COUNTS = {"draft": (1, 4, 16), "paper": (1, 4, 16, 64, 256)}
 RATE_SPP = 16
 CALLS = 5
 
+ALIKE = 1.25
+"""Ratio of times that are about the same."""
+
 PRINTED = {
     "(0,2)": {"1": 0.2, "4": 0.5, "16": 1.2, "64": 4.0, "256": 14.0, "1024": 64.5, "4096": 213.5},
     "Sobol'": {"1": 0.2, "4": 0.8, "16": 1.8, "64": 6.5, "256": 25.5, "1024": 105.5, "4096": 418.5},
@@ -83,15 +86,15 @@ def rate_samplers(width: int, height: int, spp: int, key: int) -> dict[str, Any]
 
 def seconds(
     scene: Any, make: Callable[..., dict[str, Any]], width: int, height: int, spp: int, calls: int
-) -> dict[str, float]:
-    """Return the median time of an image by sampler; they take turns, so that noise hits all."""
+) -> dict[str, list[float]]:
+    """Return the times of an image by sampler, but for the first; they take turns, so that noise hits all."""
     times: dict[str, list[float]] = {}
     for key in range(calls + 1):
         for name, sampler in jax.block_until_ready(make(width, height, spp, key)).items():
             start = time.perf_counter()
             jax.block_until_ready(qj.render(scene, sampler, width, height, spp))
             times.setdefault(name, []).append(time.perf_counter() - start)
-    return {name: float(np.median(each[1:])) for name, each in times.items()}
+    return {name: each[1:] for name, each in times.items()}
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
@@ -100,25 +103,45 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     calls = CALLS if quality == "paper" else 2
     shadow = SoftShadow(0.5, 0.2)
     images: dict[str, dict[str, float]] = {}
+    spread: dict[str, dict[str, float]] = {}
     for done, spp in enumerate(counts, start=1):
         measured = seconds(shadow, shadow_samplers, width, height, spp, calls)
-        for name, time_taken in measured.items():
-            images.setdefault(name, {})[str(spp)] = time_taken
+        for name, times in measured.items():
+            images.setdefault(name, {})[str(spp)] = middle = float(np.median(times))
+            spread.setdefault(name, {})[str(spp)] = (max(times) - min(times)) / middle
         progress(done / (len(counts) + 1))
     measured = seconds(Product(), rate_samplers, width, height, RATE_SPP, calls)
-    rates = {name: width * height * RATE_SPP / taken / 1e6 for name, taken in measured.items()}
+    rates = {
+        name: width * height * RATE_SPP / float(np.median(times)) / 1e6 for name, times in measured.items()
+    }
+    ratios = {
+        f"{one} / {other}": {s: images[one][s] / images[other][s] for s in images[one]}
+        for one, other in (("Z", "(0,2)"), ("Z", "Heitz"), ("Sobol'", "Z"))
+    }
+    kinds = rates["Z, hash"] / rates["Z, tree"]
     numbers = {
         "measured": {
             "seconds an image": images,
-            "time of Z / time of (0,2)": {s: images["Z"][s] / images["(0,2)"][s] for s in images["Z"]},
-            "time of Sobol' / time of Z": {s: images["Sobol'"][s] / images["Z"][s] for s in images["Z"]},
+            "(slowest - fastest) / median": spread,
+            "ratios of times": ratios,
+            "rate by hashing / by trees": kinds,
             "million samples a second": rates,
             "rate / rate of raster order": {name: r / rates["raster order"] for name, r in rates.items()},
         },
         "printed": {"seconds": PRINTED},
+        "claims": {
+            "Z takes about as long as (0,2), within 25 %": _within(ratios["Z / (0,2)"]),
+            "Z takes about as long as Heitz, within 25 %": _within(ratios["Z / Heitz"]),
+            "Sobol' takes longer than Z": {f"{s} spp": r > 1 for s, r in ratios["Sobol' / Z"].items()},
+            "hashing and trees are about as fast, within 25 %": 1 / ALIKE < kinds < ALIKE,
+        },
         "note": NOTE.format(width=width, height=height, spp=RATE_SPP, calls=calls),
     }
     return _draw(images, rates), numbers
+
+
+def _within(ratios: dict[str, float]) -> dict[str, bool]:
+    return {f"{s} spp": 1 / ALIKE < ratio < ALIKE for s, ratio in ratios.items()}
 
 
 def _draw(images: dict[str, dict[str, float]], rates: dict[str, float]) -> Figure:

@@ -18,6 +18,7 @@ from figures import _store
 from figures.__main__ import main
 from figures._catalogue import CATALOGUE, Entry
 from figures._fingerprint import fingerprint, sources
+from figures._schema import check_numbers
 from figures._update import _finish
 from figures._worker import Done, Task
 
@@ -45,8 +46,9 @@ def make(quality, progress):
     with Path("calls").open("a") as calls:
         print(__name__.removeprefix("fakes."), file=calls)
     progress(0.5)
-    numbers = {"measured": VALUE, "printed": [1, 2.5, None], "note": quality}
-    numbers["process"] = [os.getpid(), os.environ["GLIBC_TUNABLES"], os.environ["MPLBACKEND"]]
+    process = [os.getpid(), os.environ["GLIBC_TUNABLES"], os.environ["MPLBACKEND"]]
+    measured = {"value": VALUE, "process": process}
+    numbers = {"measured": measured, "printed": [1, 2.5, None], "note": quality}
     return Figure(figsize=(1, 1)), numbers
 """
 
@@ -173,10 +175,14 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert first["one"]["machine"].keys() == {"processor", "cores", "jax"}
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", first["one"]["date"])
     assert (first["one"]["title"], first["one"]["quality"]) == ("Title of one", "draft")
-    pid = first["one"]["numbers"].pop("process")
-    assert pid == first["two"]["numbers"]["process"], "one worker makes both"
+    pid = first["one"]["numbers"]["measured"].pop("process")
+    assert pid == first["two"]["numbers"]["measured"]["process"], "one worker makes both"
     assert pid[1:] == ["glibc.malloc.hugetlb=1", "Agg"]
-    assert first["one"]["numbers"] == {"measured": 1, "printed": [1, 2.5, None], "note": "draft"}
+    assert first["one"]["numbers"] == {
+        "measured": {"value": 1},
+        "printed": [1, 2.5, None],
+        "note": "draft",
+    }
     picture = (project.out / "one.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
     assert int.from_bytes(picture[16:20], "big") == 150, "one inch at 150 dpi"
@@ -196,8 +202,10 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert project.run(GLIBC_TUNABLES="glibc.malloc.check=0")[0] == 0
     assert project.calls() == ["one"], "two does not import what changed"
     assert project.numbers()["two"] == first["two"]
-    assert project.numbers()["one"]["numbers"]["measured"] == 3
-    assert project.numbers()["one"]["numbers"]["process"][1] == "glibc.malloc.check=0", "the user's word"
+    assert project.numbers()["one"]["numbers"]["measured"]["value"] == 3
+    assert project.numbers()["one"]["numbers"]["measured"]["process"][1] == "glibc.malloc.check=0", (
+        "the user's word"
+    )
 
     project.run("two", "two", "--quality", "paper")
     assert project.calls() == ["two"]
@@ -339,7 +347,7 @@ def make(quality, progress):
     for percent in (0, 20, 60):
         progress(percent / 100)
         time.sleep(0.15)
-    return Figure(figsize=(1, 1)), {"width": before}
+    return Figure(figsize=(1, 1)), {"measured": before}
 """
     project = Project(tmp_path, one=slow, two=slow)
     ours, theirs = pty.openpty()
@@ -361,7 +369,7 @@ def make(quality, progress):
     assert percentages == sorted(percentages)
     assert {10, 30, 50, 60, 80} <= set(percentages)
     assert b"two" in shown
-    widths = {entry["numbers"]["width"] for entry in project.numbers().values()}
+    widths = {entry["numbers"]["measured"] for entry in project.numbers().values()}
     assert len(widths) == 1 and 7.0 not in widths, "a figure's parameters are its own"
 
 
@@ -526,11 +534,25 @@ def test_writing_is_all_or_nothing(tmp_path, monkeypatch):
         ({"a": {2: 1}}, r"the keys of numbers\['a'\] must be strings, got 2"),
         ({"a": {1}}, r"numbers\['a'\] must be a plain Python value, got \{1\} of type set"),
         ({"a": 1j}, r"of type complex"),
+        ({"measured": 1, "found": 2}, r"the parts of numbers must be among measured, .*, got 'found'"),
+        (
+            {"printed": {"m": [1, {"it holds": True}]}},
+            r"numbers\['printed'\] must have what the paper prints",
+        ),
+        ({"claims": ["it holds"]}, r"numbers\['claims'\] must be a dict, got \['it holds'\]"),
+        ({"claims": {"a": True, "b": 1}}, r"numbers\['claims'\]\['b'\] must be a bool .*, got 1"),
+        ({"claims": {"a": {"x": True, "y": None}}}, r"numbers\['claims'\]\['a'\] must be .* 'y': None"),
+        ({"claims": {"a": {}}}, r"numbers\['claims'\]\['a'\] must be a bool or a dict .*, got \{\}"),
     ],
 )
-def test_numbers_that_json_cannot_say_are_named(numbers, said):
+def test_numbers_that_are_not_as_they_should_be_are_named(numbers, said):
     with pytest.raises(ValueError, match=said):
-        _store.check_numbers(numbers)
+        check_numbers(numbers)
+
+
+def test_numbers_as_they_should_be():
+    check_numbers({"measured": True, "printed": {"m": [1, "text", None]}, "note": "", "table": [{"a": 1}]})
+    check_numbers({"claims": {"it holds": True, "it holds here": {"near": True, "far": False}}})
 
 
 def test_catalogue_names_figures_of_this_package():

@@ -69,6 +69,22 @@ def test_all_02_sequences_are_searched_and_nothing_else():
     assert len(pairs) == 8**3
 
 
+def test_one_upper_triangular_matrix_goes_with_larcher_and_pillichshammers():
+    """Remark 3 of the thesis, for order 4: of all 64 regular ones, C'_2 is the only one."""
+    order = 4
+    ones = np.triu(np.ones((order, order), np.uint8))
+    above = np.triu_indices(order, 1)
+    found = []
+    for entries in product((0, 1), repeat=len(above[0])):
+        matrix = np.eye(order, dtype=np.uint8)
+        matrix[above] = entries
+        if is_02_sequence(np.stack([ones, matrix])):
+            found.append(matrix)
+    k = np.arange(1, order + 1)
+    assert len(found) == 1
+    assert np.array_equal(found[0], (k[:, None] & k == k[:, None]) & (k >= k[:, None]))
+
+
 @pytest.mark.parametrize("dims", [2, 3])
 @pytest.mark.parametrize("m", [2, 3, 5, 9])
 def test_energy_counts_all_pairs_that_are_too_close(m, dims):

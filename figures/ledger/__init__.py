@@ -1,5 +1,6 @@
-"""What the papers claim, and whether it came out: verdicts are computed from figures' numbers."""
+"""What the papers claim, and whether it came out: verdicts are computed from the figures' numbers."""
 
+from figures.ledger._ledger import PAPERS as PAPERS
 from figures.ledger._ledger import Claim as Claim
 from figures.ledger._ledger import Finding as Finding
 from figures.ledger._ledger import claims as claims

@@ -1,8 +1,7 @@
 """Claims of the papers, one file a paper, and what figures found about them.
 
-A figure's numbers have the parts ``measured``, ``printed`` (what the paper prints, and nothing else),
-``claims`` and ``note``. A claim there is true, false, or a dict of cases that are; here is which sentence of
-the paper it is.
+A figure computes whether a claim is true, false, or true in some cases, from what it measures, and keeps that
+in the part ``claims`` of its numbers. Here is which sentence of which paper it is about.
 """
 
 import tomllib
@@ -36,6 +35,8 @@ class Claim(NamedTuple):
     """The test that shows it, by pytest's name, in place of a figure."""
     contrary: bool = False
     """Whether the test shows that it is false."""
+    timed: bool = False
+    """Whether it is about run time, so that the machine decides."""
     why: str | None = None
     """Why it came out otherwise, or in some cases only; or why it is not tested."""
 
@@ -77,17 +78,32 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
         return Finding(claim, "differs" if claim.contrary else "reproduced", claim.measured or "", {})
     if claim.figure is None or claim.key is None:
         return Finding(claim, "untested", "", {})
-    if claim.figure not in entries:
+    numbers = entries.get(claim.figure, {}).get("numbers", {})
+    found = numbers.get("claims", {}).get(claim.key)
+    if found is None:
         return Finding(claim, "missing", "", {})
-    numbers = entries[claim.figure]["numbers"]
-    found = numbers["claims"][claim.key]
-    measured = (claim.measured or "").format(**numbers)
-    if isinstance(found, bool):
-        return Finding(claim, "reproduced" if found else "differs", measured, {})
-    return Finding(claim, verdict(found), measured, found)
+    measured = (claim.measured or "").format_map(_fields(numbers))
+    return Finding(claim, verdict(found), measured, {} if isinstance(found, bool) else found)
 
 
-def verdict(cases: Mapping[str, bool]) -> str:
-    """Return the verdict about a claim that holds in some cases."""
-    held = list(cases.values())
+class _Fields(dict[str, Any]):
+    """A dict that ``str.format`` finds keys like 13 in, which it takes for integers."""
+
+    def __missing__(self, key: str | int) -> Any:
+        if isinstance(key, int):
+            return self[str(key)]
+        raise KeyError(key)
+
+
+def _fields(value: Any) -> Any:
+    return (
+        _Fields({key: _fields(inner) for key, inner in value.items()})
+        if isinstance(value, Mapping)
+        else value
+    )
+
+
+def verdict(found: bool | Mapping[str, bool]) -> str:
+    """Return the verdict about a claim that holds or not, or does so case by case."""
+    held = [found] if isinstance(found, bool) else list(found.values())
     return "reproduced" if all(held) else "depends" if any(held) else "differs"

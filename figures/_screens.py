@@ -84,7 +84,7 @@ def pictures(
             "reference_error_bound": float(bound),
             "strongest line at the top of the magnified area": lines,
         },
-        "printed": {
+        "claims": {
             "a line is visible at the top of the magnified area with the lattice, rotated as it is": max(
                 lines, key=lambda name: lines[name]
             )

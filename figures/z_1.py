@@ -102,15 +102,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     )
     note += _diffusion.BESIDE_WINDOW + "Spectra are of the middle square of it. " + _diffusion.EXPLAINED
     fading = _fading()
-    return figure, {
-        "measured": measured
-        | {
-            "correlation of Z's errors in neighbouring pixels": siblings,
-            "low-frequency power of Z for a product of coordinates": fading,
+    return (
+        figure,
+        {
+            "measured": measured
+            | {
+                "correlation of Z's errors in neighbouring pixels": siblings,
+                "low-frequency power of Z for a product of coordinates": fading,
+            },
+            "claims": _claims(measured, siblings, fading),
+            "note": note,
         },
-        "claims": _claims(measured, siblings, fading),
-        "note": note,
-    }, handed_out
+        handed_out,
+    )
 
 
 def _strongest(spectrum: NDArray) -> float:

@@ -53,11 +53,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measured["helicopter, primary + shadow"] = _helicopter(count, turns, of_helicopter)
     progress(1.0)
     numbers: dict[str, Any] = {
-        "rays a second": measured,
-        "compiled / Embree per processor second": {
-            name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
-            for name, ways in measured.items()
-            if "compiled" in ways and "Embree" in ways
+        "measured": {
+            "rays a second": measured,
+            "compiled / Embree per processor second": {
+                name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
+                for name, ways in measured.items()
+                if "compiled" in ways and "Embree" in ways
+            },
         },
         "note": f"{count} rays a call in float32, {os.cpu_count()} processors; medians of {turns} turns in "
         "which all ways take one each, 'per processor second' the least time of all threads; the first call, "

@@ -56,18 +56,24 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         parser.error(f"--out {str(options.out)!r} cannot be written: {error}")
     try:
         failed = update(names, catalogue, options.out, options.quality, options.jobs)
-        page.write(options.out, catalogue, failed)
-    except OSError as error:
-        print(f"the page cannot be written: {error}", file=sys.stderr)
-        return 1
+        shown = _show(options.out, catalogue, failed)
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C would only disturb the exit
         print(f"interrupted: what was finished stays in {options.out}", file=sys.stderr)
         return 130
     if failed:
         print(f"{len(failed)} of {len(names)} figures failed: {', '.join(failed)}", file=sys.stderr)
-        return 1
-    return 0
+    return 1 if failed or not shown else 0
+
+
+def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -> bool:
+    """Write the page, and return whether that went well."""
+    try:
+        page.write(folder, catalogue, failed)
+    except OSError as error:
+        print(f"the page cannot be written: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 def _parser(catalogue: Mapping[str, Entry]) -> argparse.ArgumentParser:

@@ -67,9 +67,9 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
 
 
 def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -> bool:
-    """Write the page, and return whether that went well."""
+    """Write the page, say where it is, and return whether that went well."""
     try:
-        page.write(folder, catalogue, failed)
+        print(f"{page.write(folder, catalogue, failed)}: all of it, for a browser")
     except OSError as error:
         print(f"the page cannot be written: {error}", file=sys.stderr)
         return False

@@ -165,7 +165,10 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
 
     status, stdout, stderr = project.run()
     assert (status, stderr) == (0, "")
-    assert re.fullmatch(r"one: \d+\.\d s\ntwo: \d+\.\d s\nimported: set\(\)\n", stdout)
+    assert re.fullmatch(
+        r"one: \d+\.\d s\ntwo: \d+\.\d s\nout/index.html: all of it, for a browser\nimported: set\(\)\n",
+        stdout,
+    )
     assert project.calls() == ["one", "two"]
     assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
     first = project.numbers()

@@ -9,7 +9,7 @@
   const shown = document.getElementById("ledger-shown");
 
   const filter = () => {
-    const verdicts = new Set(chips.filter((c) => c.ariaPressed === "true").map((c) => c.dataset.verdict));
+    const verdicts = new Set(chips.filter((c) => c.getAttribute("aria-pressed") === "true").map((c) => c.dataset.verdict));
     const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
     for (const row of rows) {
       const text = row.textContent.toLowerCase();
@@ -21,7 +21,7 @@
   };
   for (const chip of chips) {
     chip.addEventListener("click", () => {
-      chip.setAttribute("aria-pressed", chip.ariaPressed !== "true");
+      chip.setAttribute("aria-pressed", chip.getAttribute("aria-pressed") !== "true");
       filter();
     });
   }
@@ -32,7 +32,7 @@
   const compare = new Intl.Collator("en", { numeric: true }).compare;
   [...table.tHead.rows[0].cells].forEach((head, column, heads) => {
     head.firstChild.addEventListener("click", () => {
-      const down = head.ariaSort === "ascending";
+      const down = head.getAttribute("aria-sort") === "ascending";
       for (const other of heads) other.setAttribute("aria-sort", "none");
       head.setAttribute("aria-sort", down ? "descending" : "ascending");
       rows.sort((a, b) => (down ? -1 : 1) * compare(value(a, column), value(b, column)));

@@ -37,22 +37,22 @@ const explained = (kind, item) => ({
 let groups = 0;
 const choiceOfModes = (changed) => {
   const group = `mode-${groups++}`;
-  return element("span", { className: "modes", role: "radiogroup", ariaLabel: "Show" },
+  return element("span", { className: "modes", role: "radiogroup", "aria-label": "Show" },
     ...Object.entries(modes).map(([kind, label]) => element("label", {},
       element("input", { type: "radio", name: group, value: kind, checked: kind === "file", onchange: () => changed(kind) }),
       label)));
 };
 const choiceOfCount = (counts, start, changed) => {
-  const told = element("output", {}, `${counts[start]} spp`);
+  const told = element("output");
   const slider = element("input", {
-    type: "range", min: 0, max: counts.length - 1, step: 1, value: start, ariaLabel: "Samples per pixel", className: "spp",
+    type: "range", min: 0, max: counts.length - 1, step: 1, value: start, "aria-label": "Samples per pixel", className: "spp",
   });
-  slider.addEventListener("input", () => {
-    const spp = counts[slider.value];
-    told.textContent = slider.ariaValueText = `${spp} spp`;
-    changed(spp);
-  });
-  slider.ariaValueText = `${counts[start]} spp`;
+  const tell = () => {
+    told.textContent = `${counts[slider.value]} spp`;
+    slider.setAttribute("aria-valuetext", told.textContent);
+  };
+  slider.addEventListener("input", () => { tell(); changed(counts[slider.value]); });
+  tell();
   return element("label", { className: "samples" }, "Samples per pixel", slider, told);
 };
 
@@ -69,7 +69,7 @@ for (const root of document.querySelectorAll(".viewer")) {
   let near = false; // images of a figure far below are not read
   let place = [Math.floor((width - lens) / 2), Math.floor((height - lens) / 2)];
 
-  const select = (label, chosen) => element("select", { ariaLabel: label, onchange: () => show() },
+  const select = (label, chosen) => element("select", { "aria-label": label, onchange: () => show() },
     ...names.map((name) => element("option", { selected: name === chosen }, name)));
   const selects = [select("Left of the split", names[1]), select("Right of the split", names[2] ?? names[0])];
   const picture = (name) => element("img", { className: name, loading: "lazy" });
@@ -78,7 +78,7 @@ for (const root of document.querySelectorAll(".viewer")) {
   const frame = element("div", { className: "lens" });
   const split = element("input", {
     type: "range", className: "split", min: 0, max: width, step: 1, value: Math.round(width / 2),
-    ariaLabel: "Split between the images: arrow keys move it",
+    "aria-label": "Split between the images: arrow keys move it",
   });
   const stage = element("div", { className: "stage" }, right, left, frame, line, split);
   const note = element("p", { className: "stage-note" });
@@ -108,7 +108,7 @@ for (const root of document.querySelectorAll(".viewer")) {
     const part = (100 * split.value) / width;
     left.style.clipPath = `inset(0 ${100 - part}% 0 0)`;
     line.style.left = `${part}%`;
-    split.ariaValueText = `${Math.round(part)} % ${selects[0].value}, the rest ${selects[1].value}`;
+    split.setAttribute("aria-valuetext", `${Math.round(part)} % ${selects[0].value}, the rest ${selects[1].value}`);
   };
   const magnify = () => {
     const each = pixels.fitting(lens, Math.min(PANEL, (root.clientWidth - 24) / 2));
@@ -119,7 +119,7 @@ for (const root of document.querySelectorAll(".viewer")) {
       magnified.style.backgroundSize = `${pixels.css(width, each)} ${pixels.css(height, each)}`;
       magnified.style.backgroundPosition = `-${pixels.css(place[0], each)} -${pixels.css(place[1], each)}`;
       sides[k].notes[0].textContent = `${lens} x ${lens} pixels from (${place.join(", ")}), ${each} ×`;
-      magnified.ariaLabel = `${item.name}, magnified; arrow keys move what is magnified`;
+      magnified.setAttribute("aria-label", `${item.name}, magnified; arrow keys move what is magnified`);
     }
     frame.style.left = pixels.css(place[0], zoom);
     frame.style.top = pixels.css(place[1], zoom);

@@ -23,7 +23,8 @@ for (const figure of document.querySelectorAll(".zoomable")) {
   const box = figure.querySelector(".zoom");
   const button = (sign, name, step) => {
     const made = document.createElement("button");
-    Object.assign(made, { type: "button", textContent: sign, ariaLabel: name });
+    Object.assign(made, { type: "button", textContent: sign });
+    made.setAttribute("aria-label", name);
     made.addEventListener("click", () => { zoom = Math.min(16, Math.max(1, zoom + step)); layout(); });
     return made;
   };

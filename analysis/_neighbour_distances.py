@@ -35,12 +35,12 @@ class NearestStatistics:
     """The distance of the loneliest point."""
 
     relative_minimum: float | None
-    """The minimum over that of the densest packing of n points per unit volume [1]_: at most 1 on the
-    torus. None above three dimensions."""
+    """The minimum over that of the densest packing of n points per unit volume (Lagae and Dutre): at
+    most 1 on the torus. None above three dimensions."""
 
     clark_evans: float
-    """The mean over that of a Poisson process with n points per unit volume [2]_: 1 for random points, less
-    for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
+    """The mean over that of a Poisson process with n points per unit volume (Clark and Evans): 1 for random
+    points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
 
 
 def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> NDArray[np.float64]:

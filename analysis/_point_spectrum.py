@@ -23,7 +23,7 @@ Method = Literal["direct", "fft"]
 
 
 def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = None) -> Array:
-    """Return the power spectrum of a point set, P(k) = |sum of exp(-2 pi i k.x) over the points|^2 / n.
+    """Return the power spectrum of a point set, ``|sum of exp(-2 pi i k.x)|^2 / n``.
 
     It is the periodogram of the points on the torus, at all integer frequencies k of a square or cube. The
     expectation is 1 at each k other than 0 if the points are independent and uniform. P(0) = n.

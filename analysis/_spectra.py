@@ -13,7 +13,7 @@ __all__ = ["error_spectrum", "mean_spectrum", "radial_anisotropy", "radial_avera
 
 
 def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
-    """Return the power spectrum of the error e of an image, |FFT(e - mean e)|^2 / (N var e).
+    """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.
 
     The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
     each of them if the error is white noise. The image is taken as periodic: there is no window.

@@ -18,6 +18,7 @@ from qmcjax.core.pytrees import pytree as pytree
 from qmcjax.integrate import Estimate as Estimate
 from qmcjax.integrate import integrate as integrate
 from qmcjax.rendering import AdaptiveImage as AdaptiveImage
+from qmcjax.rendering import Passes as Passes
 from qmcjax.rendering import boundary_gradient as boundary_gradient
 from qmcjax.rendering import estimated_reference as estimated_reference
 from qmcjax.rendering import render as render

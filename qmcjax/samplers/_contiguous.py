@@ -83,7 +83,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
 
     Notes
     -----
-    More than 2**32 points take 64-bit indices. These sequences have them: :func:`sequences.sobol`,
+    More than 2**32 points take 64-bit indices. These sequences have them: :func:`qmcjax.sequences.sobol`,
     ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``; what
     ``components`` and ``rotate`` make of these; and in base 2 what ``digital_shift``, ``owen`` and
     ``owen_exact`` do.

@@ -141,7 +141,7 @@ def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
     -----
     Numbers were arranged by the void-and-cluster method [1]_, with a filter of standard deviation 1.5.
     Vectors were arranged to minimise the energy of [2]_, the sum over pairs of pixels p, q of values u, v in
-    d = 2 dimensions of exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2)); only pixels wrap around.
+    d = 2 dimensions of ``exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2))``; only pixels wrap around.
 
     References
     ----------

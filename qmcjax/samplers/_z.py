@@ -46,8 +46,8 @@ def z(
     variant : {"plain", "hash", "multiplicative", "tree", "art"}
         "plain" is the paper's Z0: Morton's order for all constituents. Hence these are the same, and their
         coordinates repeat: take a joint ``sequence`` for more than two dimensions. The others are those of
-        :func:`orders.scrambled_morton`. "tree" and "art" have one production for all constituents, with
-        permutations for each (Eq. 13 to 18).
+        :func:`qmcjax.orders.scrambled_morton`. "tree" and "art" have one production for all constituents,
+        with permutations for each (Eq. 13 to 18).
     dims : int, optional
         Number of coordinates, in [1, 65536], by default 2, in pairs; if it is odd, the last one is single.
     constituents : tuple of int, optional

@@ -137,7 +137,7 @@ class BinarySequence(Sequence):
         return None if self.linear is None else _blocks(self.linear, start, count, rows)
 
     def points_of_blocks(self, blocks: Blocks, dtype: DTypeLike) -> Array:
-        """Return all points of some blocks, shape (points, dims): the same bits as :meth:`points`."""
+        """Return all points of some blocks, shape (points, dims): the same bits as ``points``."""
         # Points side by side, until their coordinates fill a vector register.
         beside = 1
         while beside * self.dims < _LANES:

@@ -43,11 +43,11 @@ class Shape(ABC):
 
     Numbers of primitives are one for all rays, one for each ray, or ``slice(None)`` where there is a
     primitive for each ray. Points and rays are in the space of the object, their components of one shape (see
-    :mod:`qmcjax.tracing._vectors`).
+    ``qmcjax.tracing._vectors``).
     """
 
     tree: Any = None
-    """What finds primitives faster than a loop over all: see :mod:`qmcjax.tracing._tree`. None without."""
+    """What finds primitives faster than a loop over all: see ``qmcjax.tracing._tree``. None without."""
 
     @property
     @abstractmethod

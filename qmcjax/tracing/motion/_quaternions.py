@@ -273,8 +273,7 @@ def rotation_spline(times: ArrayLike, keys: ArrayLike) -> RotationSpline:
     References
     ----------
     .. [1] M.-J. Kim, M.-S. Kim, S. Y. Shin, "A General Construction Scheme for Unit Quaternion Curves with
-    Simple
-       High Order Derivatives", 1995.
+       Simple High Order Derivatives", 1995.
 
     Examples
     --------

@@ -1,0 +1,1 @@
+"""The documentation: pages, and what Sphinx is taught to make of code, docstrings and the ledger."""

@@ -8,23 +8,23 @@ from jax import Array
 from matplotlib.figure import Figure
 
 import analysis
-from figures import _images, _screens, _traced
+from figures import _images, _traced, plot
 from figures._schema import Claims
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
 
-STYLES = {
-    "random": ("C7", "+", "-"),
-    "jittered grid": (*_screens.STYLES["jittered grid"], "-"),
-    "Lloyd relaxation": ("C6", "p", "-"),
-    "rank-1 lattice": (*_screens.STYLES["rank-1 lattice"], "-"),
-    "Sobol' net": (*_screens.STYLES["Hammersley"], "-"),
-    "modified Sobol' net": (*_screens.STYLES["Larcher-Pillichshammer"], "-"),
-    "Sobol' net, full screen": ("C8", ">", "--"),
-    "modified Sobol' net, full screen": ("C9", "<", "--"),
-}
-"""Colour, marker and line of each sampler; a net has that of its first two coordinates."""
+COMPARED = (
+    "random",
+    "jittered grid",
+    "Lloyd relaxation",
+    "rank-1 lattice",
+    "Sobol' net",
+    "modified Sobol' net",
+    "Sobol' net, full screen",
+    "modified Sobol' net, full screen",
+)
+"""The samplers of Sect. 6.2."""
 
 NETS = ("Sobol' net", "modified Sobol' net")
 FULL = tuple(f"{net}, full screen" for net in NETS)
@@ -90,12 +90,12 @@ def pictures(
     progress(0.3)
     panels = [_traced.Panel("reference", exact.image, crop)]
     images, errors, waves = {"reference": exact.image}, {}, {}
-    for done, sampler in enumerate(STYLES, start=1):
+    for done, sampler in enumerate(COMPARED, start=1):
         images[sampler] = image = _images.image(scene, make_sampler(sampler, side, spp), side, spp)
         errors[sampler] = _traced.rms_error(image, exact)
         waves[sampler] = _strongest_wave(image, exact)
         panels.append(_traced.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", image, crop))
-        progress(0.3 + 0.7 * done / len(STYLES))
+        progress(0.3 + 0.7 * done / len(COMPARED))
     figure = _traced.sheet(panels, 3, title, 192 if quality == "draft" else 256)
     numbers = {
         "measured": {"rms_error": errors, "strongest wave": waves, "reference_error": exact.error},
@@ -138,37 +138,23 @@ def convergence(
     scene, exact = getattr(scenes, name)(), _traced.reference(name, side, REPLICATE[quality])
     progress(0.3)
     errors, waves = {}, {}
-    for done, sampler in enumerate(STYLES, start=1):
+    for done, sampler in enumerate(COMPARED, start=1):
         images = {
             spp: _images.image(scene, make_sampler(sampler, side, spp), side, spp)
             for spp in counts(sampler, spps)
         }
         errors[sampler] = {spp: _traced.rms_error(image, exact) for spp, image in images.items()}
         waves[sampler] = {spp: _strongest_wave(image, exact) for spp, image in images.items()}
-        progress(0.3 + 0.7 * done / len(STYLES))
+        progress(0.3 + 0.7 * done / len(COMPARED))
 
-    figure = Figure(figsize=(8, 6), layout="constrained")
-    axes = figure.subplots()
-    for sampler, (color, marker, line) in STYLES.items():
-        axes.loglog(
-            [*errors[sampler]],
-            [*errors[sampler].values()],
-            line,
-            color=color,
-            marker=marker,
-            ms=5,
-            lw=1,
-            label=sampler,
-        )
-    for power in (-0.5, -0.75):
-        start = errors["random"][1]
-        axes.loglog(spps, start * np.array(spps, float) ** power, "k:", lw=0.6)
-        axes.annotate(f"$n^{{{power}}}$", (spps[-1], start * float(spps[-1]) ** power), fontsize=9)
-    axes.axhline(exact.error, color="0.6", lw=0.8)
-    axes.annotate("error of the reference", (1, exact.error), (0, 3), textcoords="offset points", fontsize=8)
-    axes.set(title=title, xlabel="samples per pixel", ylabel="root mean square error")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    plot.convergence(
+        spps,
+        {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},
+        floor=exact.error,
+        title=title,
+        ax=figure.subplots(),
+    )
     numbers = {
         "measured": {
             "rms_error": _by_name(errors),

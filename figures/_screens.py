@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 
 import analysis
 import qmcjax as qj
+from figures import plot
 from figures._schema import Claims
 from qmcjax import samplers, sequences
 from qmcjax.orders import log_side
@@ -17,20 +18,13 @@ REGIONS = ("whole", "upper", "lower")
 KEYS = 4
 """Jittered grids are random: their errors are averaged over so many."""
 
-STYLES = {
-    "jittered grid": ("C0", "x"),
-    "rank-1 lattice": ("C4", "s"),
-    "Hammersley": ("C1", "o"),
-    "Larcher-Pillichshammer": ("C2", "v"),
-    "optimised matrices": ("C5", "d"),
-    "permutation": ("C3", "^"),
-}
-"""Colour and marker of each sampler."""
-
 VISIBLE = 2.0
 """How much larger the error of a row of pixels is that is seen as a line."""
 
 DPI = 150
+
+SHOWN = 64
+"""Samples per pixel of the errors that are drawn."""
 
 
 def _net(make: Callable[[int], Any], side: int) -> Callable[[int], samplers.Sampler]:
@@ -121,9 +115,7 @@ def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, 
     for k, (name, image) in enumerate(images.items()):
         for row, shown in enumerate((image, image[area])):
             x, y = gap + k * (side + gap), gap + (1 - row) * (side + gap)
-            axes = figure.add_axes((x / width, y / height, side / width, side / height))
-            axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-            axes.set_axis_off()
+            axes = plot.place(figure, shown, x, y, side // len(shown))
             if row == 0:
                 axes.set_title(captions.get(name, name), fontsize=8, pad=3)
                 axes.add_patch(
@@ -140,9 +132,17 @@ def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, 
 
 
 def convergence(
-    scene: Any, title: str, claims: Callable[[dict], Claims], quality: str, progress
+    scene: Any,
+    title: str,
+    crop: tuple[float, float, float],
+    claims: Callable[[dict], Claims],
+    quality: str,
+    progress,
 ) -> tuple[Figure, dict]:
-    """Plot error over samples per pixel, log-log, for the whole image and its halves."""
+    """Plot error over samples per pixel for the whole image and its halves, and errors in a magnified area.
+
+    ``crop`` is the left and upper edge and the side of the area, in parts of the image.
+    """
     side, largest = (512, 7) if quality == "paper" else (128, 5)
     spps = [4**k for k in range(largest + 1)]
     makers = {f"jittered grid {key}": _jittered(side, key) for key in range(KEYS)} | deterministic(side)
@@ -159,21 +159,8 @@ def convergence(
     }
     errors = {"jittered grid": {region: jittered[region].tolist() for region in REGIONS}, **errors}
 
-    figure = Figure(figsize=(15, 5), layout="constrained")
-    figure.suptitle(title)
-    for axes, region in zip(figure.subplots(1, 3, sharey=True), REGIONS, strict=True):
-        for name, (color, marker) in STYLES.items():
-            axes.loglog(spps, errors[name][region], color=color, marker=marker, ms=4, lw=1, label=name)
-        for power in (-0.5, -0.75):
-            start = errors["jittered grid"][region][0]
-            axes.loglog(spps, start * np.array(spps, float) ** power, "k:", lw=0.6)
-            axes.annotate(f"$n^{{{power}}}$", (spps[-1], start * float(spps[-1]) ** power), fontsize=8)
-        axes.set(
-            title=f"{region} image" if region == "whole" else f"{region} half", xlabel="samples per pixel"
-        )
-        axes.grid(alpha=0.3)
-    figure.axes[0].set_ylabel("root mean square error")
-    figure.axes[0].legend()
+    figure = _curves(spps, errors, title)
+    _errors_of_area(figure, scene, side, crop)
     numbers = {
         "measured": {
             "spp": spps,
@@ -188,6 +175,42 @@ def convergence(
         "the errors' logarithms from the line that fits them best.",
     }
     return figure, numbers
+
+
+def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: str) -> Figure:
+    """Draw errors times n^0.75 of all regions; below there is room for a row of images."""
+    width, height, below = 2400, 1300, 440
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(title, y=1 - 16 / height, fontsize=11)
+    for k, region in enumerate(REGIONS):
+        axes = figure.add_axes(
+            ((120 + 780 * k) / width, (below + 80) / height, 450 / width, (height - below - 170) / height)
+        )
+        plot.convergence(
+            spps,
+            {name: of_region[region] for name, of_region in errors.items()},
+            times=0.75,
+            title=f"{region} image" if region == "whole" else f"{region} half",
+            ax=axes,
+        )
+    return figure
+
+
+def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, float, float]) -> None:
+    """Draw the errors in an area with SHOWN samples in the lower part of the figure."""
+    left, upper, part = (round(c * side) for c in crop)
+    area = np.s_[upper : upper + part, left : left + part]
+    exact = scene.reference(side, side)[0][area]
+    makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
+    found = {
+        name: np.asarray(qj.render(scene, make(SHOWN), side, side, SHOWN))[area] - exact
+        for name, make in makers.items()
+    }
+    scale = 3 * float(np.sqrt(np.mean([error**2 for error in found.values()])))
+    zoom = 352 // part
+    for k, (name, error) in enumerate(found.items()):
+        caption = f"{name}, {SHOWN} spp" + (f"\nerror, {-scale:.2g} to {scale:.2g}" if k == 0 else "")
+        plot.place(figure, error, 40 + 392 * k, 24, zoom, title=caption, limits=(-scale, scale))
 
 
 def fluctuation(errors: list[float]) -> float:

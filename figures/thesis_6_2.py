@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from figures import _screens
 from figures._schema import Claims
+from figures.thesis_6_1 import CROP
 from qmcjax import scenes
 
 ALIKE = 4 / 3
@@ -40,4 +41,4 @@ def _similar(errors: list[list[float]]) -> bool:
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
     title = "Convergence on the checkerboard (thesis Fig. 6.2)"
-    return _screens.convergence(scenes.checkerboard(), title, _claims, quality, progress)
+    return _screens.convergence(scenes.checkerboard(), title, CROP, _claims, quality, progress)

@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 from figures import _screens
 from figures._schema import Claims
+from figures.thesis_6_3 import CROP
 from qmcjax import scenes
 
 
@@ -29,4 +30,4 @@ def _claims(errors: dict) -> Claims:
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
     title = "Convergence on the zone plate (thesis Fig. 6.4)"
-    return _screens.convergence(scenes.zone_plate(), title, _claims, quality, progress)
+    return _screens.convergence(scenes.zone_plate(), title, CROP, _claims, quality, progress)

@@ -45,7 +45,7 @@ def test_jittered_points_have_one_in_each_cell_in_each_pixel():
     assert not np.isin(points, other).any()
 
 
-@pytest.mark.parametrize("name", _motion_blur.STYLES)
+@pytest.mark.parametrize("name", _motion_blur.COMPARED)
 def test_all_samplers_have_a_time_of_their_own_for_each_of_eight_samples(name):
     times = np.asarray(_motion_blur.make_sampler(name, 8, 8)(3, 5, jnp.arange(8), (2,)))
     assert len(np.unique(times)) == 8

@@ -21,6 +21,8 @@ def convergence(
     *,
     bands: Mapping[str, ArrayLike] | None = None,
     slopes: Sequence[float] = (-0.5, -0.75),
+    times: float = 0.0,
+    floor: float | None = None,
     title: str = "",
     ylabel: str = "RMS error",
     ax: Axes | None = None,
@@ -31,11 +33,16 @@ def convergence(
     ----------
     spps : sequence of int
     errors : mapping of samplers' names to float ArrayLike, shape (len(spps),)
-        Positive.
+        Positive; NaN where a sampler has no such number of samples.
     bands : mapping of names to float ArrayLike, shape (2, len(spps)), optional
         Low and high ends of what is likely, from keys.
     slopes : sequence of float, optional
         Powers of the number of samples that are drawn as dotted lines, from the largest first error.
+    times : float, optional
+        Errors are multiplied by this power of the number of samples: those that fall like its inverse are
+        level then, and small differences are seen.
+    floor : float, optional
+        The reference's own error, drawn as a line.
     title, ylabel : str, optional
     ax : Axes, optional
         Where to draw; by default a new figure.
@@ -62,30 +69,33 @@ def convergence(
     x = np.asarray(spps, np.float64)
     of = {name: np.asarray(values, np.float64) for name, values in errors.items()}
     for name, values in of.items():
-        if values.shape != x.shape or not (values > 0).all():
+        if values.shape != x.shape or not ((values > 0) | np.isnan(values)).all() or np.isnan(values).all():
             raise ValueError(f"errors[{name!r}] must be {len(x)} positive numbers, got {values.tolist()}")
     ax = panel(ax, (5.6, 3.8))
-    start = max(values[0] for values in of.values())
+    scale = x**times
+    of = {name: values * scale for name, values in of.items()}
+    start = max(values[0] for values in of.values() if values[0] > 0)
     for power in slopes:
-        ax.plot(x, start * (x / x[0]) ** power, ":", color="0.6", lw=0.8, zorder=0)
-        ax.annotate(
-            f"$n^{{{power:g}}}$",
-            (x[-1], start * (x[-1] / x[0]) ** power),
-            fontsize=8,
-            color="0.4",
-            va="bottom",
-        )
+        ax.plot(x, start * (x / x[0]) ** (power + times), ":", color="0.6", lw=0.8, zorder=0)
+        end = (x[-1], start * (x[-1] / x[0]) ** (power + times))
+        ax.annotate(f"$n^{{{power:g}}}$", end, fontsize=8, color="0.4", va="bottom", ha="right")
+    if floor:
+        ax.plot(x, floor * scale, "-", color="0.6", lw=0.8, zorder=0)
+        ax.annotate("error of the reference", (x[0], floor * scale[0]), fontsize=8, color="0.4", va="bottom")
     for name, values in of.items():
         drawn = style(name, of)
-        ax.plot(x, values, drawn.line, color=drawn.color, marker=drawn.marker, ms=4, lw=1.2)
+        there = ~np.isnan(values)
+        ax.plot(x[there], values[there], drawn.line, color=drawn.color, marker=drawn.marker, ms=4, lw=1.2)
         if bands and name in bands:
-            low, high = np.asarray(bands[name], np.float64)
+            low, high = np.asarray(bands[name], np.float64) * scale
             ax.fill_between(x, low, high, color=drawn.color, alpha=0.15, lw=0)
     ax.set_xscale("log", base=2)
     ax.set_yscale("log")
     ax.set_xticks(x, [f"{n:g}" for n in x], minor=False)
     ax.minorticks_off()
-    ax.set(xlabel="samples per pixel", ylabel=ylabel, title=title)
+    unit = f" $\\cdot\\, n^{{{times:g}}}$" if times else ""
+    ax.set(xlabel="samples per pixel", ylabel=ylabel + unit, title=title)
+    ax.set_ylim(ax.get_ylim())  # Names are where curves end.
     ax.grid(alpha=0.3)
     _names(ax, of)
     return ax
@@ -94,7 +104,9 @@ def convergence(
 def _names(ax: Axes, errors: Mapping[str, NDArray[np.float64]]) -> None:
     """Write each name right of its curve's end, apart from each other, with a line to it."""
     low, high = np.log(ax.get_ylim())
-    ends = {name: (np.log(values[-1]) - low) / (high - low) for name, values in errors.items()}
+    ends = {
+        name: (np.log(values[~np.isnan(values)][-1]) - low) / (high - low) for name, values in errors.items()
+    }
     ordered = sorted(ends, key=lambda name: ends[name])
     places = _apart([ends[name] for name in ordered])
     across = blended_transform_factory(ax.transAxes, ax.transAxes)

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
@@ -59,6 +60,49 @@ def image(
 def _drawn(
     array: NDArray[np.float64], title: str, zoom: int | None, limits: tuple[float, float], transfer: str
 ) -> Figure:
+    height, width = array.shape[:2]
+    if zoom is None:
+        zoom = max(1, round(512 / width))
+    if isinstance(zoom, bool) or not isinstance(zoom, int | np.integer) or zoom < 1:
+        raise ValueError(f"zoom must be an integer of at least 1, got {zoom!r}")
+    whole = zoom * width + 2 * _MARGIN, zoom * height + 2 * _MARGIN + _HEAD * bool(title)
+    figure = Figure(figsize=(whole[0] / DPI, whole[1] / DPI), dpi=DPI)
+    place(figure, array, _MARGIN, _MARGIN, zoom, title=title, limits=limits, transfer=transfer)
+    return figure
+
+
+def place(
+    figure: Figure,
+    image: ArrayLike,
+    left: int,
+    bottom: int,
+    zoom: int,
+    *,
+    title: str = "",
+    limits: tuple[float, float] = (0.0, 1.0),
+    transfer: str = "linear",
+) -> Axes:
+    """Draw an image into a figure of a fixed layout, each pixel a square of whole pixels.
+
+    Parameters
+    ----------
+    figure : Figure
+        Whose size in pixels is whole, at its own dpi.
+    image, zoom, title, limits, transfer
+        As for :func:`image`.
+    left, bottom : int
+        Where the image's corner is, in pixels.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`image`.
+    """
+    array = _checked("image", image)
     low, high = limits
     if not low < high:
         raise ValueError(f"limits must be (low, high) with low < high, got {limits}")
@@ -68,19 +112,13 @@ def _drawn(
     elif transfer != "linear":
         raise ValueError(f"transfer must be 'linear' or 'srgb', got {transfer!r}")
     height, width = array.shape[:2]
-    if zoom is None:
-        zoom = max(1, round(512 / width))
-    if isinstance(zoom, bool) or not isinstance(zoom, int | np.integer) or zoom < 1:
-        raise ValueError(f"zoom must be an integer of at least 1, got {zoom!r}")
-    across, down = zoom * width, zoom * height
-    whole = across + 2 * _MARGIN, down + 2 * _MARGIN + _HEAD * bool(title)
-    figure = Figure(figsize=(whole[0] / DPI, whole[1] / DPI), dpi=DPI)
-    axes = figure.add_axes((_MARGIN / whole[0], _MARGIN / whole[1], across / whole[0], down / whole[1]))
+    across, down = figure.get_size_inches() * figure.dpi
+    axes = figure.add_axes((left / across, bottom / down, zoom * width / across, zoom * height / down))
     axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation="nearest", aspect="auto")
     axes.set_axis_off()
     if title:
         axes.set_title(title, fontsize=9, pad=3)
-    return figure
+    return axes
 
 
 def difference(

@@ -123,6 +123,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "measured": {
             "seconds an image": images,
             "(slowest - fastest) / median": spread,
+            "largest spread of times": max(value for of in spread.values() for value in of.values()),
             "ratios of times": ratios,
             "rate by hashing / by trees": kinds,
             "million samples a second": rates,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tables import NETS, again, first, is_net
 
+from analysis import squared_min_distance
 from qmcjax import sequences
 
 each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
@@ -23,8 +24,11 @@ def test_elementary_intervals(net, m):
 @pytest.mark.slow
 @pytest.mark.parametrize("m", range(14, 23, 2))
 def test_permutation_nets_of_even_m(m):
-    """The thesis reports t = 0 for all even m up to 22."""
-    assert is_net(np.asarray(sequences.permutation_net(m).bits(jnp.asarray(first(2**m)))), m)
+    """The thesis reports t = 0 for all even m up to 22, and sqrt(241 2^(m-8)) with the sheared tiling."""
+    words = np.asarray(sequences.permutation_net(m).bits(jnp.asarray(first(2**m))))
+    assert is_net(words, m)
+    points = words >> np.uint32(32 - m)
+    assert squared_min_distance(points, side=2**m, shear=2 ** (m - 2)) == 241 * 2 ** (m - 8)
 
 
 def printed_permutation_net(m):

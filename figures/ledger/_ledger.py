@@ -82,25 +82,33 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     found = numbers.get("claims", {}).get(claim.key)
     if found is None:
         return Finding(claim, "missing", "", {})
-    measured = (claim.measured or "").format_map(_fields(numbers))
+    measured = (claim.measured or "").format_map(_readable(numbers))
     return Finding(claim, verdict(found), measured, {} if isinstance(found, bool) else found)
 
 
-class _Fields(dict[str, Any]):
-    """A dict that ``str.format`` finds keys like 13 in, which it takes for integers."""
+class _Dict(dict[str, Any]):
+    """A dict as a text has it; ``str.format`` asks it for keys like 13 as integers."""
 
     def __missing__(self, key: str | int) -> Any:
         if isinstance(key, int):
             return self[str(key)]
         raise KeyError(key)
 
+    def __format__(self, spec: str) -> str:
+        return "; ".join(f"{key}: {format(value, spec)}" for key, value in self.items())
 
-def _fields(value: Any) -> Any:
-    return (
-        _Fields({key: _fields(inner) for key, inner in value.items()})
-        if isinstance(value, Mapping)
-        else value
-    )
+
+class _List(list[Any]):
+    """A list as a text has it."""
+
+    def __format__(self, spec: str) -> str:
+        return ", ".join(format(value, spec) for value in self)
+
+
+def _readable(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _Dict({key: _readable(inner) for key, inner in value.items()})
+    return _List(map(_readable, value)) if isinstance(value, list) else value
 
 
 def verdict(found: bool | Mapping[str, bool]) -> str:

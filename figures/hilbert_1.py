@@ -28,8 +28,11 @@ COUNTED = {"draft": (128, 243), "paper": (512, 729)}
 VARIANT_DIGITS = 3
 
 UNIFORM = (128, 81)
-SEQUENCE = sequences.components(sequences.halton(4), (2, 3))
-"""In bases 5 and 7, that all curves are alike to."""
+SEQUENCES = {
+    "Halton 2, 3": sequences.halton(2),
+    "Halton 5, 7": sequences.components(sequences.halton(4), (2, 3)),
+    "Sobol'": sequences.owen(sequences.sobol(2), 1),
+}
 
 MEAN = "mean L2 star discrepancy of the 9 points of a neighbourhood"
 UNIFORMITY = "the same by the number of segments"
@@ -50,7 +53,8 @@ NOTE = (
     "starts the curve does not; and if the ends of a closed curve are joined. Counted as edges across the "
     "neighbourhood's outline all numbers double, but for neighbourhoods with an end of the curve. The means "
     "do not tell Hilbert, Moore and Peano apart: all approach 3. Discrepancies are of one point a pixel of "
-    "the Halton sequence's components in bases 5 and 7, on 128 x 128 and 81 x 81 pixels."
+    "Halton sequences in bases 2 and 3, and 5 and 7, and of an Owen-scrambled Sobol' sequence, on 128 x 128 "
+    "and 81 x 81 pixels."
 )
 
 
@@ -64,7 +68,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for k, (name, axes) in enumerate(zip(CURVES, panels[:, :2].ravel(), strict=True)):
         _draw_curve(axes, square(name, *SHOWN), name)
         measured[name] = _measure(square(name, *sides))
-        measured[name][MEAN], measured[name][UNIFORMITY] = _uniformity(square(name, *UNIFORM))
+        found = {title: _uniformity(square(name, *UNIFORM), points) for title, points in SEQUENCES.items()}
+        measured[name][MEAN] = {title: mean for title, (mean, _) in found.items()}
+        measured[name][UNIFORMITY] = {title: by_count for title, (_, by_count) in found.items()}
         counts = measured[name]["histogram"]
         shares = np.array(list(counts.values())) / sum(counts.values())
         histogram.bar(
@@ -124,9 +130,9 @@ def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
     return counts - (_around(curve, 0) & _around(curve, -1)) if is_closed else counts
 
 
-def _uniformity(curve: Curve) -> tuple[float, dict[str, float]]:
+def _uniformity(curve: Curve, sequence: sequences.Sequence) -> tuple[float, dict[str, float]]:
     """Return the mean discrepancy of interior neighbourhoods, of all and by their number of segments."""
-    points = np.asarray(SEQUENCE.points(curve.positions.size, dtype=jnp.float64))[curve.positions]
+    points = np.asarray(sequence.points(curve.positions.size, dtype=jnp.float64))[curve.positions]
     around = sliding_window_view(points, (3, 3), axis=(0, 1))  # [row, column, coordinate, 3, 3]
     around = np.moveaxis(around.reshape(*around.shape[:2], 2, 9), 2, 3)
     # Warnock's formula for the L2 star discrepancy.
@@ -151,10 +157,15 @@ def _claims(measured: dict) -> Claims:
             "Wunderlich's meander": largest < measured["Wunderlich's meander"]["maximum"],
         },
         "fewer segments in a neighbourhood improve its uniformity: less mean discrepancy": {
-            name: all(a < b for a, b in pairwise(measured[name][UNIFORMITY].values())) for name in CURVES
+            f"{name}, {title}": all(a < b for a, b in pairwise(by_count.values()))
+            for name in CURVES
+            for title, by_count in measured[name][UNIFORMITY].items()
         },
         "neighbourhoods of the Hilbert curve are more uniform than those of other curves": {
-            name: measured["Hilbert"][MEAN] < measured[name][MEAN] for name in CURVES if name != "Hilbert"
+            f"{name}, {title}": measured["Hilbert"][MEAN][title] < mean
+            for name in CURVES
+            if name != "Hilbert"
+            for title, mean in measured[name][MEAN].items()
         },
     }
 

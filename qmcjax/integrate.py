@@ -38,6 +38,7 @@ class Estimate(NamedTuple):
     """Of the mean, in the same structure. Complex numbers have one for each part."""
 
     replicates: int
+    """How many."""
 
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
         """Return a confidence interval by Student's distribution of the mean of normal variates.

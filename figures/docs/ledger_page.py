@@ -15,7 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 from figures import _store, ledger
 
 _HEADS = ("Place", "Claim", "Verdict", "Measured", "Why", "Shown by")
-_WIDTHS = (10, 30, 10, 20, 20, 10)
+_WIDTHS = (8, 28, 11, 19, 22, 12)
 
 
 def _found(folder: Path) -> list[ledger.Finding]:
@@ -27,7 +27,8 @@ def _found(folder: Path) -> list[ledger.Finding]:
 
 
 def _row(texts: Sequence[str]) -> nodes.row:
-    return nodes.row("", *(nodes.entry("", nodes.paragraph(text=text)) for text in texts))
+    cells = ([nodes.paragraph(text=line) for line in text.split("\n")] for text in texts)
+    return nodes.row("", *(nodes.entry("", *cell) for cell in cells))
 
 
 def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
@@ -37,7 +38,9 @@ def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
                 claim.place,
                 claim.claim,
                 verdict,
-                measured + "".join(f"\n{case}: {'yes' if held else 'no'};" for case, held in cases.items()),
+                "\n".join(
+                    [measured, *(f"{case}: {'yes' if held else 'no'}" for case, held in cases.items())]
+                ),
                 claim.why or "",
                 claim.figure or claim.test or "",
             )
@@ -46,7 +49,8 @@ def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
     ]
     head, body = nodes.thead("", _row(_HEADS)), nodes.tbody("", *rows)
     widths = [nodes.colspec(colwidth=width) for width in _WIDTHS]
-    return nodes.table("", nodes.tgroup("", *widths, head, body, cols=len(_HEADS)), classes=["ledger"])
+    group = nodes.tgroup("", *widths, head, body, cols=len(_HEADS))
+    return nodes.table("", group, classes=["ledger", "colwidths-given"])
 
 
 class Ledger(SphinxDirective):

@@ -73,7 +73,7 @@ class Run(SphinxDirective):
         figure.savefig(folder / name)
         address = f"{'../' * page.count('/')}_images/{name}"
         alt = nodes.Text(self.options.get("alt", "")).astext().replace('"', "&quot;")
-        return nodes.raw("", f'<img class="picture" src="{address}" alt="{alt}">', format="html")
+        return nodes.raw("", f'<img class="picture dark-light" src="{address}" alt="{alt}">', format="html")
 
 
 def _forget(app: Sphinx, env: Any, page: str) -> None:

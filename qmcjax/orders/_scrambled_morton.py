@@ -10,6 +10,7 @@ from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._lookup_tree import LookupTree, art_production, random_permutations, random_production
 
 VARIANTS = ("hash", "multiplicative", "tree", "art")
+"""Where permutations may come from, see :func:`scrambled_morton`."""
 
 ALPHABET = 4096
 """Letters of the tree in the Z paper, Sect. 4.2."""

@@ -13,7 +13,7 @@ WHY = (
     " Up to 32 samples lattice and rotated nets are close, in favour of one or the other; from 64 on the "
     "lattice is behind. Which of the full-screen nets is better differs from count to count."
 )
-"""Of the sentences that do not hold."""
+"""How narrowly sentences hold."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

@@ -15,8 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from qmcjax import scenes, tracing
-from qmcjax.tracing import _compiled_world, _found, _search
-from qmcjax.tracing._vectors import components
+from qmcjax.tracing import ways
 
 SIZES = {"draft": (2**12, (32,), 3), "paper": (2**18, (32, 512, 8192, 80000), 9)}
 """Rays of a call, triangles of the meshes, turns."""
@@ -109,23 +108,12 @@ def random(count: int) -> Rays:
 
 def _ways(world: tracing.World, any_hit: bool) -> dict[str, Callable[..., Any]]:
     """Return functions of origins, directions, times and limits that find distances and numbers."""
-    loops = tracing.World(
-        tuple(
-            tracing.Object(tuple(shape.alone() for shape in item.shapes), item.motion, item.material)
-            for item in world.objects
-        ),
-        world.lights,
-    )
     trees = any(shape.tree is not None for shape, _ in world.batches())
     chosen = {
-        "fused loops": (loops, _search.by_program) if world.count <= LOOPED else None,
-        "tree, JAX": (world, _search.by_program) if trees else None,
-        "compiled": (world, _compiled_world.search) if FAST else None,
+        "fused loops": ways.loops if world.count <= LOOPED else None,
+        "tree, JAX": ways.trees if trees else None,
+        "compiled": ways.compiled if FAST else None,
     }
-
-    def searched(way: Any, world: Any, origin: Any, direction: Any, time: Any, limit: Any) -> Any:
-        world = _found.in_dtype(world, origin.dtype)
-        return _search.search(world, components(origin), components(direction), time, limit, any_hit, way)
 
     def found(
         program: Any, world: Any, origin: Any, direction: Any, time: Any = None, limit: Any = None
@@ -136,9 +124,9 @@ def _ways(world: tracing.World, any_hit: bool) -> dict[str, Callable[..., Any]]:
         return jax.block_until_ready(program(world, origin, direction, time, limit))
 
     return {
-        name: partial(found, jax.jit(partial(searched, choice[1])), choice[0])
-        for name, choice in chosen.items()
-        if choice is not None
+        name: partial(found, jax.jit(partial(way, any_hit=any_hit)), world)
+        for name, way in chosen.items()
+        if way is not None
     }
 
 

@@ -9,7 +9,7 @@ import pytest
 from test_trees import blob, looped, mesh, same, searched
 
 from qmcjax import tracing
-from qmcjax.tracing import _compiled_world, _search, _threads, motion
+from qmcjax.tracing import _compiled_world, _search, _threads, motion, ways
 
 pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 WAY = _compiled_world.search
@@ -163,3 +163,19 @@ def test_all_pieces_are_done_once_and_errors_are_told():
     _threads.shared(done.append, [])
     with pytest.raises(ZeroDivisionError):
         _threads.shared(lambda piece: 1 // piece, [2, 0, 1])
+
+
+@pytest.mark.slow
+def test_ways_one_by_one_find_what_nearest_hit_finds():
+    rng = np.random.default_rng(7)
+    world = tracing.world([mesh(blob(12, 9)), tracing.sphere([1, 1, 0], 0.4)])
+    origin = jnp.asarray(3 * rng.normal(size=(500, 3)), jnp.float32)
+    direction = jnp.asarray(rng.uniform(-0.6, 0.6, (500, 3)), jnp.float32) - origin
+    zero, far = jnp.zeros(500), jnp.full(500, jnp.inf)
+    hit = tracing.nearest_hit(world, origin, direction, zero)
+    assert 100 < (hit.shape >= 0).sum() < 500
+    for way in (ways.loops, ways.trees, ways.compiled):
+        distance, number = way(world, origin, direction, zero, far, False)
+        np.testing.assert_array_equal(number, hit.shape)
+        np.testing.assert_allclose(distance, hit.distance, rtol=1e-5)
+        assert ((way(world, origin, direction, zero, far, True)[1] >= 0) == (hit.shape >= 0)).all()

@@ -1,0 +1,46 @@
+"""The ways to find what rays hit, each by itself: for tests of one against another, and their times.
+
+Programs take :func:`qmcjax.tracing.nearest_hit` and :func:`qmcjax.tracing.any_hit`, which choose the way.
+"""
+
+from collections.abc import Callable
+
+from jax import Array
+
+from qmcjax.tracing._compiled_world import search as _compiled
+from qmcjax.tracing._found import in_dtype
+from qmcjax.tracing._object import Object
+from qmcjax.tracing._search import by_program, search
+from qmcjax.tracing._vectors import components
+from qmcjax.tracing._world import World
+
+Way = Callable[[World, Array, Array, Array, Array, bool], tuple[Array, Array]]
+"""From a world, origins and directions (n, 3), times and limits (n,), and whether any hit counts, to
+distances (the limit where nothing is hit before it) and numbers of primitives (-1: none), both (n,)."""
+
+
+def loops(
+    world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
+) -> tuple[Array, Array]:
+    """Test all primitives, in fused loops over tiles of rays; see `Way`."""
+    objects = (
+        Object(tuple(shape.alone() for shape in item.shapes), item.motion, item.material)
+        for item in world.objects
+    )
+    return trees(World(tuple(objects), world.lights), origin, direction, time, limit, any_hit)
+
+
+def trees(
+    world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
+) -> tuple[Array, Array]:
+    """Walk through the trees of meshes by a program of JAX, and test all else in loops; see `Way`."""
+    world = in_dtype(world, origin.dtype)
+    return search(world, components(origin), components(direction), time, limit, any_hit, by_program)
+
+
+def compiled(
+    world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
+) -> tuple[Array, Array]:
+    """Walk through trees over all primitives by loops that numba compiles; see `Way`. Needs ``numba``."""
+    world = in_dtype(world, origin.dtype)
+    return search(world, components(origin), components(direction), time, limit, any_hit, _compiled)

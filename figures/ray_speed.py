@@ -115,19 +115,13 @@ def _ways(world: tracing.World, any_hit: bool) -> dict[str, Callable[..., Any]]:
         "compiled": ways.compiled if FAST else None,
     }
 
-    def found(
-        program: Any, world: Any, origin: Any, direction: Any, time: Any = None, limit: Any = None
-    ) -> Any:
+    def found(way: ways.Way, origin: Any, direction: Any, time: Any = None, limit: Any = None) -> Any:
         count = len(origin)
         time = jnp.zeros(count) if time is None else time
         limit = jnp.full(count, jnp.inf) if limit is None else limit
-        return jax.block_until_ready(program(world, origin, direction, time, limit))
+        return jax.block_until_ready(way(world, origin, direction, time, limit, any_hit))
 
-    return {
-        name: partial(found, jax.jit(partial(way, any_hit=any_hit)), world)
-        for name, way in chosen.items()
-        if way is not None
-    }
+    return {name: partial(found, way) for name, way in chosen.items() if way is not None}
 
 
 def _embree(vertices: NDArray[np.float32], origin: Any, direction: Any) -> dict[str, Call]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from jax import Array
 
+from qmcjax.core.pytrees import jit
 from qmcjax.tracing._compiled_world import search as _compiled
 from qmcjax.tracing._found import in_dtype
 from qmcjax.tracing._object import Object
@@ -19,6 +20,7 @@ Way = Callable[[World, Array, Array, Array, Array, bool], tuple[Array, Array]]
 distances (the limit where nothing is hit before it) and numbers of primitives (-1: none), both (n,)."""
 
 
+@jit("any_hit")
 def loops(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
@@ -30,6 +32,7 @@ def loops(
     return trees(World(tuple(objects), world.lights), origin, direction, time, limit, any_hit)
 
 
+@jit("any_hit")
 def trees(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
@@ -38,6 +41,7 @@ def trees(
     return search(world, components(origin), components(direction), time, limit, any_hit, by_program)
 
 
+@jit("any_hit")
 def compiled(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:

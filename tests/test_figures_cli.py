@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from figures import __main__ as command_line
 from figures import _store
 from figures.__main__ import main
 from figures._catalogue import CATALOGUE, Entry
@@ -72,8 +73,10 @@ class Project:
 
     def start(self, *arguments, stderr=subprocess.PIPE, **environment):
         environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+        # One after the other, unless a test is about that.
+        jobs = () if "--jobs" in arguments else ("--jobs", "1")
         return subprocess.Popen(
-            [sys.executable, "-c", COMMAND, *arguments],
+            [sys.executable, "-c", COMMAND, *arguments, *jobs],
             cwd=self.folder,
             env=environment,
             stdout=subprocess.PIPE,
@@ -315,6 +318,21 @@ def test_workers_end_with_a_killed_command(tmp_path):
     process.kill()
     process.communicate(timeout=5)  # until nobody holds its output open
     assert not alive((tmp_path / "started").read_text())
+
+
+def test_two_drafts_are_made_at_a_time_but_one_figure_in_paper_quality(tmp_path, monkeypatch):
+    asked = []
+
+    def update(names, catalogue, folder, quality, jobs):
+        asked.append((quality, jobs))
+        return []
+
+    monkeypatch.setattr(command_line, "update", update)
+    monkeypatch.setattr(command_line.os, "cpu_count", lambda: 8)
+    out = ["--out", str(tmp_path / "out")]
+    for options in ([], ["--quality", "paper"], ["--jobs", "3"], ["--quality", "paper", "--jobs", "4"]):
+        assert command_line.main([*out, *options]) == 0
+    assert asked == [("draft", 2), ("paper", 1), ("draft", 3), ("paper", 4)]
 
 
 def test_jobs_run_side_by_side(tmp_path):

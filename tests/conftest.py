@@ -14,6 +14,19 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
+MAPPINGS = 30000
+"""Half of the parts of memory that Linux lets a process have; each program takes about three."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_programs():
+    """Forget compiled programs before there are so many that the next one crashes the process."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.exists() and maps.read_bytes().count(b"\n") > MAPPINGS:
+        jax.clear_caches()
+
+
 def made(request):
     """Return an object of a table of tests, made when its test runs: see ``tables.some``."""
     return request.param()

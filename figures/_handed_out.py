@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 import analysis
+from figures import plot
 
 TRANSFER = "linear values, clipped to [0, 1], by the curve of sRGB"
 AS_IT_IS = "values as they are"
@@ -115,9 +116,7 @@ def _sampler(name: str) -> str:
 
 def _shown(image: NDArray) -> NDArray[np.uint8]:
     """Return linear values as screens expect them, by the curve of sRGB."""
-    linear = np.clip(image, 0, 1)
-    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255 * curved).astype(np.uint8)
+    return np.round(255 * plot.srgb(np.clip(image, 0, 1))).astype(np.uint8)
 
 
 def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:

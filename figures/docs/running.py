@@ -52,7 +52,7 @@ class Run(SphinxDirective):
         try:
             with contextlib.redirect_stdout(printed), plot.rc(), matplotlib.rc_context({"figure.dpi": 120}):
                 exec(compile(code, f"{page}, line {self.lineno}", "exec"), names)
-        except Exception:
+        except Exception:  # Whatever the code raises fails the build, for which warnings are errors.
             log.warning("the code fails:\n%s", traceback.format_exc(), location=self.get_location())
             return shown
         if printed.getvalue():

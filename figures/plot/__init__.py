@@ -4,6 +4,7 @@ from figures.plot._convergence import convergence as convergence
 from figures.plot._images import difference as difference
 from figures.plot._images import image as image
 from figures.plot._images import place as place
+from figures.plot._images import srgb as srgb
 from figures.plot._points import order as order
 from figures.plot._points import points as points
 from figures.plot._spectra import spectrum as spectrum

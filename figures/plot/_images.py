@@ -108,7 +108,7 @@ def place(
         raise ValueError(f"limits must be (low, high) with low < high, got {limits}")
     shown = np.clip((array - low) / (high - low), 0, 1)
     if transfer == "srgb":
-        shown = np.where(shown <= 0.0031308, 12.92 * shown, 1.055 * shown ** (1 / 2.4) - 0.055)
+        shown = srgb(shown)
     elif transfer != "linear":
         raise ValueError(f"transfer must be 'linear' or 'srgb', got {transfer!r}")
     height, width = array.shape[:2]
@@ -119,6 +119,11 @@ def place(
     if title:
         axes.set_title(title, fontsize=9, pad=3)
     return axes
+
+
+def srgb(linear: NDArray[Any]) -> NDArray[Any]:
+    """Return linear values in [0, 1] by the curve that screens expect (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def difference(

@@ -1,7 +1,7 @@
 """Light at a point: one light of a world is chosen, and a point of it; and how likely that was."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +14,8 @@ from qmcjax.tracing._search import search
 from qmcjax.tracing._shape import rounding
 from qmcjax.tracing._vectors import Vector, each, largest, times
 from qmcjax.tracing._world import World
+
+Kind = TypeVar("Kind", bound=Light)
 
 
 class Choice(NamedTuple):
@@ -97,7 +99,7 @@ def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector
     return radiance, density
 
 
-def by_kind(lights: Sequence[Light], number: Array) -> Iterator[tuple[Light, Array, Array]]:
+def by_kind(lights: Sequence[Kind], number: Array) -> Iterator[tuple[Kind, Array, Array]]:
     """Yield the lights of each kind as one batch, rows of it, and whether it has the light of a number."""
     kinds: dict[Any, list[int]] = {}
     for place, light in enumerate(lights):

@@ -23,7 +23,7 @@ from jax import Array
 from qmcjax.tracing._found import Found
 from qmcjax.tracing._illumination import by_kind, chosen
 from qmcjax.tracing._interaction import Met, any_of, met
-from qmcjax.tracing._lights import Light, Start
+from qmcjax.tracing._lights import Source, Start
 from qmcjax.tracing._reflection import evaluated
 from qmcjax.tracing._scattering import Turn, scattered, turned_by
 from qmcjax.tracing._vectors import Vector, dot, each, minus, times
@@ -68,9 +68,9 @@ class Vertex(NamedTuple):
     """Whether the first surface is no mirror."""
 
 
-def emitters(world: World) -> list[Light]:
+def emitters(world: World) -> list[Source]:
     """Return the lights at which paths begin."""
-    return [light for light in world.lights if light.starts]
+    return [light for light in world.lights if isinstance(light, Source)]
 
 
 def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
@@ -87,7 +87,9 @@ def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
 def begun(world: World, number: Array) -> Array:
     """Return the density with which paths begin at a light, by area and projected angle; 0 if none does."""
     dtype = jnp.result_type(*jax.tree.leaves(world.lights))
-    densities = [1 / light.extent() if light.starts else jnp.zeros((), dtype) for light in world.lights]
+    densities = [
+        1 / light.extent() if isinstance(light, Source) else jnp.zeros((), dtype) for light in world.lights
+    ]
     return jnp.stack(densities)[number] / max(len(emitters(world)), 1)
 
 

@@ -60,8 +60,6 @@ class Light(ABC):
 
     coordinates: ClassVar[int]
     """How many coordinates choose a point of it."""
-    starts: ClassVar[bool] = False
-    """Whether paths may start at it."""
 
     def object(self) -> Object | None:
         """Return what rays hit of it."""
@@ -83,24 +81,27 @@ class Light(ABC):
         """Tell whether it shines against rays of a direction."""
         return True
 
+
+class Source(Light):
+    """A light at which paths may begin: one with a place."""
+
+    @abstractmethod
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
         """Return points of one light for each row, and directions, evenly in area times projected angle."""
-        raise NotImplementedError
 
+    @abstractmethod
     def extent(self) -> Array:
         """Return its area times projected solid angle; of points of light the solid angle."""
-        raise NotImplementedError
 
 
 @pytree
 @dataclass(frozen=True)
-class PointLight(Light):
+class PointLight(Source):
     """See :func:`point_light`."""
 
     position: Any
     intensity: Any
     coordinates: ClassVar[int] = 0
-    starts: ClassVar[bool] = True
     smooth: ClassVar[tuple[str, ...]] = ("intensity",)
 
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
@@ -125,7 +126,7 @@ class PointLight(Light):
 
 @pytree
 @dataclass(frozen=True)
-class RectangleLight(Light):
+class RectangleLight(Source):
     """See :func:`rectangle_light`."""
 
     corner: Any
@@ -133,7 +134,6 @@ class RectangleLight(Light):
     edge_v: Any
     radiance: Any
     coordinates: ClassVar[int] = 2
-    starts: ClassVar[bool] = True
     smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object:
@@ -180,14 +180,13 @@ class RectangleLight(Light):
 
 @pytree
 @dataclass(frozen=True)
-class SphereLight(Light):
+class SphereLight(Source):
     """See :func:`sphere_light`."""
 
     center: Any
     radius: Any
     radiance: Any
     coordinates: ClassVar[int] = 2
-    starts: ClassVar[bool] = True
     smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object:

@@ -1,11 +1,10 @@
-"""The space-filling curves of the two rendering papers, as tables, as images and as sheets of them."""
+"""The space-filling curves of the two rendering papers, as tables and as images."""
 
 from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
@@ -30,9 +29,6 @@ EXPLAINED = (
     "structures up to 1. The power at low frequencies, below 1/16 of a cycle a pixel, is 1 for white noise."
 )
 """What `structure` measures."""
-
-DPI = 150
-"""Pixels an inch of the picture."""
 
 
 @dataclass(frozen=True)
@@ -89,28 +85,3 @@ def structure(image: NDArray[np.float64]) -> dict[str, float]:
         "share of the strongest 1 % of frequencies": float(strongest.sum() / spectrum.size),
         "power at low frequencies": float(spectrum[(distance > 0) & (distance < LOW)].mean()),
     }
-
-
-def image_sheet(title: str, rows: dict[str, dict[str, NDArray]], panel: int = 330) -> Figure:
-    """Show rows of square images of values in [0, 1], from label to column to image, ``panel`` pixels wide.
-
-    Each pixel of an image is a whole number of the picture's: anything else would add patterns.
-    """
-    names = list(next(iter(rows.values())))
-    margin, gap, top = 40, 12, 75
-    width, height = margin + len(names) * (panel + gap), top + len(rows) * (panel + gap)
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle(title, y=1 - 14 / height, fontsize=9)
-    for row, (label, images) in enumerate(rows.items()):
-        for column, image in enumerate(images.values()):
-            side = len(image) * (panel // len(image))
-            left, bottom = margin + column * (panel + gap), height - top - row * (panel + gap) - side
-            axes = figure.add_axes((left / width, bottom / height, side / width, side / height))
-            axes.imshow(image, cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-            axes.set(xticks=[], yticks=[])
-            axes.spines[:].set_visible(False)
-            if row == 0:
-                axes.set_title(names[column], fontsize=8)
-            if column == 0:
-                axes.set_ylabel(label, fontsize=8)
-    return figure

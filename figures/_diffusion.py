@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from figures import _images
+from figures import _images, plot
 from qmcjax import samplers, sequences
-
-GAMMA = 1 / 2.2
 
 REPLICATES = 16
 
@@ -83,5 +81,5 @@ def measures(found: NDArray, exact: Reference, area: Area = WHOLE) -> dict[str, 
 
 
 def shown(image: NDArray) -> NDArray[np.float64]:
-    """Return linear colours as they are shown."""
-    return np.clip(image, 0, 1) ** GAMMA
+    """Return linear colours as screens expect them."""
+    return plot.srgb(np.clip(image, 0, 1))

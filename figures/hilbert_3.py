@@ -5,8 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures._curves import CURVES, EXPLAINED, enumerated, image_sheet, square, structure
+from figures._curves import CURVES, EXPLAINED, enumerated, square, structure
 from figures._schema import Claims
+from figures._sheets import Row, image_sheet
 from qmcjax import sequences
 
 SIDES = (64, 81)
@@ -14,8 +15,9 @@ BASES = (2, 3, 5)
 SUPERIMPOSED = r"$(\phi_2, \phi_3, \phi_5)$"
 
 NOTE = (
-    f"{EXPLAINED} The powers of red, green and blue are added up. The paper judges by eye: superimposed, "
-    "correlations with the Moore and Hilbert curves become harder to identify."
+    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The powers of red, green "
+    "and blue are added up. The paper judges by eye: superimposed, correlations with the Moore "
+    "and Hilbert curves become harder to identify."
 )
 
 
@@ -31,7 +33,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for row, image in zip(rows.values(), images.values(), strict=True):
             row[name] = image
         measured[name] = {row: structure(image) for row, image in images.items()}
-    figure = image_sheet("Radical inverses along the curves (Hilbert paper, Fig. 3)", rows)
+    title = "Radical inverses along the curves (Hilbert paper, Fig. 3)"
+    figure = image_sheet(title, {label: Row(images) for label, images in rows.items()})
     return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from figures import _diffusion, _images
-from figures._curves import image_sheet
+from figures._sheets import Row, image_sheet
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 64, "paper": 256}
@@ -61,11 +61,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     progress(0.5)
     area = _diffusion.beside_window(side)
     smooth = _smooth(exact.image[area])
-    rows: dict[str, dict[str, NDArray]] = {}
+    shown: dict[str, dict[str, NDArray]] = {}
     images = {"reference": exact.image[area]}  # without the window, as they are measured
     measured: dict[str, dict[str, Any]] = {}
     for done, spp in enumerate(COUNTS, start=1):
-        row = rows.setdefault(f"{spp} sample{'s' * (spp > 1)}", {})
+        row = shown.setdefault(f"{spp} spp", {})
         for name, sampler in ways(len(scene.needs), side, spp).items():
             image = _images.image(scene, sampler, side, spp)
             images[f"{name}, {spp} spp"] = image[area]
@@ -75,7 +75,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             )
         progress(0.5 + 0.5 * done / len(COUNTS))
     measured[PASSES] = {"64 spp": _diffusion.measures(_randomised(scene, side), exact, area)}
-    next(iter(rows.values()))["reference"] = _diffusion.shown(exact.image)
+    shown["1 spp"]["reference"] = _diffusion.shown(exact.image)
+    rows = {
+        count: Row(
+            row,
+            captions={
+                name: f"filtered error {measured[name][count]['filtered error']:.4f}"
+                for name in row
+                if name in measured
+            },
+        )
+        for count, row in shown.items()
+    }
     figure = image_sheet("An interior along the Hilbert curve (Hilbert paper, Fig. 5)", rows, panel=256)
     note = NOTE.format(
         side=side,

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
-from figures._curves import image_sheet
+from figures._sheets import Row, image_sheet
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 128
@@ -53,5 +53,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             errors.setdefault(name, {})[f"{spp} spp"] = float(np.sqrt(np.mean((image - reference) ** 2)))
         progress(done / len(COUNTS))
     measured = {"rms_error": errors, "reference_error_bound": float(bound)}
-    figure = image_sheet("The checkerboard, from 1 to 256 samples per pixel", rows, panel=SIDE)
+    title = "The checkerboard, from 1 to 256 samples per pixel"
+    figure = image_sheet(title, {count: Row(row) for count, row in rows.items()}, panel=SIDE)
     return figure, {"measured": measured, "note": NOTE}, images

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures import _diffusion, _images, _padded
-from figures._curves import image_sheet
+from figures import _diffusion, _images, _padded, _sheets
 from qmcjax import samplers, scenes, sequences
 
 SIDE = {"draft": 128, "paper": 256}
@@ -42,7 +41,7 @@ NOTE = (
     "paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled in each "
     "pixel. Heitz's sampler: our ranked one, pairs with a translation each of a tile of 64 x 64 pixels, "
     "{repeats} of the image's width (theirs is 1/8 of it, of eight dimensions together). Spectra are of the "
-    "errors, where the paper's are of images, in logarithmic shades from 0.01 to 100. The share is that of "
+    "errors, where the paper's are of images. The share is that of "
     "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
     "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
     "parts of the scene, whose errors differ with the same samples. Heitz's sampler has "
@@ -84,14 +83,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
     images["reference"] = _diffusion.shown(exact.image)
+    filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
+    low = {name: f"low frequencies: {of['low-frequency power']:.2f}" for name, of in measured.items()}
     rows = {
-        "image": images,
-        "spectrum of the error": {
-            name: np.clip((np.log10(np.fft.fftshift(power) + 1e-9) + 2) / 4, 0, 1)
-            for name, power in spectra.items()
-        },
+        "image": _sheets.Row(images, captions=filtered),
+        "spectrum of the error": _sheets.spectra(spectra, low),
     }
-    figure = image_sheet("An interior at one sample per pixel (Z paper, Fig. 1)", rows, panel=256)
+    figure = _sheets.image_sheet("An interior at 1 sample per pixel (Z paper, Fig. 1)", rows, panel=256)
     note = NOTE.format(
         side=side,
         bounces=BOUNCES[quality],

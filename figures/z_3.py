@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 import analysis
 import qmcjax as qj
-from figures._curves import EXPLAINED, image_sheet, structure
+from figures import _sheets
+from figures._curves import EXPLAINED, structure
+from figures._sheets import Row
 from qmcjax import orders, samplers, sequences
 from qmcjax.core.pytrees import pytree
 
@@ -20,6 +22,7 @@ SIDE, KEY = 256, 1
 REFERENCE_SPP = {"draft": 256, "paper": 4096}
 
 SECTORS = 16
+LOW = "power at low frequencies"
 DIRECTIONS = "standard deviation of the power over directions / mean"
 
 TOP, LEFT, CROP = 32, 96, 64
@@ -29,8 +32,8 @@ NOTE = (
     "The paper renders a scene of its own; here a disc casts the shadow of a square light onto the floor, "
     "seen from above: four dimensions, two of the pixel and two of the light. At one sample a pixel, the "
     "(0,2)-sequence with its xor scrambling is one random point in each pixel. Z0 has the same samples for "
-    "pixel and light, as the paper says of it. The reference has {spp} samples a pixel. The spectra are of "
-    f"the errors, in logarithmic shades from 0.01 to 100. {EXPLAINED}"
+    "pixel and light, as the paper says of it. The reference has {spp} samples a pixel; the error is the "
+    f"difference from it, black where the image is too dark. {EXPLAINED}"
 )
 
 
@@ -55,8 +58,8 @@ class SoftShadow:
         return jnp.where(squared < radius**2, 0.0, 1.0).astype(point.dtype)
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Render the shadow with both samplers, and show the spectra of their errors."""
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
+    """Render the shadow with the samplers, show the spectra of their errors, and hand the images out."""
     scene, spp = SoftShadow(0.5, 0.2), REFERENCE_SPP[quality]
     compared = {
         "(0,2)-sequence, xor-scrambled": samplers.independent(sequences.sobol(4), KEY, randomize="xor"),
@@ -71,18 +74,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     many = samplers.contiguous(orders.morton(SIDE, SIDE), sequences.sobol(4), spp)
     reference = np.asarray(qj.render(scene, many, SIDE, SIDE, spp), np.float64)
     progress(0.9)
+    shown = {**images, f"reference, {spp} spp": reference}
+    area = np.s_[TOP : TOP + CROP, LEFT : LEFT + CROP]
     spectra = {name: analysis.error_spectrum(image, reference) for name, image in images.items()}
-    shown = images | {f"reference, {spp} samples a pixel": reference}
-    rows = {
-        "image": shown,
-        "magnified 4 times": {
-            name: image[TOP : TOP + CROP, LEFT : LEFT + CROP] for name, image in shown.items()
-        },
-        "spectrum of the error": {
-            name: np.clip((np.log10(np.fft.fftshift(power) + 1e-9) + 2) / 4, 0, 1)
-            for name, power in spectra.items()
-        },
-    }
     title = "A soft shadow at 1 sample a pixel, with and without Morton order (Z paper, Fig. 3)"
     measured = {
         name: {"RMS error": float(np.sqrt(np.mean((image - reference) ** 2)))}
@@ -90,8 +84,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         | {DIRECTIONS: _directions(spectra[name])}
         for name, image in images.items()
     }
+    rms = {name: f"RMS error {of['RMS error']:.3f}" for name, of in measured.items()}
+    low = {name: f"low frequencies: {of[LOW]:.2f}" for name, of in measured.items()}
+    rows = {
+        "image": Row(shown, marked=(LEFT, TOP, CROP)),
+        f"magnified {SIDE // CROP} times": Row({name: image[area] for name, image in shown.items()}),
+        "image - reference": _sheets.errors(images, reference, rms),
+        "spectrum of the error": _sheets.spectra(spectra, low),
+    }
     numbers = {"measured": measured, "claims": _claims(*measured.values()), "note": NOTE.format(spp=spp)}
-    return image_sheet(title, rows, panel=SIDE), numbers
+    return _sheets.image_sheet(title, rows, panel=SIDE), numbers, {"reference": reference, **images}
 
 
 def _directions(spectrum: NDArray) -> float:
@@ -107,10 +109,10 @@ def _directions(spectrum: NDArray) -> float:
 def _claims(
     random: dict[str, float], morton: dict[str, float], scrambled: dict[str, float]
 ) -> dict[str, bool]:
-    low, share = "power at low frequencies", "share of the strongest 1 % of frequencies"
+    share = "share of the strongest 1 % of frequencies"
     return {
-        "excellent error diffusion: Z0 has less than half the power at low frequencies": morton[low]
-        < 0.5 * random[low],
+        "excellent error diffusion: Z0 has less than half the power at low frequencies": morton[LOW]
+        < 0.5 * random[LOW],
         "significant aliasing: Z0 has more than twice the share of the strongest frequencies": morton[share]
         > 2 * random[share],
         "Z0 prefers directions: its power differs more than twice as much as that of (0,2)": morton[

@@ -7,14 +7,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures._curves import image_sheet
-from qmcjax import samplers, sequences
+import qmcjax as qj
+from figures import plot
+from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import owen_hash, reverse
 
 SIDE, DIM = 256, 5
+CORNER = 32
+"""Side of the part that is magnified, in pixels."""
+
+DPI = 150
 COMPARED = tuple(range(2, 10))
 SAMPLES = 64
 KEY = 1
@@ -22,7 +28,8 @@ KEY = 1
 NOTE = (
     "Dimensions count from 0, so that 0 and 1 are the pixel, as in PBRT; the matrices are Joe and Kuo's. "
     "Of the dimensions 2 to 9 only 5 has halves that are made of aligned blocks of 2 x 2 pixels; swapping "
-    "the halves between the first and the second 64k samples is no rarity. 'error' is the root mean "
+    "the halves between the first and the second 64k samples is no rarity. Pictures are of the package's "
+    "scene ramp; the average is that of both samples. The error is the root mean "
     "square, over the pixels, of the mean of so many samples minus 1/2: for n independent samples it is "
     "0.29 / sqrt(n), for n equidistant ones with a random shift 0.29 / n."
 )
@@ -33,11 +40,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     del progress
     sampler = samplers.full_screen(sequences.sobol(max(COMPARED) + 1), SIDE, SIDE)
     first, second = (_values(sampler, sample) for sample in range(2))
-    shown = {
-        "(a) first sample": first[..., DIM - 2],
-        "(b) second sample": second[..., DIM - 2],
-        "(c) average": (first + second)[..., DIM - 2] / 2,
-    }
     measured: dict[str, Any] = {
         f"dimension {dim}": {
             "part of the pixels whose second sample is in the other half": float(
@@ -70,12 +72,72 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "Owen's scrambling keeps these blocks together": measured["side of the blocks, Owen scrambled"]
         == measured[f"dimension {DIM}"]["side of the aligned blocks whose first samples share a half"],
     }
-    figure = image_sheet(
-        "Dimension 5 of the global Sobol' sequence on a grey ramp (Z paper, Fig. 8)",
-        {"": shown},
-        panel=2 * SIDE,
-    )
+    with plot.rc():
+        figure = _sheet(_pictures(), measured["error"])
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
+
+
+def _pictures() -> dict[str, NDArray]:
+    """Render the ramp with the first sample of each pixel, the second, and both."""
+    ramp = scenes.ramp(DIM)
+    sampler = samplers.full_screen(sequences.sobol(DIM + 1), SIDE, SIDE)
+    second = samplers.function(
+        lambda x, y, sample: sampler(x, y, sample + np.uint32(1), tuple(range(DIM + 1))), DIM + 1
+    )
+    return {
+        "(a) first sample alone": np.asarray(qj.render(ramp, sampler, SIDE, SIDE, spp=1)),
+        "(b) second sample alone": np.asarray(qj.render(ramp, second, SIDE, SIDE, spp=1)),
+        "(c) average of both": np.asarray(qj.render(ramp, sampler, SIDE, SIDE, spp=2)),
+    }
+
+
+def _sheet(images: dict[str, NDArray], errors: dict[str, dict[str, float]]) -> Figure:
+    """Lay images out at whole zoom, with a magnified corner of each, and the errors on their right."""
+    gap, top, right = 12, 70, 700
+    width, height = gap + len(images) * (SIDE + gap) + right, top + 2 * (SIDE + gap)
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(
+        "Dimension 5 of the global Sobol' sequence on a grey ramp, and a corner magnified (Z paper, Fig. 8)",
+        y=1 - 14 / height,
+    )
+    for k, (name, image) in enumerate(images.items()):
+        left = gap + k * (SIDE + gap)
+        plot.place(figure, image, left, 2 * gap + SIDE, 1, title=name)
+        plot.place(figure, image[:CORNER, :CORNER], left, gap, SIDE // CORNER)
+    axes = figure.add_axes(
+        (1 - (right - 110) / width, 80 / height, 460 / width, (height - top - 90) / height)
+    )
+    _curves(axes, errors)
+    return figure
+
+
+def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
+    """Draw errors over samples, those of DIM in colour, beside rates of independent and equidistant ones."""
+    for name, of in errors.items():
+        n = [int(count.removeprefix("n = ")) for count in of]
+        is_shown = name == f"dimension {DIM}"
+        look = {"color": plot.style("Sobol', full screen").color, "marker": "8", "ms": 5, "zorder": 3}
+        axes.plot(n, list(of.values()), **(look if is_shown else {"color": "0.75", "lw": 0.8}))
+    counts = np.array([int(count.removeprefix("n = ")) for count in next(iter(errors.values()))])
+    for power, text in ((0.5, "independent"), (1.0, "equidistant")):
+        rate = 12**-0.5 * counts**-power
+        axes.plot(counts, rate, ":", color="black", lw=0.8)
+        axes.annotate(
+            text, (counts[-1], rate[-1]), (4, 0), textcoords="offset points", va="center", fontsize=8
+        )
+    last = list(errors[f"dimension {DIM}"].values())[-1]
+    axes.annotate(
+        f"dimension {DIM}", (counts[-1], last), (4, 0), textcoords="offset points", va="center", fontsize=8
+    )
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.set_xticks(counts, [str(count) for count in counts])
+    axes.set(
+        xlabel="samples per pixel",
+        ylabel="RMS error",
+        title=f"grey: the other dimensions of {COMPARED[0]} to {COMPARED[-1]}",
+    )
+    axes.grid(alpha=0.3)
 
 
 def _values(sampler: samplers.Sampler, sample: int) -> NDArray[np.float64]:

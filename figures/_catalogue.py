@@ -98,4 +98,7 @@ CATALOGUE = {
     "screen-space-4": Entry("figures.screen_space_4", "All screen-space methods at 4 samples a pixel"),
     "screen-space-16": Entry("figures.screen_space_16", "All screen-space methods at 16 samples a pixel"),
     "screen-space-64": Entry("figures.screen_space_64", "All screen-space methods at 64 samples a pixel"),
+    "screen-space-spectra": Entry(
+        "figures.screen_space_spectra", "Spectra of the errors of all screen-space methods"
+    ),
 }

@@ -6,18 +6,19 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from scipy.special import erf
 
 import analysis
+from figures import _screen_space_sheets
 from figures._schema import Claims
 from qmcjax import orders, samplers, sequences
 
 KEY = 1
 SIDE = {"draft": 64, "paper": 256}
-CROP = 64
-"""Pixels that are shown of the images, a side."""
+BINS = 32
+"""Of the frequencies of a radial spectrum."""
 
 RADIUS, SHARPNESS, CENTRE = 0.4, 10.0, (0.4, 0.55)
 
@@ -109,6 +110,38 @@ def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, 
     return image - np.array(list(INTEGRALS.values())), measured
 
 
+FAMILIES = {
+    "in each pixel": ("random", "(0,2), xor per pixel", "(0,2), Owen per pixel", "lattice, rotated"),
+    "over the screen, or optimised": ("global Sobol'", "global Halton", "dither, vectors", "ranked (Heitz)"),
+    "along Morton's curve": ("Z0", "Z, hash", "Z, tree", "Z, ART"),
+    "blocks of samples along a curve": (
+        "Hilbert, Halton (2,3)",
+        "Hilbert, Halton (3,5)",
+        "Hilbert, Owen-Sobol'",
+        "Moore, Halton (2,3)",
+        "Peano, Halton (2,5)",
+    ),
+    "otherwise along Hilbert's curve": (
+        "Hilbert, shifted lattice",
+        "Hilbert, segments (3,5)",
+        "Hilbert, partitioned",
+    ),
+}
+PAGE = (
+    ("in each pixel", "over the screen, or optimised", "along Morton's curve"),
+    ("blocks of samples along a curve", "otherwise along Hilbert's curve"),
+)
+"""Columns of the pictures."""
+
+KEY_TO_PICTURES = (
+    "Above each picture: RMS error | power at low frequencies,\n"
+    "below 1/16 of a cycle per pixel (white noise: 1).\n\n"
+    "Grey: no error. White, black: three RMS errors of the\n"
+    "same picture above and below the exact integral.\n\n"
+    "64 x 64 of {side} x {side} pixels. Spectra of all methods:\n"
+    "figure screen-space-spectra."
+)
+
 OPTIMISED = ("dither, vectors", "ranked (Heitz)")
 
 ALIKE, DIFFUSED = 1.25, 0.5
@@ -129,23 +162,17 @@ NOTE = (
 )
 
 
-def sheet(spp: int, quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Draw the errors of all methods and their radial spectra."""
-    side, listed = SIDE[quality], methods()
-    rows = -(-len(listed) // 2)
-    figure = Figure(figsize=(20, 1.75 * rows), layout="constrained")
-    figure.suptitle(
-        f"Errors at {spp} sample{'s' * (spp > 1)} a pixel: {', '.join(INTEGRALS)}, and their radial spectra"
+def pictures(spp: int, quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the errors of all methods."""
+    side, measured, errors = SIDE[quality], {}, {}
+    for k, (name, method) in enumerate(methods().items(), start=1):
+        errors[name], measured[name] = measure(method, side, spp)
+        progress(k / len(methods()))
+    columns = [[name for family in part for name in FAMILIES[family]] for part in PAGE]
+    title = f"Errors at {spp} spp, of four integrands that are the same in all pixels"
+    figure = _screen_space_sheets.pictures(
+        title, columns, errors, measured, KEY_TO_PICTURES.format(side=side)
     )
-    panels = figure.subplots(rows, 10, width_ratios=(1, 1, 1, 1, 1.7) * 2)
-    measured = {}
-    for k, (name, method) in enumerate(listed.items()):
-        errors, measured[name] = measure(method, side, spp)
-        row, first = k % rows, 5 * (k // rows)
-        _draw(panels[row, first : first + 5], name, errors, measured[name])
-        progress((k + 1) / len(listed))
-    for axes in panels.flat[2 * len(listed) * 5 :]:
-        axes.set_axis_off()
     numbers = {
         "measured": measured,
         "claims": _claims(measured, spp),
@@ -154,24 +181,12 @@ def sheet(spp: int, quality: str, progress: Callable[[float], None]) -> tuple[Fi
     return figure, numbers
 
 
-def _draw(panels: list[Axes], name: str, errors: np.ndarray, measured: dict[str, dict[str, float]]) -> None:
-    *images, spectra = panels
-    for k, (axes, (integrand, values)) in enumerate(zip(images, measured.items(), strict=True)):
-        # Three standard deviations of the method's own errors: what is compared is their pattern.
-        scale = 3 * values["RMS error"]
-        axes.imshow(errors[:CROP, :CROP, k], cmap="gray", vmin=-scale, vmax=scale, interpolation="nearest")
-        axes.set(xticks=[], yticks=[])
-        axes.set_title(f"RMS {values['RMS error']:.2g}, low {values['low-frequency power']:.2g}", fontsize=7)
-        if np.ptp(errors[..., k]):
-            spectrum = analysis.error_spectrum(errors[..., k], np.zeros(errors.shape[:2]))
-            frequency, power = analysis.radial_average(spectrum)
-            spectra.plot(frequency / errors.shape[0], power, color=f"C{k}", lw=0.8, label=integrand)
-    images[0].set_ylabel(name, fontsize=7)
-    spectra.axhline(1, color="k", lw=0.5)
-    spectra.set(ylim=(0, 3), xlim=(0, 0.5))
-    spectra.set_title("power at cycles per pixel", fontsize=7)
-    spectra.tick_params(labelsize=6)
-    spectra.legend(fontsize=5, loc="upper left")
+def radial_power(errors: np.ndarray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies, in cycles per pixel, and the mean power over the integrands, in BINS of them."""
+    none = np.zeros(errors.shape[:2])
+    spectra = [analysis.error_spectrum(of, none) for of in np.moveaxis(errors, -1, 0) if np.ptp(of)]
+    frequency, power = analysis.radial_average(np.mean(spectra, axis=0))
+    return frequency.reshape(BINS, -1).mean(axis=1) / len(errors), power.reshape(BINS, -1).mean(axis=1)
 
 
 def _claims(measured: dict[str, dict[str, dict[str, float]]], spp: int) -> Claims:

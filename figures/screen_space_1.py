@@ -1,7 +1,7 @@
-"""All screen-space methods at 1 sample a pixel: errors and spectra."""
+"""All screen-space methods at 1 sample a pixel: pictures of their errors."""
 
 from functools import partial
 
-from figures._screen_space import sheet
+from figures._screen_space import pictures
 
-make = partial(sheet, 1)
+make = partial(pictures, 1)

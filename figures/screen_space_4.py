@@ -1,7 +1,7 @@
-"""All screen-space methods at 4 samples a pixel: errors and spectra."""
+"""All screen-space methods at 4 samples a pixel: pictures of their errors."""
 
 from functools import partial
 
-from figures._screen_space import sheet
+from figures._screen_space import pictures
 
-make = partial(sheet, 4)
+make = partial(pictures, 4)

@@ -8,9 +8,11 @@ from typing import Any, ClassVar
 import jax
 import numpy as np
 from jax import Array
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import qmcjax as qj
+from figures import _tables, plot
 from figures.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
 from qmcjax.core.pytrees import pytree
@@ -23,22 +25,25 @@ CALLS = 5
 ALIKE = 1.25
 """Ratio of times that are about the same."""
 
+PRINTED_SPP = tuple(2**k for k in range(14))
 PRINTED = {
-    "(0,2)": {"1": 0.2, "4": 0.5, "16": 1.2, "64": 4.0, "256": 14.0, "1024": 64.5, "4096": 213.5},
-    "Sobol'": {"1": 0.2, "4": 0.8, "16": 1.8, "64": 6.5, "256": 25.5, "1024": 105.5, "4096": 418.5},
-    "Heitz": {"1": 0.2, "4": 0.5, "16": 1.2, "64": 4.0, "256": 14.0, "1024": 57.5, "4096": 265.5},
-    "Z": {"1": 0.5, "4": 0.5, "16": 1.2, "64": 4.0, "256": 15.0, "1024": 57.5, "4096": 230.5},
+    "(0,2)": (0.2, 0.5, 0.5, 0.8, 1.2, 2.0, 4.0, 7.5, 14.0, 28.0, 64.5, 107.5, 213.5, 427.5),
+    "Sobol'": (0.2, 0.5, 0.8, 1.0, 1.8, 3.5, 6.5, 12.5, 25.5, 51.5, 105.5, 213.5, 418.5, 837.5),
+    "Heitz": (0.2, 0.5, 0.5, 0.8, 1.2, 2.0, 4.0, 8.0, 14.0, 27.5, 57.5, 113.5, 265.5, 422.5),
+    "Z": (0.5, 0.5, 0.5, 0.8, 1.2, 2.0, 4.0, 7.5, 15.0, 28.5, 57.5, 113.5, 230.5, 461.5),
 }
-"""Seconds."""
+"""Seconds, by number of samples."""
+
+RATIOS = (("Z", "(0,2)"), ("Z", "Heitz"), ("Sobol'", "Z"))
 
 NOTE = (
-    "{width} x {height} pixels. Left: a soft shadow in four dimensions stands in for the paper's scene, so "
-    "that ratios between samplers compare, not seconds; what a sample costs beyond its point is little "
+    "{width} x {height} pixels. The table: a soft shadow in four dimensions stands in for the paper's scene, "
+    "so that ratios between samplers compare, not seconds; what a sample costs beyond its point is little "
     "here, and the samplers' own costs show more than in a path tracer. (0,2) is the Sobol' sequence "
-    "xor-scrambled in each pixel, its four dimensions not padded. Right: the mean of x y at {spp} samples a "
-    "pixel, which is generation and little else. Medians of {calls} images after the first, each with a new "
-    "key, the samplers taking turns. Where all pixels have one sequence but for an xor, an image computes "
-    "its points once. Heitz stands for our ranked sampler. Drafts are small and say little."
+    "xor-scrambled in each pixel, its four dimensions not padded. The dots: the mean of x y at {spp} samples "
+    "a pixel, which is generation and little else. Medians of {calls} images after the first, each with a "
+    "new key, the samplers taking turns. Where all pixels have one sequence but for an xor, an image "
+    "computes its points once. Heitz stands for our ranked sampler. Drafts are small and say little."
 )
 
 
@@ -116,7 +121,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     ratios = {
         f"{one} / {other}": {s: images[one][s] / images[other][s] for s in images[one]}
-        for one, other in (("Z", "(0,2)"), ("Z", "Heitz"), ("Sobol'", "Z"))
+        for one, other in RATIOS
     }
     kinds = rates["Z, hash"] / rates["Z, tree"]
     numbers = {
@@ -129,7 +134,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "million samples a second": rates,
             "rate / rate of raster order": {name: r / rates["raster order"] for name, r in rates.items()},
         },
-        "printed": {"seconds": PRINTED},
+        "printed": {
+            "seconds": {
+                name: dict(zip(map(str, PRINTED_SPP), times, strict=True)) for name, times in PRINTED.items()
+            }
+        },
         "claims": {
             "Z takes about as long as (0,2), within 25 %": _within(ratios["Z / (0,2)"]),
             "Z takes about as long as Heitz, within 25 %": _within(ratios["Z / Heitz"]),
@@ -138,27 +147,51 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(width=width, height=height, spp=RATE_SPP, calls=calls),
     }
-    return _draw(images, rates), numbers
+    with plot.rc():
+        return _draw(images, rates, f"{width} x {height} pixels"), numbers
 
 
 def _within(ratios: dict[str, float]) -> dict[str, bool]:
     return {f"{s} spp": 1 / ALIKE < ratio < ALIKE for s, ratio in ratios.items()}
 
 
-def _draw(images: dict[str, dict[str, float]], rates: dict[str, float]) -> Figure:
-    figure = Figure(figsize=(11, 4.5), layout="constrained")
-    times, bars = figure.subplots(1, 2)
-    for name, column in images.items():
-        spp = [int(s) for s in column]
-        (line,) = times.loglog(spp, list(column.values()), "o-", label=name)
-        scale = column["16"] / PRINTED[name]["16"]
-        printed = [scale * PRINTED[name][s] for s in column]
-        times.loglog(spp, printed, ":", color=line.get_color())
-    times.set(
-        xlabel="samples a pixel", ylabel="seconds an image", title="A soft shadow; dotted: printed, scaled"
-    )
-    times.legend()
-    bars.barh(list(rates), list(rates.values()), color="tab:blue")
-    bars.invert_yaxis()
-    bars.set(xlabel="million samples a second", title=f"x y at {RATE_SPP} samples a pixel")
+def _draw(images: dict[str, dict[str, float]], rates: dict[str, float], size: str) -> Figure:
+    figure = Figure(figsize=(12.5, 4.9), layout="constrained")
+    figure.suptitle("Run times of images by sampler (Z paper, Table 1)", fontsize=11)
+    table, dots = figure.subplots(1, 2, width_ratios=(2.5, 1))
+    _draw_table(table, images, size)
+    _draw_rates(dots, rates)
     return figure
+
+
+def _draw_table(axes: Axes, images: dict[str, dict[str, float]], size: str) -> None:
+    """Write our seconds, and ratios of times: ours with the paper's on their right."""
+    rows = []
+    for k, spp in enumerate(PRINTED_SPP):
+        row = [str(spp), *(_seconds(of.get(str(spp))) for of in images.values())]
+        for one, other in RATIOS:
+            is_measured = str(spp) in images[one]
+            row.append(f"{images[one][str(spp)] / images[other][str(spp)]:.2f}" if is_measured else "")
+            row.append(f"{PRINTED[one][k] / PRINTED[other][k]:.2f}")
+        rows.append(row)
+    first = 1 + len(images)
+    groups = [(f"seconds, a soft shadow, {size}", 1, first - 1)]
+    for k, (one, other) in enumerate(RATIOS):
+        groups.append((f"{one} / {other}", first + 2 * k, first + 2 * k + 1))
+    _tables.draw(axes, ["spp", *images, *("ours", "paper") * len(RATIOS)], rows, groups)
+
+
+def _seconds(value: float | None) -> str:
+    return "" if value is None else f"{value:.3f}" if value < 1 else f"{value:.2f}"
+
+
+def _draw_rates(axes: Axes, rates: dict[str, float]) -> None:
+    for y, (name, rate) in enumerate(rates.items()):
+        drawn = plot.style(name, rates)
+        axes.plot([0, rate], [y, y], color="0.85", lw=1, zorder=0)
+        axes.plot(rate, y, drawn.marker, color=drawn.color, ms=7)
+        axes.annotate(f"{rate:.0f}", (rate, y), (8, 0), textcoords="offset points", va="center", fontsize=8)
+    axes.set_yticks(range(len(rates)), list(rates))
+    axes.invert_yaxis()
+    axes.margins(x=0.15)
+    axes.set(xlim=(0, None), xlabel="million samples per second", title=f"x y at {RATE_SPP} spp")

@@ -57,6 +57,8 @@ SAMPLERS: dict[str, Style] = {
     "Z, hash": Style(BLUE, "o"),
     "Z, tree": Style(BLUE, "s", "--"),
     "Z, ART": Style(BLUE, "^", "-."),
+    "Z, multiplicative": Style(BLUE, "D", ":"),
+    "Z, joint": Style(BLUE, "*", "-."),
     # Along other curves.
     "Hilbert, Halton (2,3)": Style(VERMILLION, "o"),
     "Hilbert, Halton (3,5)": Style(VERMILLION, "s", "--"),

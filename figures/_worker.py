@@ -80,8 +80,10 @@ def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Fi
     import matplotlib.pyplot as plt
     from matplotlib.figure import Figure
 
+    from figures._rc import rc
+
     # What a figure does to matplotlib's parameters must not reach the next one.
-    with plt.rc_context():
+    with rc():
         made = make(task.quality, progress)
         if not (len(made) in (2, 3) and isinstance(made[0], Figure) and isinstance(made[1], dict)):
             found = f"({', '.join(type(part).__name__ for part in made)})"

@@ -1,5 +1,6 @@
 """Points, orders, images, spectra and convergence as all figures draw them: one line each in a notebook."""
 
+from figures._rc import rc as rc
 from figures.plot._convergence import convergence as convergence
 from figures.plot._images import difference as difference
 from figures.plot._images import image as image
@@ -10,5 +11,4 @@ from figures.plot._points import points as points
 from figures.plot._spectra import spectrum as spectrum
 from figures.plot._style import SAMPLERS as SAMPLERS
 from figures.plot._style import Style as Style
-from figures.plot._style import rc as rc
 from figures.plot._style import style as style

@@ -68,6 +68,7 @@ def points(
     look: dict[str, Any] = {"ls": "", "marker": "o", "ms": size, "mew": 0} | style
     ax.plot(array[:, 0], array[:, 1], **look)
     ax.set(xlim=(0, 1), ylim=(0, 1), xticks=[0, 1], yticks=[0, 1], aspect="equal")
+    ax.spines[:].set_visible(True)
     ax.set_title(title)
     return ax
 

@@ -1,24 +1,12 @@
 """One table of samplers: colour, marker and line of each, wherever it is drawn."""
 
 from collections.abc import Iterable
-from contextlib import AbstractContextManager
 from typing import NamedTuple
 
-import matplotlib
+from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 
-BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, VERMILLION, PURPLE = (
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#F0E442",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-)
-"""Colours that colour-blind readers tell apart (M. Okabe, K. Ito, "Color Universal Design", 2008)."""
-
-GREY, DARK = "#999999", "#555555"
+YELLOW = "#F0E442"
+DARK = "#555555"
 
 
 class Style(NamedTuple):
@@ -60,6 +48,8 @@ SAMPLERS: dict[str, Style] = {
     "Z, multiplicative": Style(BLUE, "D", ":"),
     "Z, joint": Style(BLUE, "*", "-."),
     # Along other curves.
+    # Along other curves, and from pixel to pixel in rows.
+    "raster, Owen-Sobol'": Style(GREY, "s"),
     "Hilbert, Halton (2,3)": Style(VERMILLION, "o"),
     "Hilbert, Halton (3,5)": Style(VERMILLION, "s", "--"),
     "Hilbert, Owen-Sobol'": Style(VERMILLION, "D", "-."),
@@ -89,6 +79,11 @@ _SAME = {
     "dither, vectors": "dither mask",
     "Hilbert, segments (3,5)": "Hilbert, segments",
     "independent": "random",
+    "Owen, each pixel": "(0,2), Owen",
+    "global Sobol', xor": "Sobol', full screen",
+    "raster, Owen": "raster, Owen-Sobol'",
+    "Hilbert, Owen": "Hilbert, Owen-Sobol'",
+    "Hilbert, Halton": "Hilbert, Halton (2,3)",
 }
 """Names that figures have taken from the papers for what the table has."""
 
@@ -123,21 +118,3 @@ def style(name: str, among: Iterable[str] = ()) -> Style:
         return SAMPLERS[known]
     others = [other for other in dict.fromkeys((*among, name)) if _SAME.get(other, other) not in SAMPLERS]
     return OWN[others.index(name) % len(OWN)]
-
-
-def rc() -> AbstractContextManager[None]:
-    """Return the context in which text is at least 8 pt at the printed size, and grids are light."""
-    return matplotlib.rc_context(
-        {
-            "font.size": 9,
-            "axes.titlesize": 9,
-            "axes.labelsize": 9,
-            "xtick.labelsize": 8,
-            "ytick.labelsize": 8,
-            "legend.fontsize": 8,
-            "axes.grid": False,
-            "grid.alpha": 0.3,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-        }
-    )

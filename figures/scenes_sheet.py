@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
-from figures import _points
+from figures._image_grid import Panel, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.scenes import traced
 
@@ -47,11 +47,8 @@ def every_scene() -> dict[str, Any]:
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the exact image of each scene, and measure."""
     side, keys, every = SIDE[quality], KEYS[quality], every_scene()
-    figure, axes = _points.panels(
-        len(every), f"Scenes and their exact images, {side} x {side} pixels", columns=6
-    )
-    measured = {}
-    for done, ((name, scene), panel) in enumerate(zip(every.items(), axes, strict=True), start=1):
+    measured, panels = {}, []
+    for done, (name, scene) in enumerate(every.items(), start=1):
         exact, bound = scene.reference(side, side)
         numbers = {"needs": list(scene.needs), **_integral(scene), "bound": bound}
         # Rounding is no value: a 0 that is off by 1e-15 is written as 0.
@@ -61,22 +58,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             numbers["error over random"] = _error(scene, exact, keys, _along) / _error(
                 scene, exact, keys, _random
             )
-            ratio = f", error over random {numbers['error over random']:.2f}"
+            ratio = f", error / random {numbers['error over random']:.2f}"
         measured[name] = numbers
-        panel.imshow(
-            exact,
-            cmap="gray",
-            vmin=low if high > low else low - 1,
-            vmax=high if high > low else high + 1,
-            interpolation="nearest",
-        )
-        panel.set_title(
-            f"{name} [{low:.3g}, {high:.3g}]\n{_shortened(scene.needs)}\nbound {bound:.0e}{ratio}", fontsize=7
-        )
-        panel.set_axis_off()
+        caption = f"{name} [{low:.3g}, {high:.3g}]\n{_shortened(scene.needs)}\nbound {bound:.0e}{ratio}"
+        panels.append(Panel(caption, exact, (low, high) if high > low else (low - 1, high + 1)))
         progress(done / len(every))
     summed = ", ".join(f"{width} x {height}" for width, height in SUMMED)
-    return figure, {
+    return image_grid(f"Scenes and their exact images, {side} x {side} pixels", panels, 5, 320), {
         "measured": measured,
         "note": NOTE.format(side=side, summed=summed, spp=SPP, keys=keys),
     }

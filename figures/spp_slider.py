@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
-from figures._sheets import Row, image_sheet
+from figures._image_grid import Panel, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 128
@@ -43,16 +43,17 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     scene = scenes.checkerboard()
     reference, bound = scene.reference(SIDE, SIDE)
     images: dict[str, NDArray] = {"exact reference": np.asarray(reference)}
-    rows: dict[str, dict[str, NDArray]] = {}
+    panels: list[Panel] = []
     errors: dict[str, dict[str, float]] = {}
     for done, spp in enumerate(COUNTS, start=1):
-        row = rows.setdefault(f"{spp} spp", {})
         for name, sampler in ways(spp).items():
             image = np.asarray(qj.render(scene, sampler, SIDE, SIDE, spp))
-            images[f"{name}, {spp} spp"] = row[name] = image
-            errors.setdefault(name, {})[f"{spp} spp"] = float(np.sqrt(np.mean((image - reference) ** 2)))
+            images[f"{name}, {spp} spp"] = image
+            error = float(np.sqrt(np.mean((image - reference) ** 2)))
+            errors.setdefault(name, {})[f"{spp} spp"] = error
+            panels.append(Panel(f"{name}, {spp} spp\nRMS error {error:.4f}", image))
         progress(done / len(COUNTS))
     measured = {"rms_error": errors, "reference_error_bound": float(bound)}
-    title = "The checkerboard, from 1 to 256 samples per pixel"
-    figure = image_sheet(title, {count: Row(row) for count, row in rows.items()}, panel=SIDE)
+    columns = len(panels) // len(COUNTS)
+    figure = image_grid("The checkerboard, from 1 to 256 samples per pixel", panels, columns, 2 * SIDE)
     return figure, {"measured": measured, "note": NOTE}, images

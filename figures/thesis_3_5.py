@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 import qmcjax as qj
-from figures import _points
+from figures._image_grid import Panel, image_grid
 from qmcjax import samplers, scenes, sequences
 
 KEY = 1
@@ -22,12 +22,12 @@ STILL_SPP = 4
 
 NOTE = (
     "The scene is ours: a disc that crosses the picture, jumps, and crosses again. {spp} samples a pixel, "
-    "{side} x {side} pixels, above with gray values from 0 to the highest. Positions inside the pixel are "
+    "{side} x {side} pixels, gray values from 0 to the highest. Positions inside the pixel are "
     "Owen-scrambled in each pixel but in the accumulation buffer, where all pixels have the same. 'filtered' "
-    "is the RMS error after a Gaussian of 1.5 pixels, about what an eye sees. Below: the disc before a zone "
-    "plate, random samples. Where the disc passes, all {spp} samples shade the zone plate, too, and it has "
-    "less noise there than beside, where 4 are taken; the variance invariant method takes 4 in both. Its "
-    "noise is measured between keys where the disc covers 0.5 to 30 %, over that of 4 samples alone."
+    "is the RMS error after a Gaussian of 1.5 pixels, about what an eye sees. The last two: the disc before "
+    "a zone plate, random samples. Where the disc passes, all {spp} samples shade the zone plate, too, and "
+    "it has less noise there than beside, where 4 are taken; the variance invariant method takes 4 in both. "
+    "Its noise is measured between keys where the disc covers 0.5 to 30 %, over that of 4 samples alone."
 )
 
 
@@ -35,8 +35,8 @@ def ways(spp: int, tile: int = 4) -> dict[str, Any]:
     """Return the samplers of Sect. 3.1."""
     times, own = sequences.van_der_corput(), samplers.independent(sequences.sobol(2), KEY)
     return {
-        "same times in all pixels\n(dependent tests)": samplers.interleaved(times, spp, 1, own),
-        "rotated in each pixel\n(Cranley-Patterson)": samplers.independent(
+        "same times in all pixels (dependent tests)": samplers.interleaved(times, spp, 1, own),
+        "rotated in each pixel (Cranley-Patterson)": samplers.independent(
             sequences.sobol(3), KEY, randomize="shift"
         ),
         "interleaved, 4 x 4 pixels": samplers.interleaved(times, spp, tile, own),
@@ -53,27 +53,23 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for done, (name, sampler) in enumerate(ways(SPP).items(), start=1):
         image = np.asarray(qj.render(BALL, sampler, side, side, SPP), np.float64)
         images[name] = image
-        errors[name.replace("\n", " ")] = {
+        errors[name] = {
             "rms": float(np.sqrt(np.mean((image - exact) ** 2))),
             "filtered": analysis.filtered_error(image, exact),
         }
         progress(0.1 * done)
     layers, noise = _layers(side, exact, 32 if quality == "paper" else 12)
 
-    columns = len(images)
-    figure, axes = _points.panels(
-        columns + len(layers),
-        f"A disc that moves and jumps, {SPP} samples a pixel (thesis, Fig. 3.5 and Sect. 3.1)",
-        columns=columns,
-    )
-    captions = list(images) + [f"{name}\nnoise on / off the path {noise[name]:.2f}" for name in layers]
-    for k, (panel, caption) in enumerate(zip(axes, captions, strict=True)):
-        image, brightest = (
-            ([*images.values()][k], exact.max()) if k < columns else ([*layers.values()][k - columns], 1)
-        )
-        panel.imshow(image, cmap="gray", vmin=0, vmax=brightest, interpolation="nearest")
-        panel.set_title(caption, fontsize=8)
-        panel.set_axis_off()
+    title = f"A disc that moves and jumps, {SPP} samples per pixel (thesis, Fig. 3.5 and Sect. 3.1)"
+    brightest = float(exact.max())
+    panels = [Panel(f"exact\nwhite: {brightest:.2f}", exact, (0.0, brightest))]
+    for name, of in errors.items():
+        caption = f"{name}\nRMS error {of['rms']:.4f}, filtered {of['filtered']:.4f}"
+        panels.append(Panel(caption, images[name], (0.0, brightest)))
+    for name, image in layers.items():
+        caption = f"before a zone plate: {name}\nnoise on / off the path {noise[name]:.2f}"
+        panels.append(Panel(caption, image))
+    figure = image_grid(title, panels, 4, 384)
     numbers = {
         "measured": {"errors": errors, "noise on / off the path": noise},
         "claims": _claims(errors, noise),

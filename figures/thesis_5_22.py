@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 import analysis
 from figures import _points
+from figures._image_grid import Panel, image_grid
 from qmcjax import sequences
 
 NETS = {
@@ -24,25 +25,24 @@ SHARE = "share of power in the strongest 1 % of frequencies"
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the spectra, and measure how much of their power is in how few frequencies."""
     del quality  # Exact, and quick at full size.
-    figure, axes = _points.panels(
-        len(NETS), "Power spectra of nets, P = 1 for white noise, |k| up to 128 (thesis Fig. 5.22)", columns=3
-    )
     measured: dict[str, dict[str, float]] = {}
+    panels = []
     for k, (name, (net, m)) in enumerate(NETS.items()):
         spectrum = np.array(analysis.point_spectrum(_points.block(net(m), 2**m), 2 * HIGHEST + 1))
         spectrum[0, 0] = 0.0
-        axes[k].imshow(
-            np.fft.fftshift(spectrum),
-            cmap="gray",
-            vmax=LARGEST_SHOWN,
-            origin="lower",
-            extent=(-HIGHEST - 0.5, HIGHEST + 0.5, -HIGHEST - 0.5, HIGHEST + 0.5),
+        measured[name] = of = _statistics(spectrum, 2**m)
+        caption = (
+            f"{name}, {2**m} points\nhighest P = {of['highest power / n']:.2f} n,\n"
+            f"{of[SHARE]:.0%} of the power in the strongest 1 % of frequencies"
         )
-        axes[k].set_title(name, fontsize=9)
-        axes[k].set(xticks=[-HIGHEST, 0, HIGHEST], yticks=[-HIGHEST, 0, HIGHEST])
-        measured[name] = _statistics(spectrum, 2**m)
+        # Frequencies upward, as the thesis draws points.
+        panels.append(Panel(caption, np.fft.fftshift(spectrum)[::-1], (0.0, LARGEST_SHOWN)))
         progress((k + 1) / len(NETS))
-    figure.colorbar(axes[0].images[0], ax=figure.axes, shrink=0.6, label="P, white from 32 on")
+    title = (
+        f"Power spectra of nets, P of white noise is 1 (thesis Fig. 5.22)\n|k| up to {HIGHEST} along both "
+        f"axes, 0 in the middle; black is P = 0, white from {LARGEST_SHOWN:g} on"
+    )
+    figure = image_grid(title, panels, 3, 2 * (2 * HIGHEST + 1))
     numbers = {
         "measured": measured,
         "claims": {

@@ -47,7 +47,6 @@ SAMPLERS: dict[str, Style] = {
     "Z, ART": Style(BLUE, "^", "-."),
     "Z, multiplicative": Style(BLUE, "D", ":"),
     "Z, joint": Style(BLUE, "*", "-."),
-    # Along other curves.
     # Along other curves, and from pixel to pixel in rows.
     "raster, Owen-Sobol'": Style(GREY, "s"),
     "Hilbert, Halton (2,3)": Style(VERMILLION, "o"),

@@ -1,17 +1,28 @@
 """Errors over run times: their lines, which are best, and the time that an error takes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from figures.plot import Style, style
+
+ADAPTIVE = ", adaptive"
+"""What the names of programs and samplers end with that skip constant pixels."""
 
 Rows = list[dict]
 """Each has ``spp``, ``seconds``, ``rms error`` and the name of what was measured."""
 
 
-def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, tuple[str, str]] | None = None) -> None:
-    """Draw a line for each name, with quartiles of times if rows have them; styles: colour and line."""
-    for k, name in enumerate(dict.fromkeys(row[by] for row in rows)):
+def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = None) -> None:
+    """Draw a line for each name, with quartiles of times if rows have them; by default in samplers' styles.
+
+    What is adaptive is drawn as what it is made of, dashed and with empty marks.
+    """
+    names = dict.fromkeys(row[by] for row in rows)
+    for name in names:
         chosen = [row for row in rows if row[by] == name]
         seconds = np.array([row["seconds"] for row in chosen])
         errors = [row["rms error"] for row in chosen]
@@ -19,10 +30,34 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, tuple[str, str]]
         if "seconds, lower quartile" in chosen[0]:
             edges = np.array([[row[f"seconds, {q} quartile"] for row in chosen] for q in ("lower", "upper")])
             spread = np.abs(edges - seconds)
-        color, style = styles[name] if styles else (f"C{k % 10}", "--" if "adaptive" in name else "-")
-        axes.errorbar(seconds, errors, xerr=spread, fmt=f"o{style}", ms=3, lw=1, color=color, label=name)
+        plain = name.removesuffix(ADAPTIVE)
+        drawn = styles[plain] if styles else style(plain, names)
+        look = {} if plain == name else {"ls": "--", "mfc": "white"}
+        axes.errorbar(
+            seconds,
+            errors,
+            xerr=spread,
+            **{"ls": drawn.line, "marker": drawn.marker, "ms": 4, "lw": 1, "color": drawn.color} | look,
+            label=name,
+        )
     axes.set(xscale="log", yscale="log", xlabel="seconds an image", ylabel="RMS error")
+    # Those of a decade would overlap.
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(alpha=0.3)
+
+
+def counted(rows: Rows) -> str:
+    """Return in words which numbers of samples rows have."""
+    counts = sorted({row["spp"] for row in rows})
+    return f"{counts[0]} spp" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} spp"
+
+
+def legend(figure: Figure, panels: Iterable[Axes], loc: str, title: str) -> None:
+    """Name beside all panels what they show."""
+    named = {
+        name: line for axes in panels for line, name in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(named.values(), named.keys(), loc=f"outside {loc}", title=title, frameon=False)
 
 
 def best(rows: Rows, by: str) -> Rows:

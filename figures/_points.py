@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures import plot
 from qmcjax.sequences import Sequence
 
 
@@ -13,7 +14,7 @@ def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, 
     """Return a figure with a row, or rows, of square panels."""
     columns = columns or count
     rows = -(-count // columns)
-    figure = Figure(figsize=(3 * columns, 3.2 * rows + 0.4), layout="constrained")
+    figure = Figure(figsize=(3 * columns, 3.3 * rows + 0.4), layout="constrained")
     figure.suptitle(title)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in axes[count:]:
@@ -25,15 +26,13 @@ def grid(axes: Axes, columns: int, rows: int, **style) -> None:
     """Draw the borders of ``columns`` times ``rows`` equal boxes."""
     style = {"color": "0.75", "lw": 0.6, "zorder": 0} | style
     for count, draw in ((columns, axes.axvline), (rows, axes.axhline)):
-        for k in range(count + 1):
+        for k in range(1, count):
             draw(k / count, **style)
 
 
 def scatter(axes: Axes, points: NDArray, title: str = "", **style) -> None:
     """Draw points of the half-open unit square, y upward as in the thesis."""
-    axes.plot(points[:, 0], points[:, 1], **({"ls": "", "marker": "o", "ms": 3, "color": "tab:blue"} | style))
-    axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal")
-    axes.set_title(title, fontsize=9)
+    plot.points(points, title=title, ax=axes, **style)
 
 
 def block(sequence: Sequence, n: int, start: int = 0) -> NDArray[np.float64]:

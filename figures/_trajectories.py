@@ -73,5 +73,5 @@ def draw(axes: Axes, curve: motion.Nurbs) -> None:
     """Draw a planar curve and its control polygon."""
     fine = at(curve, np.linspace(curve.knots[0], curve.knots[-1], 1001))
     axes.plot(*np.transpose(curve.control), "s--", color="0.6", ms=4, lw=0.8, label="control points")
-    axes.plot(*fine.T, color="tab:blue", lw=1.5, label="curve")
+    axes.plot(*fine.T, color="C0", lw=1.5, label="curve")
     axes.set(aspect="equal", xticks=[], yticks=[])

@@ -6,7 +6,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _peers, _process, _sweep
-from figures._error_over_time import best, lines, time_for
+from figures._error_over_time import best, counted, legend, lines, time_for
+from figures.plot import Style
+
+PROGRAMS = {
+    "qmcjax": Style("C0", "o"),
+    "NumPy + scipy": Style("C4", "s"),
+    "torch": Style("C1", "^"),
+    "C++, OpenMP": Style("C6", "D"),
+}
 
 NOTE = (
     "Images of {side} x {side} pixels, box filter, medians of calls after the first, each with a new key; "
@@ -31,24 +39,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
     columns = 3
     rows = -(-(len(names) + len(compared)) // columns)
-    figure = Figure(figsize=(5 * columns, 4.2 * rows), layout="constrained")
-    figure.suptitle("Error over run time (lower left is better; a point for each number of samples)")
+    figure = Figure(figsize=(3.3 * columns + 2, 3.2 * rows + 0.4), layout="constrained")
+    figure.suptitle("Error over run time, one point for each number of samples (lower left is better)")
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(names) + len(compared) :]:
         axes.set_axis_off()
-    for axes, name in zip(panels, names, strict=False):
+    of_samplers, of_programs = panels[: len(names)], panels[len(names) :][: len(compared)]
+    for axes, name in zip(of_samplers, names, strict=True):
         chosen = [row for row in sweep["rows"] if row["scene"] == name]
         lines(axes, chosen, "sampler")
-        axes.set_title(name)
-        axes.legend(fontsize=8)
+        axes.set_title(f"{name}, {sweep['side']} x {sweep['side']}, {counted(chosen)}")
     table = [
         {**row, "seconds": float(np.median(row["seconds"])), "rms error": row["error"]}
         for row in peers["rows"]
     ]
-    for axes, name in zip(panels[len(names) :], compared, strict=False):
-        lines(axes, [row for row in table if row["scene"] == name], "program")
-        axes.legend(fontsize=8)
-        axes.set_title(f"{name}: other programs, {peers['side']} x {peers['side']}")
+    for axes, name in zip(of_programs, compared, strict=True):
+        chosen = [row for row in table if row["scene"] == name]
+        lines(axes, chosen, "program", PROGRAMS)
+        axes.set_title(f"{name.replace('_', ' ')}, {peers['side']} x {peers['side']}, {counted(chosen)}")
+    legend(figure, of_samplers, "right upper", "samplers")
+    legend(figure, of_programs, "right lower", "programs")
     return figure, {
         "table": sweep["rows"],
         "measured": {

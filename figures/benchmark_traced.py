@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
 
-from figures import _mitsuba, _sweep, _traced_sweep
-from figures._error_over_time import best, lines, time_for
+from figures import _mitsuba, _traced_sweep
+from figures._error_over_time import best, counted, legend, lines, time_for
 from figures._traced_sweep import OURS
+from figures.plot import Style, style
 
 
 class Size(NamedTuple):
@@ -28,14 +28,14 @@ SIZES = {
     "paper": Size(128, (1, 4, 16, 64), 5, 4, 5, 8192),
 }
 
-STYLES = {name: (f"C{k}", "-") for k, name in enumerate(_sweep.SAMPLERS) if name in OURS} | {
-    "Mitsuba, independent": ("C3", "--"),
-    "Mitsuba, stratified": ("C5", "--"),
-    "Mitsuba, multijitter": ("k", "--"),
-    "Mitsuba, orthogonal": ("C8", "--"),
-    "Mitsuba, ldsampler": ("C9", "--"),
+STYLES = {name: style(name) for name in OURS} | {
+    "Mitsuba, independent": Style(*style("random")[:2], "--"),
+    "Mitsuba, stratified": Style(*style("jittered grid")[:2], "--"),
+    "Mitsuba, multijitter": Style("C2", "v", "--"),
+    "Mitsuba, orthogonal": Style("C2", "^", "--"),
+    "Mitsuba, ldsampler": Style("C4", "D", "--"),
 }
-"""Colour and line; ours are coloured as in the figure benchmark."""
+"""Mitsuba's are dashed."""
 
 NOTE = (
     "{side} x {side} pixels, box filter, errors over linear RGB; all programs in one run, taking turns. "
@@ -53,9 +53,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Measure all samplers on all scenes, and draw error over time."""
     size = SIZES[quality]
     compared = dict(list(_traced_sweep.cases(size.bounces).items())[: size.scenes])
-    figure = Figure(figsize=(5 * min(3, size.scenes + 1), 4.6 * (1 + size.scenes // 3)), layout="constrained")
+    columns = min(3, size.scenes)
+    rows_of_panels = -(-size.scenes // columns)
+    figure = Figure(figsize=(3.5 * columns + 2, max(3.6, 3.3 * rows_of_panels)), layout="constrained")
     figure.suptitle("Error over run time of ray-traced scenes (lower left is better)")
-    panels = np.ravel(figure.subplots(1 + size.scenes // 3, min(3, size.scenes + 1)))
+    panels = np.ravel(figure.subplots(rows_of_panels, columns, squeeze=False))
+    for axes in panels[size.scenes :]:
+        axes.set_axis_off()
     measured: dict[str, dict] = {}
     table, origins = [], ""
     for done, (axes, (name, (scene, shared))) in enumerate(zip(panels, compared.items(), strict=False), 1):
@@ -63,14 +67,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         rows = _traced_sweep.rows(scene, shared, size.side, size.counts, size.turns, exact)
         lines(axes, rows, "sampler", STYLES)
         axes.axhline(exact.error, color="0.6", lw=0.8, zorder=0, label="error of the reference")
-        axes.set_title(name)
-        # Those of a decade would overlap.
-        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_title(f"{name}, {size.side} x {size.side}, {counted(rows)}")
         measured[name] = _compared(rows) | {"error of the reference": exact.error}
         table += [{"scene": name, **row} for row in rows]
         origins += f"{name}, {exact.origin}, RMS error {exact.error:.1e}. "
         progress(done / len(compared))
-    _legend(figure, panels, len(compared))
+    legend(figure, panels[: len(compared)], "right center", "samplers")
     missing = "" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."
     return figure, {
         "table": table,
@@ -129,11 +131,3 @@ def _below_random(table: list[dict], name: str) -> bool:
     errors = {(row["sampler"], row["spp"]): row["rms error"] for row in table if row["scene"] == name}
     last = max(spp for sampler, spp in errors if sampler == "random")
     return all(errors[sampler, last] < errors["random", last] for sampler in OURS if sampler != "random")
-
-
-def _legend(figure: Figure, panels: np.ndarray, used: int) -> None:
-    """Put one legend for all scenes into the first free panel."""
-    for axes in panels[used:]:
-        axes.set_axis_off()
-    handles, labels = panels[0].get_legend_handles_labels()
-    panels[used].legend(handles, labels, loc="center", fontsize=10, frameon=False)

@@ -34,6 +34,13 @@ POINT_SETS = {
 }
 
 LARGER_IS_BETTER = ("min distance", "Clark-Evans")
+UNITS = {
+    "min distance": "/ densest packing",
+    "Clark-Evans": "random: 1",
+    "dispersion": "times sqrt(n)",
+    "t": "base 2",
+}
+"""Columns that are no discrepancies."""
 
 
 def measures(points: NDArray[np.float64], m: int) -> dict[str, float | None]:
@@ -68,7 +75,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         table[name] = measures(_points.block(sequence(m), 2**m), m)
         progress(done / len(POINT_SETS))
     return _draw(table, m), {
-        "measured": {"points": 2**m, **table},
+        "measured": {
+            "points": 2**m,
+            **table,
+            "the first points of Sobol' and Larcher-Pillichshammer are one set": _same_set(
+                *(_points.block(POINT_SETS[name](m), 2**m) for name in ("Sobol'", "Larcher-Pillichshammer"))
+            ),
+        },
         "claims": {
             "the Larcher-Pillichshammer net has less star discrepancy than other nets and lattices": {
                 name: table["Larcher-Pillichshammer net"]["star"] < table[name]["star"]
@@ -79,8 +92,17 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "key. Distances are on the torus. The minimum distance is relative to that of the densest packing, "
         "Clark-Evans the mean distance to the nearest neighbour over that of random points, dispersion "
         "the radius of the largest empty disc times sqrt(n). t is that of a net in base 2, left out where it "
-        "is m. Poisson disks do not tile and have no set number: they are not in the table.",
+        "is m. Poisson disks do not tile and have no set number: they are not in the table. The sequences of "
+        "Sobol' and of Larcher and Pillichshammer have the same measures: I, P of the one and U, P U of the "
+        "other differ by an upper triangular matrix U, which permutes the first 2^m indices, so the first "
+        "2^m points are one set in two orders. In nets, where i / n is a coordinate, the order counts: the "
+        "first component of Sobol's makes the Hammersley net, theirs the Larcher-Pillichshammer net. The "
+        "wrap-around and the periodic discrepancy do not tell the digital nets apart.",
     }
+
+
+def _same_set(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    return np.array_equal(*(points[np.lexsort(points.T)] for points in (one, other)))
 
 
 def _draw(table: dict[str, dict[str, float | None]], m: int) -> Figure:
@@ -93,15 +115,20 @@ def _draw(table: dict[str, dict[str, float | None]], m: int) -> Figure:
         shades[:, j] = [np.nan if np.isnan(k) else np.mean(key[~np.isnan(key)] < k) for k in key]
 
     figure = Figure(figsize=(1.6 + 1.05 * len(columns), 1.2 + 0.32 * len(table)), layout="constrained")
-    figure.suptitle(f"{2**m} points in the unit square: dark is best of the column")
+    figure.suptitle(
+        f"{2**m} points in the unit square: dark is best of the column (arrows: up if larger is better)"
+    )
     axes = figure.subplots()
     axes.imshow(shades, cmap="Blues_r", vmin=-0.2, vmax=1.4, aspect="auto")
     for (i, j), value in np.ndenumerate(values):
         text = "" if np.isnan(value) else f"{value:.4g}"
         color = "white" if shades[i, j] < 0.35 else "black"
         axes.text(j, i, text, ha="center", va="center", fontsize=8, color=color)
-    axes.set_xticks(range(len(columns)), columns, fontsize=8)
-    axes.set_yticks(range(len(table)), list(table), fontsize=8)
+    arrows = {column: "\u2191" if column in LARGER_IS_BETTER else "\u2193" for column in columns}
+    heads = [f"{arrows[column]} {column}\n{UNITS.get(column, 'discrepancy')}" for column in columns]
+    axes.set_xticks(range(len(columns)), heads)
+    axes.set_yticks(range(len(table)), list(table))
+    axes.spines[:].set_visible(False)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     return figure

@@ -3,9 +3,12 @@
 import os
 from collections.abc import Callable
 
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from figures import _point_speed, _process
+from figures.plot import Style
 
 SETTINGS = {"4 KiB pages": None, "large pages": "glibc.malloc.hugetlb=1"}
 """The memory that programs get from malloc: as it comes, and as GLIBC_TUNABLES asks for."""
@@ -13,11 +16,17 @@ SETTINGS = {"4 KiB pages": None, "large pages": "glibc.malloc.hugetlb=1"}
 ALIKE = 1.25
 """Ratio of rates that are about the same."""
 
-COLORS = {"float32": "tab:blue", "float64": "tab:cyan", "scipy": "0.35", "QMCPy": "0.6", "torch": "0.8"}
+STYLES = {
+    "float32": Style("C0", "o"),
+    "float64": Style("C5", "D"),
+    "scipy": Style("C4", "s"),
+    "QMCPy": Style("C2", "v"),
+    "torch": Style("C1", "^"),
+}
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure in processes of their own, one setting after the other, and draw bars."""
+    """Measure in processes of their own, one setting after the other, and draw dots."""
     measured = {}
     for done, (name, tunables) in enumerate(SETTINGS.items(), start=1):
         measured[name] = _measure(quality, tunables)
@@ -25,20 +34,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     first, *_ = measured.values()
     titles = [entry["case"] for entry in first["cases"]]
 
-    figure = Figure(figsize=(12, 1.2 + 1.05 * len(titles)), layout="constrained")
-    figure.suptitle("Points made, median of calls after others (bars: higher is better)")
+    figure = Figure(figsize=(11, 1.2 + 0.5 * len(titles)), layout="constrained")
+    figure.suptitle("Points made, median of calls after others (further right is better)")
     for axes, (name, result) in zip(
         figure.subplots(1, 2, sharey=True, sharex=True), measured.items(), strict=True
     ):
-        _bars(axes, result["cases"])
+        _dots(axes, result["cases"])
         axes.set(title=name, xlabel="coordinates a second", xscale="log")
         axes.grid(axis="x", alpha=0.3)
-    drawn = {
-        label: bar
-        for axes in figure.axes
-        for bar, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(drawn.values(), drawn.keys(), loc="outside lower center", ncols=len(drawn))
+    handles, labels = figure.axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     between = {
         f"{one} / {other}": {
             name: _rate(of["cases"], one) / _rate(of["cases"], other) for name, of in measured.items()
@@ -75,22 +80,26 @@ def _measure(quality: str, tunables: str | None) -> dict:
     return _process.measured(_point_speed, quality, environment)
 
 
-def _bars(axes, cases: list[dict]) -> None:
-    labelled = set()
+def _dots(axes: Axes, cases: list[dict]) -> None:
+    """Draw a row of dots for each case: on a logarithmic axis there is nothing that bars could begin at."""
     for row, case in enumerate(cases):
         rates = case["ours"] | case["peers"]
-        height = 0.8 / len(COLORS)
-        for k, (name, color) in enumerate(COLORS.items()):
-            if name in rates:
-                label = f"qmcjax, {name}" if name in case["ours"] else name
-                axes.barh(
-                    row + (k - 2) * height,
-                    rates[name],
-                    height,
-                    color=color,
-                    label=label if name not in labelled else None,
-                )
-                labelled.add(name)
+        axes.plot([min(rates.values()), max(rates.values())], [row, row], color="0.8", lw=1, zorder=0)
+    for name, look in STYLES.items():
+        of = [(case["ours"] | case["peers"]).get(name, np.nan) for case in cases]
+        ours = any(name in case["ours"] for case in cases)
+        if not np.isnan(of).all():
+            # Hollow, so that none hides another.
+            axes.plot(
+                of,
+                range(len(cases)),
+                look.marker,
+                color=look.color,
+                ms=6,
+                mfc="none",
+                mew=1.5,
+                label=f"qmcjax, {name}" if ours else name,
+            )
     axes.set_yticks(range(len(cases)), [case["case"].replace(", ", ",\n") for case in cases])
     if not axes.yaxis_inverted():
         axes.invert_yaxis()

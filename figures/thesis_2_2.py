@@ -38,7 +38,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure, axes = pair("Two parametrisations of a NURBS curve (thesis Fig. 2.2)")
     for panel, (name, of) in zip(axes, points.items(), strict=True):
         draw(panel, CURVE)
-        panel.plot(*of.T, "o", mfc="white", color="tab:red", ms=5, label="equal times apart")
+        panel.plot(*of.T, "o", mfc="white", color="C1", ms=5, label="equal times apart")
         ratio = measured[name]["longest step / shortest"]
         panel.set_title(f"{name}\nlongest step / shortest = {ratio:.4g}", fontsize=9)
     legend(figure)

@@ -31,7 +31,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for panel, (name, curve) in zip(axes, curves.items(), strict=True):
         measured[name] = found = _at_bottom(curve)
         draw(panel, curve)
-        panel.plot(*CORNER.control[BOTTOM], "s", color="tab:red", ms=5)
+        panel.plot(*CORNER.control[BOTTOM], "s", color="C1", ms=5)
         panel.set_title(f"{name}\nturn at the bottom {found['turn, degrees']:.1f}°", fontsize=9)
     legend(figure)
     corner, smooth = measured.values()

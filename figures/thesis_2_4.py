@@ -36,7 +36,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     draw(left, CURVE)
     _draw_segments(left, CURVE)
     left.legend(fontsize=8)
-    for (name, of), color, marker in zip(errors.items(), ("tab:blue", "tab:orange"), "ov", strict=True):
+    for (name, of), color, marker in zip(errors.items(), ("C0", "C4"), "ov", strict=True):
         right.loglog(
             PIECES, of, color=color, marker=marker, ms=4, label=f"curve {name}, slope {slopes[name]:.2f}"
         )
@@ -65,4 +65,4 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 def _draw_segments(axes, curve: motion.Nurbs) -> None:
     ends = at(curve, np.linspace(curve.knots[0], curve.knots[-1], SHOWN + 1))
-    axes.plot(*ends.T, "o-", color="tab:red", ms=4, lw=0.8, label=f"{SHOWN} linear segments")
+    axes.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN} linear segments")

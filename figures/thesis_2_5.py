@@ -50,14 +50,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     left.plot(
         *divided[SHOWN].points.T,
         "o-",
-        color="tab:red",
+        color="C1",
         ms=4,
         lw=0.8,
         label=f"{SHOWN} segments of equal length",
     )
     left.legend(fontsize=8)
     right.loglog(COUNTS, bounds, "k:", label="bound that comes with the segments")
-    right.loglog(COUNTS, errors, "o-", color="tab:red", ms=4, label="largest error")
+    right.loglog(COUNTS, errors, "o-", color="C1", ms=4, label="largest error")
     right.set(xlabel="linear segments", ylabel="error / length of the curve")
     right.grid(alpha=0.3)
     right.legend(fontsize=8)

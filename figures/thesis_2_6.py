@@ -148,9 +148,9 @@ def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high
         arc = [turned(angle)[corner] for angle in np.linspace(0, stop, 60)]
         axes.plot(*np.transpose(arc), color="0.5", lw=0.7)
     kinds = (
-        (0.0, "tab:red", "start"),
-        (stop, "tab:blue", "end"),
-        (highest, "tab:green", "upper-left corner at its largest x"),
+        (0.0, "C1", "start"),
+        (stop, "C0", "end"),
+        (highest, "C2", "upper-left corner at its largest x"),
     )
     for angle, color, label in kinds:
         if label == "start" or label == "end" or angle != stop:

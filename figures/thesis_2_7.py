@@ -30,7 +30,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for panel, segments in zip(axes, SHOWN, strict=False):
         path = motion.approximated(_rotation(1.0), 0.0, 1.0, segments)
         panel.plot(np.cos(angles), np.sin(angles), color="0.7", lw=3, label="path")
-        panel.plot(*np.asarray(path.points).T, "o-", color="tab:red", ms=4, lw=1, label="linear segments")
+        panel.plot(*np.asarray(path.points).T, "o-", color="C1", ms=4, lw=1, label="linear segments")
         panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), xticks=[], yticks=[])
         panel.set_title(f"{segments} segments, error {_error(1.0, segments):.1%} of the radius", fontsize=8)
     axes[0].legend(fontsize=8, loc="center")

@@ -14,7 +14,7 @@ SEGMENTS = 8
 COUNTS = (*range(4, 13), 16, 20, 25, 32, 40)
 TIMES = np.linspace(0, 1, 20001)
 JUMPS = 3
-COLORS = ("tab:red", "tab:blue")
+COLORS = ("C1", "C0")
 HEIGHT = 0.5
 
 # Each jump is a parabola: a Bezier curve of degree 2, joined to the next by a knot as multiple as that.

@@ -36,14 +36,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     sampler = samplers.padded_replications(net, SIDE, SIDE, offsets=0)
     instances = screen(sampler, INSTANCES)
     together = np.concatenate(instances)
-    figure, axes = _points.panels(
-        INSTANCES + 1, "Padded replications: one net, shifted by whole pixels and jittered (thesis Fig. 5.11)"
-    )
-    for k, instance in enumerate(instances):
-        _points.scatter(axes[k], instance, f"instance {k}", color=f"C{k}")
-        _points.scatter(axes[-1], instance, "superimposed", color=f"C{k}")
-    for panel in axes:
-        _points.grid(panel, SIDE, SIDE)
     shifts = np.asarray(sampler.offsets.points(INSTANCES, dtype=jnp.float64))[:, :2] * SIDE
     frames = np.asarray(sequences.sobol(2).points(SIDE * SIDE * INSTANCES, dtype=jnp.float64))
     measured = {
@@ -57,14 +49,36 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "the same of four frames of the Sobol' sequence": analysis.min_distance(frames),
         "RMS error of the checkerboard": _errors(),
     }
-    return figure, {
+    title = "Padded replications: one net, shifted by whole pixels and jittered (thesis Fig. 5.11)"
+    return drawn(title, "instance", instances), {
         "measured": measured,
         "claims": _claims(measured, [_points.holds_one_each(i, 6) for i in instances]),
-        "note": "Toroidal distances. The net is Larcher and Pillichshammer's, as in the programs of the "
-        "thesis, which does not give the shifts. These keep distances, but not all elementary intervals. "
+        "note": "Toroidal distances; D* is the star discrepancy. The net is Larcher and Pillichshammer's, "
+        "as in the programs of the thesis, which does not give the shifts. These keep distances, "
+        "but not all elementary intervals. "
         f"Errors: {SCREEN} x {SCREEN} pixels, shifts and jitter of the Halton sequence against random ones, "
         f"the root mean square over {KEYS} keys.",
     }
+
+
+def drawn(title: str, name: str, sets: list[NDArray[np.float64]]) -> Figure:
+    """Draw sets of points over the pixels, and all of them together, with their measures."""
+    figure, axes = _points.panels(len(sets) + 1, title)
+    for k, points in enumerate(sets):
+        _points.scatter(axes[k], points, f"{name} {k}, {_quality(points)}", color=f"C{k}")
+        _points.scatter(axes[-1], points, color=f"C{k}")
+    axes[-1].set_title(f"superimposed, {_quality(np.concatenate(sets))}")
+    for panel in axes:
+        _points.grid(panel, SIDE, SIDE)
+    return figure
+
+
+def _quality(points: NDArray[np.float64]) -> str:
+    distance = analysis.nearest_statistics(points).relative_minimum
+    return (
+        f"t = {analysis.t_value(points)}, D* = {analysis.star_discrepancy(points):.4f}\n"
+        f"minimum distance {analysis.min_distance(points):.4f},\n{distance:.3f} of the densest packing's"
+    )
 
 
 def _claims(measured: dict, is_net: list[bool]) -> Claims:

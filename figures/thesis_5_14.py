@@ -65,7 +65,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 net[np.argsort(net[:, 0])], direct >> np.uint32(32 - M)
             ),
         },
-        "note": "Grey: the square with the net. Red: points beyond it, and where they are wrapped to.",
+        "note": "Grey: the square with the net. Orange: points beyond it, and where they are wrapped to.",
     }
 
 
@@ -75,6 +75,6 @@ def draw(axes, points: NDArray[np.int64], before: NDArray[np.int64], width: floa
     size = max(1.2, 12 / n**0.4)
     beyond = before[:, 0] >= n
     axes.axvspan(0, 1, color="0.93", zorder=0)
-    for chosen, color in ((~beyond, "tab:blue"), (beyond, "tab:red")):
-        _points.scatter(axes, (points[chosen] + 0.5) / n, title, ms=size, color=color)
-    axes.set_xlim(0, width)
+    for chosen, color in ((~beyond, "C0"), (beyond, "C1")):
+        axes.plot(*((points[chosen] + 0.5) / n).T, "o", ms=size, mew=0, color=color)
+    axes.set(xlim=(0, width), ylim=(0, 1), xticks=[0, 1], yticks=[0, 1], aspect="equal", title=title)

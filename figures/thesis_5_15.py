@@ -15,7 +15,7 @@ from qmcjax import sequences
 M = 5
 CASES = {5: "a", 4: "b", 3: "b", 2: "d", 1: "d", 0: "c"}
 NOTE = (
-    "Each panel shades a strip of intervals that one step of the proof compares, with its points in red. In "
+    "Each panel shades a strip of intervals that the proof compares in one step, its points in orange. In "
     "print, two formulas of the proof have the floor of m/2 for the ceiling: the range of r in case (c), "
     "which numbers 2**ceil(m/2) points on a diagonal, and Eq. 5.42, whose right side is that of "
     "2 (2**ceil(m/2) / 2)**2."
@@ -48,7 +48,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                     (corner[0] * 2**log_width / n, corner[1] * 2**log_height / n),
                     2**log_width / n,
                     2**log_height / n,
-                    color=("tab:orange", "gold")[k % 2],
+                    color=("C4", "gold")[k % 2],
                     alpha=0.5,
                     lw=0,
                 )
@@ -57,7 +57,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         _points.grid(panel, 2 ** (M - log_width), 2 ** (M - log_height))
         title = f"({case}) l = {log_width}: {2**log_width} x {2**log_height}"
         _points.scatter(panel, (points[~chosen] + 0.5) / n, title)
-        _points.scatter(panel, (points[chosen] + 0.5) / n, title, color="tab:red")
+        _points.scatter(panel, (points[chosen] + 0.5) / n, title, color="C1")
     diagonal = (points[:, 0] - points[:, 1]) % n
     along = _smallest_gap(points[diagonal == 0, 1], n)
     across = _smallest_gap(np.unique(diagonal), n)

@@ -60,7 +60,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 net[np.argsort(net[:, 0])], direct >> np.uint32(32 - M)
             ),
         },
-        "note": "Grey: the square with the net. Red: points beyond it, and where they are wrapped to. "
+        "note": "Grey: the square with the net. Orange: points beyond it, and where they are wrapped to. "
         "Distance with the sheared tiling. Step 1 moves P_1 and P_3, Eq. 5.45. The sentence above it moves "
         "P_0 and P_2: nets, too, but of squared distance 41, 164, 656 for m = 6, 8, 10.",
     }

@@ -43,8 +43,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     _points.scatter(axes[1], whole / (side * TILES), "tiles, each row moved by a quarter", ms=1.5)
     for row in range(TILES):
         left = np.arange(-1, TILES + 1) + row % 4 / 4
-        axes[1].vlines(left / TILES, row / TILES, (row + 1) / TILES, color="tab:red", lw=0.8)
-        axes[1].axhline(row / TILES, color="tab:red", lw=0.8)
+        axes[1].vlines(left / TILES, row / TILES, (row + 1) / TILES, color="C1", lw=0.8)
+        axes[1].axhline(row / TILES, color="C1", lw=0.8)
     patterned, sheared, alike = (
         analysis.squared_min_distance(points, side=period, shear=shear)
         for points, period, shear in ((whole, side * TILES, 0), (net, side, side // 4), (net, side, 0))

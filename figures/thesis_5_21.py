@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
+from figures import plot
 from qmcjax import sequences
 
 PRINTED = {
@@ -37,11 +38,14 @@ NETS = {
     "permutation": sequences.permutation_net,
 }
 SIZES = range(2, 17)
+STYLES = {"permutation, not sheared": plot.Style("C1", "x", ":")}
 NOTE = (
     "Squared distances on the integer grid. Permutation nets of even m: with the sheared tiling, whose "
     "rows are shifted by 2**(m - 2); the plain torus gives the column 'permutation, not sheared'. For m = 2 "
     "it is the Hammersley net: the construction starts at m = 4. Optimised matrices are from our own "
-    "search: for odd m from 9 on they have larger distances than the printed ones."
+    "search: for odd m from 9 on they have larger distances than the printed ones. The right panel, which "
+    "the thesis does not have, shows distances over sqrt(2 / (sqrt(3) n)), those of the densest packing of n "
+    "points: on this scale the differences are seen."
 )
 
 
@@ -61,22 +65,36 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured["permutation, not sheared"].append(_squared("permutation", m, sheared=False))
         progress((m - 1) / len(SIZES))
 
-    figure = Figure(figsize=(13, 10.5), layout="constrained")
-    upper, lower = figure.subplots(2, 1, height_ratios=[1.2, 1])
-    for (name, values), marker in zip(measured.items(), "ov^sx", strict=True):
-        style = ":" if "not" in name else "-"
-        upper.semilogy(SIZES, np.sqrt(values) / 2.0 ** np.array(SIZES), style, marker=marker, label=name)
-    upper.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance on the unit square")
-    upper.set_title("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21)")
-    upper.grid(alpha=0.3)
-    upper.legend()
-    _draw_table(lower, measured)
+    relative = {name: _relative(values) for name, values in measured.items()}
+    figure = Figure(figsize=(13, 9), layout="constrained")
+    figure.suptitle("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)")
+    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8])
+    absolute, packed = upper.subplots(1, 2)
+    for name, values in measured.items():
+        drawn = STYLES.get(name) or plot.style(name)
+        look = {"ls": drawn.line, "marker": drawn.marker, "ms": 5, "lw": 1.2, "color": drawn.color}
+        absolute.plot(SIZES, np.sqrt(values) / 2.0 ** np.array(SIZES), label=name, **look)
+        packed.plot(SIZES, relative[name], label=name, **look)
+    absolute.set(yscale="log", ylabel="toroidal minimum distance on the unit square")
+    packed.set(ylim=(0, 1.04), ylabel="minimum distance / that of the densest packing")
+    packed.axhline(1, color="0.6", lw=0.8)
+    packed.annotate("hexagonal lattice", (SIZES[-1], 1), va="bottom", ha="right", fontsize=8, color="0.4")
+    for axes in (absolute, packed):
+        axes.set(xlabel="m (the net has $2^m$ points)", xticks=SIZES)
+        axes.grid(alpha=0.3)
+    upper.legend(*absolute.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
+    _draw_table(lower.subplots(), measured)
     misprints = _misprints()
     numbers = {
         "measured": {
             name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in measured.items()
         }
-        | {"decimals that are not those of the printed roots": misprints},
+        | {
+            "decimals that are not those of the printed roots": misprints,
+            "distance over that of the densest packing": {
+                name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in relative.items()
+            },
+        },
         "printed": {
             "squared distances": {
                 name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in PRINTED.items()
@@ -87,6 +105,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE,
     }
     return figure, numbers
+
+
+def _relative(squared: list[int]) -> list[float]:
+    """Return distances over sqrt(2 / (sqrt(3) n)), which n points reach as a hexagonal lattice only."""
+    n = 2.0 ** np.array(SIZES)
+    return (np.sqrt(squared) / n / np.sqrt(2 / (np.sqrt(3) * n))).tolist()
 
 
 def _misprints() -> dict[str, str]:
@@ -137,6 +161,4 @@ def _draw_table(axes, measured: dict[str, list[int]]) -> None:
     table.auto_set_font_size(False)
     table.set_fontsize(8)
     table.scale(1, 1.05)
-    axes.set_title(
-        "Table 5.1, measured (where it differs from print, the printed radicand follows)", fontsize=10
-    )
+    axes.set_title("Table 5.1, measured (where it differs from print, the printed radicand follows)")

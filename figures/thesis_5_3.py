@@ -17,13 +17,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     del quality, progress
     seq = sequences.sobol(2)
     blocks = [_points.block(seq, 2**M, k * 2**M) for k in range(BLOCKS)]
+    # In the middle of the cells of all points.
+    drawn = [points + 0.5 / (BLOCKS * 2**M) for points in blocks]
     figure, axes = _points.panels(BLOCKS + 1, "Blocks of the Sobol' (0,2)-sequence (thesis Fig. 5.3)")
     for k, panel in enumerate(axes[:-1]):
         _points.grid(panel, 2 ** (M // 2), 2 ** (M // 2))
-        _points.scatter(panel, blocks[k], f"points {k * 2**M} to {(k + 1) * 2**M - 1}", color=f"C{k}")
+        _points.scatter(panel, drawn[k], f"points {k * 2**M} to {(k + 1) * 2**M - 1}", color=f"C{k}")
     _points.grid(axes[-1], 2 ** (M // 2 + 1), 2 ** (M // 2 + 1))
     for k in range(BLOCKS):
-        _points.scatter(axes[-1], blocks[k], "superimposed", color=f"C{k}")
+        _points.scatter(axes[-1], drawn[k], "superimposed", color=f"C{k}")
     together = np.concatenate(blocks)
     return figure, {
         "measured": {

@@ -20,7 +20,7 @@ SHOWN = 30
 """The lower one of the two components of the points and images that are shown."""
 POINTS = 256
 M = 12
-COLORS = {"all initial m = 1": "tab:red", "Joe and Kuo": "tab:blue"}
+COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
 
 NOTE = (
     "For the thesis's car seat behind a glass pane stands scenes.soft_shadow, {side} x {side} pixels and "

@@ -1,6 +1,7 @@
 """Errors over run times: their lines, which are best, and the time that an error takes."""
 
 from collections.abc import Iterable, Mapping
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,12 +33,17 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = 
             spread = np.abs(edges - seconds)
         plain = name.removesuffix(ADAPTIVE)
         drawn = styles[plain] if styles else style(plain, names)
-        look = {} if plain == name else {"ls": "--", "mfc": "white"}
+        adaptive = plain != name
         axes.errorbar(
             seconds,
             errors,
             xerr=spread,
-            **{"ls": drawn.line, "marker": drawn.marker, "ms": 4, "lw": 1, "color": drawn.color} | look,
+            ls="--" if adaptive else drawn.line,
+            marker=drawn.marker,
+            mfc="white" if adaptive else drawn.color,
+            ms=4,
+            lw=1,
+            color=drawn.color,
             label=name,
         )
     axes.set(xscale="log", yscale="log", xlabel="seconds an image", ylabel="RMS error")
@@ -52,12 +58,15 @@ def counted(rows: Rows) -> str:
     return f"{counts[0]} spp" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} spp"
 
 
-def legend(figure: Figure, panels: Iterable[Axes], loc: str, title: str) -> None:
-    """Name beside all panels what they show."""
+def legend(
+    figure: Figure, panels: Iterable[Axes], height: Literal["upper", "center", "lower"], title: str
+) -> None:
+    """Name on the right of all panels what they show, at this height."""
+    loc: Any = f"outside right {height}"  # matplotlib's types know the sides inside only
     named = {
         name: line for axes in panels for line, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(named.values(), named.keys(), loc=f"outside {loc}", title=title, frameon=False)
+    figure.legend(named.values(), named.keys(), loc=loc, title=title, frameon=False)
 
 
 def best(rows: Rows, by: str) -> Rows:

@@ -57,8 +57,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         chosen = [row for row in table if row["scene"] == name]
         lines(axes, chosen, "program", PROGRAMS)
         axes.set_title(f"{name.replace('_', ' ')}, {peers['side']} x {peers['side']}, {counted(chosen)}")
-    legend(figure, of_samplers, "right upper", "samplers")
-    legend(figure, of_programs, "right lower", "programs")
+    legend(figure, of_samplers, "upper", "samplers")
+    legend(figure, of_programs, "lower", "programs")
     return figure, {
         "table": sweep["rows"],
         "measured": {

@@ -72,7 +72,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         table += [{"scene": name, **row} for row in rows]
         origins += f"{name}, {exact.origin}, RMS error {exact.error:.1e}. "
         progress(done / len(compared))
-    legend(figure, panels[: len(compared)], "right center", "samplers")
+    legend(figure, panels[: len(compared)], "center", "samplers")
     missing = "" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."
     return figure, {
         "table": table,

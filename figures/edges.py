@@ -37,7 +37,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw derivatives and an error, and errors over the number of points."""
     size = SIZES[quality]
     scene = scenes.disc()
-    exact = scene.reference_gradient(SIDE, SIDE)[0].radius
+    exact = np.asarray(scene.reference_gradient(SIDE, SIDE)[0].radius, np.float64)
     largest = float(abs(exact).max())
 
     def estimated(sequence: sequences.Sequence, n: int) -> NDArray[np.float64]:

@@ -102,7 +102,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _same_set(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    return np.array_equal(*(points[np.lexsort(points.T)] for points in (one, other)))
+    return np.array_equal(one[np.lexsort(one.T)], other[np.lexsort(other.T)])
 
 
 def _draw(table: dict[str, dict[str, float | None]], m: int) -> Figure:

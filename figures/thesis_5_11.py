@@ -61,12 +61,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
 
 
-def drawn(title: str, name: str, sets: list[NDArray[np.float64]]) -> Figure:
-    """Draw sets of points over the pixels, and all of them together, with their measures."""
+def drawn(title: str, name: str, sets: list[NDArray[np.float64]], middle: float = 0.0) -> Figure:
+    """Draw sets of points over the pixels, and all of them together, with their measures.
+
+    ``middle`` is what is added so that points are drawn in the middle of their cells.
+    """
     figure, axes = _points.panels(len(sets) + 1, title)
     for k, points in enumerate(sets):
-        _points.scatter(axes[k], points, f"{name} {k}, {_quality(points)}", color=f"C{k}")
-        _points.scatter(axes[-1], points, color=f"C{k}")
+        _points.scatter(axes[k], points + middle, f"{name} {k}, {_quality(points)}", color=f"C{k}")
+        _points.scatter(axes[-1], points + middle, color=f"C{k}")
     axes[-1].set_title(f"superimposed, {_quality(np.concatenate(sets))}")
     for panel in axes:
         _points.grid(panel, SIDE, SIDE)

@@ -29,8 +29,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "Larcher-Pillichshammer net": _measures(_points.block(net, 64)),
     }
     title = "One sample per pixel in each frame of the Sobol' sequence (thesis Fig. 5.10, 5.12)"
-    # In the middle of the cells of all points, which changes neither t nor distances.
-    return drawn(title, "frame", [frame + 0.5 / len(together) for frame in frames]), {
+    return drawn(title, "frame", frames, middle=0.5 / len(together)), {
         "measured": measured,
         "claims": {
             "one sample in each pixel, and each set well stratified: each frame is a (0,6,2)-net": {

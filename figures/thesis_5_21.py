@@ -68,7 +68,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     relative = {name: _relative(values) for name, values in measured.items()}
     figure = Figure(figsize=(13, 9), layout="constrained")
     figure.suptitle("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)")
-    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8])
+    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8], squeeze=False)[:, 0]
     absolute, packed = upper.subplots(1, 2)
     for name, values in measured.items():
         drawn = STYLES.get(name) or plot.style(name)

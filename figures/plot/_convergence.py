@@ -5,12 +5,17 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
 from figures.plot._panel import panel
 from figures.plot._style import style
 
+_FEW_DECADES = 50.0
+"""Up to this ratio of the ends of the vertical axis, powers of ten are too few ticks."""
+
+_RATE = "0.5"
 _LINE = 0.055
 """Least distance of names, in heights of the axes."""
 
@@ -75,10 +80,11 @@ def convergence(
     scale = x**times
     of = {name: values * scale for name, values in of.items()}
     start = max(values[0] for values in of.values() if values[0] > 0)
+    named = [(name, values[~np.isnan(values)][-1], style(name, of).color) for name, values in of.items()]
     for power in slopes:
-        ax.plot(x, start * (x / x[0]) ** (power + times), ":", color="0.6", lw=0.8, zorder=0)
-        end = (x[-1], start * (x[-1] / x[0]) ** (power + times))
-        ax.annotate(f"$n^{{{power:g}}}$", end, fontsize=8, color="0.4", va="bottom", ha="right")
+        rate = start * (x / x[0]) ** (power + times)
+        ax.plot(x, rate, ":", color=_RATE, lw=0.8, zorder=0)
+        named.append((f"$n^{{{power:g}}}$", rate[-1], _RATE))
     if floor:
         ax.plot(x, floor * scale, "-", color="0.6", lw=0.8, zorder=0)
         ax.annotate("error of the reference", (x[0], floor * scale[0]), fontsize=8, color="0.4", va="bottom")
@@ -95,26 +101,25 @@ def convergence(
     ax.minorticks_off()
     unit = f" $\\cdot\\, n^{{{times:g}}}$" if times else ""
     ax.set(xlabel="samples per pixel", ylabel=ylabel + unit, title=title)
-    ax.set_ylim(ax.get_ylim())  # Names are where curves end.
+    low, high = ax.get_ylim()
+    ax.set_ylim(low, high)  # Names are where curves end.
+    if high < _FEW_DECADES * low:
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter("{x:g}")
     ax.grid(alpha=0.3)
-    _names(ax, of)
+    _names(ax, named)
     return ax
 
 
-def _names(ax: Axes, errors: Mapping[str, NDArray[np.float64]]) -> None:
-    """Write each name right of its curve's end, apart from each other, with a line to it."""
+def _names(ax: Axes, named: Sequence[tuple[str, float, str]]) -> None:
+    """Write names, in their colours, right of where their curves end, apart from each other, with lines."""
     low, high = np.log(ax.get_ylim())
-    ends = {
-        name: (np.log(values[~np.isnan(values)][-1]) - low) / (high - low) for name, values in errors.items()
-    }
-    ordered = sorted(ends, key=lambda name: ends[name])
-    places = _apart([ends[name] for name in ordered])
+    ordered = sorted((float((np.log(end) - low) / (high - low)), name, color) for name, end, color in named)
     across = blended_transform_factory(ax.transAxes, ax.transAxes)
-    for name, place in zip(ordered, places, strict=True):
-        color = style(name, errors).color
+    for (end, name, color), place in zip(ordered, _apart([end for end, _, _ in ordered]), strict=True):
         ax.annotate(
             name,
-            (1.0, ends[name]),
+            (1.0, end),
             xycoords=across,
             xytext=(1.06, place),
             textcoords=across,

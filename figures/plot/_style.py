@@ -47,6 +47,11 @@ SAMPLERS: dict[str, Style] = {
     "Z, ART": Style(BLUE, "^", "-."),
     "Z, multiplicative": Style(BLUE, "D", ":"),
     "Z, joint": Style(BLUE, "*", "-."),
+    "Z, 1 letter": Style(SKY, "$1$", ":"),
+    "Z, 4 letters": Style(SKY, "$4$", ":"),
+    "Z, 16 letters": Style(SKY, "$16$", ":"),
+    "Z, 64 letters": Style(SKY, "$64$", ":"),
+    "Z, 256 letters": Style(SKY, "$256$", ":"),
     # Along other curves, and from pixel to pixel in rows.
     "raster, Owen-Sobol'": Style(GREY, "s"),
     "Hilbert, Halton (2,3)": Style(VERMILLION, "o"),

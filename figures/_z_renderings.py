@@ -1,20 +1,10 @@
 """The Z paper's comparison of four samplers on rendered scenes: images, and their errors seen from afar."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
-
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jax import Array
-from jax.typing import DTypeLike
 
 import analysis
-from figures import _images, _traced
+from figures import _images, _padded, _traced
 from qmcjax import samplers, scenes, sequences
-from qmcjax.core.bits import hash_word, owen_hash, reverse
-from qmcjax.core.pytrees import pytree
 
 KEY = 5
 SPP = 4
@@ -35,56 +25,15 @@ def constituents(needs: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(sizes)
 
 
-@pytree
-@dataclass(frozen=True)
-class Padded(samplers.Sampler):
-    """Samplers of few dimensions side by side, the samples of each in another order."""
-
-    parts: tuple[samplers.Sampler, ...]
-    sizes: tuple[int, ...] = field(metadata={"static": True})
-    """How many coordinates of each are used."""
-    seeds: Array
-    """uint32 (parts,)."""
-    in_pixels: bool = field(metadata={"static": True})
-    """Whether each pixel has orders of its own."""
-    spp: int = field(metadata={"static": True})
-    """A power of two."""
-
-    @property
-    def dims(self) -> int:
-        """Number of dimensions."""
-        return sum(self.sizes)
-
-    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the wanted coordinates in the order of the parts."""
-        x, y = state
-        values = []
-        for part, size, seed in zip(self.parts, self.sizes, self.seeds, strict=True):
-            own = hash_word(hash_word(x ^ seed) + y) if self.in_pixels else seed
-            values.append(part(x, y, _shuffled(sample, own, self.spp), tuple(range(size)), dtype))
-        return jnp.concatenate(values, axis=-1)[..., np.array(dims)]
-
-
-def _shuffled(sample: Array, seed: Array, spp: int) -> Array:
-    """Permute the numbers below ``spp`` by a random nested permutation, one for each seed."""
-    unused = np.uint32(32 - (spp.bit_length() - 1))
-    return reverse(owen_hash(reverse(sample << unused), seed)) >> unused
-
-
 def make_samplers(
     needs: tuple[str, ...], side: int, spp: int = SPP, key: int = KEY
 ) -> dict[str, samplers.Sampler]:
     """Return the four samplers for a square image of a scene with these coordinates."""
-    sizes, dims = constituents(needs), len(needs)
-    keys = jax.random.split(jax.random.key(key), len(sizes))
-    seeds = jax.random.bits(jax.random.key(key + 1), (len(sizes),), jnp.uint32)
-    xored = tuple(samplers.independent(sequences.sobol(2), key, "xor") for key in keys)
-    ranked = tuple(samplers.ranked(2, key) for key in keys)
+    sizes, bits = constituents(needs), spp.bit_length() - 1
     return {
-        "(0,2)-sequence": Padded(xored, sizes, seeds, in_pixels=True, spp=spp),
-        "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
-        # The arrangement in a tile is of sets of samples: an order that is the same everywhere leaves it.
-        "Heitz": Padded(ranked, sizes, seeds, in_pixels=False, spp=spp),
+        "(0,2)-sequence": _padded.zero_two(sizes, key, key + 1, bits),
+        "Sobol'": samplers.full_screen(sequences.sobol(len(needs)), side, side),
+        "Heitz": _padded.ranked_in_orders(sizes, key, key + 1, bits),
         "Z": samplers.z(side, side, spp, key, constituents=sizes),
     }
 

@@ -53,9 +53,9 @@ NOTE = (
 def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
     """Return the paper's samplers, by their names there."""
     return {
-        "(0,2)": _padded.zero_two(dims, KEY),
+        "(0,2)": _padded.zero_two(_padded.pairs(dims), KEY, KEY),
         "Z": samplers.z(side, side, spp, KEY, "tree", dims=dims),
-        "Heitz": _padded.ranked(dims, KEY),
+        "Heitz": _padded.ranked(_padded.pairs(dims), KEY),
         "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
     }
 

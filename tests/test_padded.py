@@ -9,11 +9,15 @@ from figures import _padded
 PIXELS, SPP, DIMS = 64, 16, 5
 
 
-@pytest.mark.parametrize("make", [_padded.zero_two, _padded.ranked])
+@pytest.mark.parametrize(
+    "make",
+    [lambda sizes: _padded.zero_two(sizes, 3, 4), lambda sizes: _padded.ranked(sizes, 3)],
+    ids=["(0,2)", "ranked"],
+)
 def test_pairs_are_nets(make):
     """Every pair of dimensions of a pixel's 2**m first samples is a (0,m,2)-net."""
     points = np.asarray(
-        make(DIMS, 3)(7, np.arange(4, dtype=np.uint32)[:, None], np.arange(SPP), (0, 1, 2, 3))
+        make(_padded.pairs(DIMS))(7, np.arange(4, dtype=np.uint32)[:, None], np.arange(SPP), (0, 1, 2, 3))
     )
     for of_pixel in points:
         for pair in (of_pixel[:, :2], of_pixel[:, 2:]):
@@ -23,7 +27,9 @@ def test_pairs_are_nets(make):
 def test_pairs_of_the_shuffled_sampler_are_in_orders_of_their_own():
     """Products of coordinates of two pairs have the mean 1/4, within five standard errors over the pixels."""
     x = np.arange(PIXELS**2, dtype=np.uint32)
-    points = np.asarray(_padded.zero_two(DIMS, 3)(x[:, None], 5, np.arange(SPP), tuple(range(DIMS))), float)
+    points = np.asarray(
+        _padded.zero_two(_padded.pairs(DIMS), 3, 4)(x[:, None], 5, np.arange(SPP), tuple(range(DIMS))), float
+    )
     for one, other in ((0, 2), (1, 3), (2, 4)):
         means = np.mean(points[..., one] * points[..., other], axis=1)
         assert abs(means.mean() - 0.25) < 5 * means.std() / np.sqrt(len(means))

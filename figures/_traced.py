@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from figures import _diffusion
+from figures import _diffusion, plot
 from qmcjax import scenes
 
 DPI = 150
@@ -51,7 +51,10 @@ class Panel(NamedTuple):
 
 
 def sheet(panels: Sequence[Panel], columns: int, title: str, size: int) -> Figure:
-    """Lay images out with their magnified areas on their right, both enlarged to ``size`` pixels a side."""
+    """Lay images out with their magnified areas on their right, both up to ``size`` pixels a side.
+
+    Each pixel of an image is a whole number of the picture's.
+    """
     rows, head, top = -(-len(panels) // columns), 44, 40
     cell = 2 * size + 3 * GAP
     width, height = columns * cell, rows * (size + head + GAP) + top
@@ -62,16 +65,13 @@ def sheet(panels: Sequence[Panel], columns: int, title: str, size: int) -> Figur
         y = height - top - (row + 1) * (size + head + GAP) + GAP
         side = len(panel.image)
         left, upper, part = (round(c * side) for c in panel.crop)
+        area = Rectangle((left - 0.5, upper - 0.5), part, part, fill=False, color="tab:red", lw=0.8)
         for j, pixels in enumerate((panel.image, panel.image[upper : upper + part, left : left + part])):
-            x = column * cell + GAP + j * (size + GAP)
-            axes = figure.add_axes((x / width, y / height, size / width, size / height))
-            axes.imshow(_diffusion.shown(pixels), interpolation="nearest")
-            axes.set_axis_off()
+            x, zoom = column * cell + GAP + j * (size + GAP), size // len(pixels)
+            axes = plot.place(figure, pixels, x, y + size - zoom * len(pixels), zoom, transfer="srgb")
             if j == 0:
                 axes.set_title(panel.caption, fontsize=8, pad=3, loc="left")
-                axes.add_patch(
-                    Rectangle((left - 0.5, upper - 0.5), part, part, fill=False, color="tab:red", lw=0.8)
-                )
+                axes.add_patch(area)
     return figure
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from figures import _diffusion, _images, _traced
 from figures._schema import Claims
@@ -11,6 +12,8 @@ from figures._z_renderings import NAMES, make_samplers
 from qmcjax import scenes
 
 SIDE = {"draft": 32, "paper": 128}
+SHOWN = {"draft": 160, "paper": 256}
+"""Pixels of the picture for an image."""
 SPP = 16
 KEYS = {"draft": 2, "paper": 8}
 REFERENCE_SPP = {"draft": 512, "paper": 65536}
@@ -21,9 +24,9 @@ ALMOST = 1.2
 
 CROPS = {
     "sports": (0.3, 0.5, 0.25),
-    "defocus": (0.4, 0.4, 0.25),
+    "defocus": (0.4, 0.05, 0.25),
     "interior": (0.4, 0.55, 0.25),
-    "caustic": (0.3, 0.5, 0.25),
+    "caustic": (0.55, 0.6, 0.25),
 }
 """Scenes with their magnified areas."""
 
@@ -36,21 +39,24 @@ NOTE = (
     "of Z, almost the best as one of less than {almost:g} times the least. (0,2): Sobol' points xored and "
     "shuffled in each pixel. Heitz stands for our ranked keys, another tile and order of the samples for "
     "each pair of dimensions. Z: by hashing. What the paper shows in large images is more than these "
-    "numbers, and 32 pixels a side tell little of it. {origins}"
+    "numbers, and 32 pixels a side tell little of it. Side by side, the four scenes make one image: sports "
+    "and defocus above the interior and the caustic. {origins}"
 )
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Render the four scenes by the four samplers, and measure errors seen from afar."""
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
+    """Render the four scenes by the four samplers, measure errors seen from afar, and hand the images out."""
     side, keys = SIDE[quality], KEYS[quality]
     compared = {name: getattr(scenes, name)() for name in CROPS}
     compared["interior"] = scenes.interior(BOUNCES[quality])
     panels, measured, origins = [], {}, ""
+    handed_out: dict[str, list[NDArray]] = {}
     for done, (title, scene) in enumerate(compared.items(), start=1):
         area = _diffusion.beside_window(side) if title == "interior" else _diffusion.WHOLE
         exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
         origins += f"The reference of {title} is {exact.origin}. "
         panels.append(_traced.Panel(f"{title}\nreference", exact.image, CROPS[title]))
+        handed_out.setdefault("reference", []).append(exact.image)
         found = measured.setdefault(title, {})
         for name in NAMES:
             images = [
@@ -60,16 +66,23 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             found[name] = _together([_diffusion.measures(image, exact, area) for image in images])
             caption = f"{name}\nfiltered error {found[name]['filtered error']:.4f}"
             panels.append(_traced.Panel(caption, images[0], CROPS[title]))
+            handed_out.setdefault(name, []).append(images[0])
         progress(done / len(compared))
     bounces = BOUNCES[quality]
     note = NOTE.format(side=side, spp=SPP, bounces=bounces, keys=keys, almost=ALMOST, origins=origins)
     title = f"Four scenes, {SPP} samples per pixel (Z paper Fig. 10)"
-    figure = _traced.sheet(panels, 1 + len(NAMES), title, 160)
-    return figure, {
+    figure = _traced.sheet(panels, 1 + len(NAMES), title, SHOWN[quality])
+    numbers = {
         "measured": measured,
         "claims": _claims(measured),
         "note": note + _diffusion.BESIDE_WINDOW + _diffusion.EXPLAINED,
     }
+    return figure, numbers, {name: _side_by_side(images) for name, images in handed_out.items()}
+
+
+def _side_by_side(images: list[NDArray]) -> NDArray[np.float64]:
+    """Return one image of four."""
+    return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)])
 
 
 def _together(found: list[dict[str, float]]) -> dict[str, float]:

@@ -2,9 +2,10 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
-from figures import _diffusion, _images
+from figures import _diffusion, _images, plot
 from figures.z_1 import ways
 from qmcjax import scenes
 
@@ -43,7 +44,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "interior": scenes.interior(BOUNCES[quality]),
         "caustic": scenes.caustic(),
     }
-    figure = Figure(figsize=(13, 9.5), layout="constrained")
+    figure = Figure(figsize=(11, 8.5), layout="constrained")
     figure.suptitle("Convergence on rendered scenes (Z paper, Fig. 11)")
     measured: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
     origins = ""
@@ -58,12 +59,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for name, sampler in ways(len(scene.needs), side, spp).items():
                 image = _images.image(scene, sampler, side, spp)
                 found.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact, area)
-        for k, (name, of_count) in enumerate(found.items()):
-            errors = [of_count[f"{spp} spp"]["RMS error"] for spp in counts]
-            axes.loglog(counts, errors, color=f"C{k}", marker="o", ms=4, lw=1.2, label=name)
-        axes.set(title=title, xlabel="samples per pixel", ylabel="RMS error")
-        axes.grid(alpha=0.3)
-        axes.legend(fontsize=9)
+        errors = {
+            name: [of_count[f"{spp} spp"]["RMS error"] for spp in counts] for name, of_count in found.items()
+        }
+        floor = float(np.sqrt(np.mean(np.square(exact.error[area]))))
+        if floor < min(map(min, errors.values())) / 10:
+            floor = None  # It does not matter, and would take the most of the axis.
+        plot.convergence(counts, errors, floor=floor, title=f"{title}, {side} x {side} pixels", ax=axes)
         progress(done / len(compared))
     note = NOTE.format(side=side, bounces=BOUNCES[quality], origins=origins)
     return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}

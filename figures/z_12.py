@@ -2,13 +2,10 @@
 
 from collections.abc import Callable, Mapping
 
-import numpy as np
-from matplotlib import colormaps
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures import _diffusion, _images, _padded
+from figures import _diffusion, _images, _padded, plot
 from figures._schema import Claims
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -20,7 +17,7 @@ LARGEST = {"draft": 6, "paper": 12}
 REFERENCE_SPP = {"draft": 1024, "paper": 65536}
 
 KEY = 1
-ALPHABETS = (1, 4, 16, 64, 256)
+ALPHABETS = {"1 letter": 1, "4 letters": 4, "16 letters": 16, "64 letters": 64, "256 letters": 256}
 
 SAME = 1.1
 """Up to this factor errors are not noticeably different."""
@@ -32,6 +29,19 @@ VARIANTS = {
     "Z": "tree",
     "Z ART": "art",
 }
+
+NAMES = {
+    "Z hash": "Z, hash",
+    "Z multiplicative": "Z, multiplicative",
+    "Z": "Z, tree",
+    "Z ART": "Z, ART",
+    "Z joint": "Z, joint",
+} | {name: f"Z, {name}" for name in ALPHABETS}
+"""In pictures."""
+
+DPI = 150
+INSET = 192
+"""Pixels of the picture that an inset is wide, at most."""
 
 NOTE = (
     "{side} x {side} pixels; insets have {spp} samples per pixel. The paper's scene is not given: here the "
@@ -51,14 +61,12 @@ def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
             for name, variant in VARIANTS.items()
         }
         | {
-            f"{letters} letter{'s' * (letters > 1)}": samplers.z(
-                side, side, spp, KEY, "tree", dims, alphabet=letters
-            )
-            for letters in ALPHABETS
+            name: samplers.z(side, side, spp, KEY, "tree", dims, alphabet=letters)
+            for name, letters in ALPHABETS.items()
         }
         | {
             "Z joint": samplers.z(side, side, spp, KEY, sequence=sequences.sobol(dims)),
-            "(0,2)": _padded.zero_two(dims, KEY),
+            "(0,2)": _padded.zero_two(_padded.pairs(dims), KEY, KEY),
             "random": samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, KEY), spp),
         }
     )
@@ -79,44 +87,47 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             if spp == SPP[quality]:
                 insets[name] = image
         progress(0.3 + 0.7 * done / len(counts))
-    figure = _sheet(insets | {"reference": exact.image}, counts, measured)
+    figure = _sheet(insets | {"reference": exact.image}, counts, measured, SPP[quality])
     note = NOTE.format(side=side, spp=SPP[quality], origin=exact.origin, most=counts[-1])
     return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}
 
 
-def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict) -> Figure:
-    figure = Figure(figsize=(16, 12.5), layout="constrained")
-    figure.suptitle("Variants of the Z-sampler and sizes of its alphabet (Z paper, Fig. 12)")
-    upper, lower = np.asarray(figure.subfigures(2, 1, height_ratios=(1.25, 1)))
-    panels = upper.subplots(2, 7)
-    for axes, (name, image) in zip(panels.flat, insets.items(), strict=False):
-        axes.imshow(_diffusion.shown(image), interpolation="nearest")
-        axes.set_title(name, fontsize=9)
-    for axes in panels.flat:
-        axes.set_axis_off()
-    left, right = lower.subplots(1, 2, sharey=True)
-    alphabets = [f"{letters} letter{'s' * (letters > 1)}" for letters in ALPHABETS]
-    _curves(left, [*VARIANTS, "(0,2)", "random"], counts, measured, "implementations")
-    _curves(right, ["Z0", *alphabets, "Z", "random"], counts, measured, "sizes of the alphabet; Z has 4096")
-    left.set_ylabel("RMS error")
-    return figure
-
-
-def _curves(axes: Axes, names: list[str], counts: list[int], measured: dict, title: str) -> None:
-    for name in names:
-        errors = [measured[name][f"{spp} spp"]["RMS error"] for spp in counts]
-        axes.loglog(
-            counts,
-            errors,
-            color=colormaps["tab20"](list(measured).index(name)),
-            marker="o",
-            ms=3,
-            lw=1,
-            label=name,
+def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict, spp: int) -> Figure:
+    """Lay insets out at whole zoom, seven a row, above the graphs."""
+    top, gap, caption, graphs = 46, 12, 48, 640
+    width, height = gap + 7 * (INSET + gap), top + 2 * (INSET + caption) + graphs
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    title = f"Variants of the Z-sampler and sizes of its alphabet, insets of {spp} spp (Z paper, Fig. 12)"
+    figure.suptitle(title, y=1 - 14 / height, fontsize=10)
+    for k, (name, image) in enumerate(insets.items()):
+        row, column = divmod(k, 7)
+        zoom = INSET // len(image)
+        left, bottom = gap + column * (INSET + gap), height - top - (row + 1) * (INSET + caption)
+        axes = plot.place(figure, image, left, bottom, zoom, transfer="srgb")
+        text = NAMES.get(name, name)
+        if name in measured:
+            text += f"\nfiltered error {measured[name][f'{spp} spp']['filtered error']:.4f}"
+        axes.set_title(text, fontsize=8, pad=3)
+    for k, (title, names) in enumerate(
+        {
+            "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],
+            "sizes of the alphabet; Z, tree has 4096 letters": ["Z0", *ALPHABETS, "Z", "random"],
+        }.items()
+    ):
+        axes = figure.add_axes(
+            ((110 + 720 * k) / width, 80 / height, 450 / width, (graphs - 80 - 70) / height)
         )
-    axes.set(title=title, xlabel="samples per pixel")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
+        plot.convergence(
+            counts,
+            {
+                NAMES.get(name, name): [measured[name][f"{spp} spp"]["RMS error"] for spp in counts]
+                for name in names
+            },
+            times=0.5,
+            title=title,
+            ax=axes,
+        )
+    return figure
 
 
 def _claims(measured: dict, counts: list[int]) -> Claims:
@@ -126,7 +137,7 @@ def _claims(measured: dict, counts: list[int]) -> Claims:
         ratio = measured[one][spp][measure] / measured[other][spp][measure]
         return bool(1 / SAME < ratio < SAME)
 
-    few = [measured[f"{letters} letter{'s' * (letters > 1)}"][last]["RMS error"] for letters in ALPHABETS]
+    few = [measured[name][last]["RMS error"] for name in ALPHABETS]
     return {
         "no noticeable difference between hashing and look-up with large tables": near("Z", "Z hash", inset),
         "nor between random and ART production": near("Z", "Z ART", inset),

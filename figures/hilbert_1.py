@@ -5,7 +5,6 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import jax.numpy as jnp
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -16,14 +15,18 @@ from numpy.typing import NDArray
 import analysis
 from figures._curves import CURVES, Curve, square
 from figures._peano_variants import VARIANTS, meander, peano_variants
+from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from figures._schema import Claims
 from qmcjax import sequences
 
-SHOWN = (16, 27)
+SHOWN = (16, 9)
 """Sides of the pixel grids that are drawn, in base 2 and 3."""
 
 COUNTED = {"draft": (128, 243), "paper": (512, 729)}
 """Sides of the pixel grids that the histogram is of."""
+
+COLOURS = {"Morton": BLUE, "Hilbert": VERMILLION, "Moore": GREEN, "Peano": PURPLE}
+"""As of samplers along these curves, but for Peano's, which are green as well."""
 
 VARIANT_DIGITS = 3
 
@@ -33,6 +36,9 @@ SEQUENCES = {
     "Halton 5, 7": sequences.components(sequences.halton(4), (2, 3)),
     "Sobol'": sequences.owen(sequences.sobol(2), 1),
 }
+
+SEGMENTS = (BLUE, VERMILLION, PURPLE, ORANGE, SKY)
+"""Colours in the marked neighbourhood."""
 
 MEAN = "mean L2 star discrepancy of the 9 points of a neighbourhood"
 UNIFORMITY = "the same by the number of segments"
@@ -61,7 +67,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curves with the number of segments in every pixel, and the histograms of larger grids."""
     sides = COUNTED[quality]
-    figure = Figure(figsize=(16.5, 11), layout="constrained")
+    figure = Figure(figsize=(15, 10), layout="constrained")
     panels = figure.subplots(2, 3)
     histogram, variants = panels[:, 2]
     measured = {}
@@ -78,6 +84,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             shares,
             0.2,
             label=f"{name}, mean {measured[name]['mean']:.2f}",
+            color=COLOURS[name],
         )
         progress((k + 1) / (len(CURVES) + 1))
     histogram.set(
@@ -180,12 +187,13 @@ def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
     axes.add_patch(Rectangle((column - 1.5, row - 1.5), 3, 3, fill=False, color="darkgreen", lw=2))
     inside = np.flatnonzero((abs(x - column) <= 1) & (abs(y - row) <= 1))
     for k, run in enumerate(np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)):
-        axes.plot(x[run], y[run], "o-", color=matplotlib.colormaps["tab10"](k), lw=3, ms=4)
+        axes.plot(x[run], y[run], "o-", color=SEGMENTS[k], lw=3, ms=5)
     for (v, u), count in np.ndenumerate(counts):
-        axes.text(u + 0.27, v + 0.27, str(count), fontsize=110 / len(counts), ha="center", va="center")
+        axes.text(u + 0.3, v + 0.3, str(count), fontsize=8, ha="center", va="center")
     axes.set(
         title=f"{name}: {counts[row, column]} segments in the marked neighbourhood", xticks=[], yticks=[]
     )
+    axes.spines[:].set_visible(False)
 
 
 def _draw_variants(axes: Axes) -> dict[str, int]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures._curves import CURVES, Curve, enumerated, square
+from figures._rc import BLUE, VERMILLION
 from figures._schema import Claims
 from qmcjax import sequences
 
@@ -49,7 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for axes, base in zip(panels, BASES, strict=True):
             _draw(axes, curve, base)
             if not measured:
-                axes.set_ylabel(rf"$\phi_{base}$")
+                axes.set_ylabel(rf"$\phi_{base}$; orange: multiples of {base}")
         panels[0].set_title(name)
         measured[name] = _measure(square(name, *COUNTED))
         progress(len(measured) / len(CURVES))
@@ -59,7 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 def _draw(axes: Axes, curve: Curve, base: int) -> None:
     axes.imshow(enumerated(curve, sequences.van_der_corput(base)), cmap="gray", vmin=-0.3, vmax=1)
     axes.set(xticks=[], yticks=[])
-    axes.plot(*curve.path(), color="tab:blue", lw=1.5, alpha=0.6)
+    axes.spines[:].set_visible(False)
+    axes.plot(*curve.path(), color=BLUE, lw=1.5, alpha=0.7)
     for differences, step in zip(analysis.neighbour_differences(curve), ((0.5, 0), (0, 0.5)), strict=True):
         for v, u in np.argwhere(differences > 1):
             is_multiple = differences[v, u] % base == 0
@@ -67,10 +69,10 @@ def _draw(axes: Axes, curve: Curve, base: int) -> None:
                 u + step[0],
                 v + step[1],
                 str(differences[v, u]),
-                fontsize=6.5,
+                fontsize=8,
                 ha="center",
                 va="center",
-                color="tab:red" if is_multiple else "black",
+                color=VERMILLION if is_multiple else "black",
                 weight="bold" if is_multiple else "normal",
                 bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
             )

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._curves import curve_of
+from figures._rc import VERMILLION
 from qmcjax import orders
 
 BITS = 3
@@ -21,7 +22,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     binary = np.vectorize(lambda i: format(i, f"0{2 * BITS}b"))(index)
     quaternary = np.vectorize(lambda i: np.base_repr(i, 4).zfill(BITS))(index)
 
-    figure = Figure(figsize=(13, 6.6), layout="constrained")
+    figure = Figure(figsize=(11, 5.6), layout="constrained")
     figure.suptitle("Morton order of 8 x 8 pixels (Z paper, Fig. 2)")
     panels = figure.subplots(1, 2)
     write(panels[0], index, binary, r"binary: $y_2 x_2 y_1 x_1 y_0 x_0$", 1)
@@ -47,9 +48,10 @@ def write(axes: Axes, index: NDArray[np.int64], texts: NDArray, title: str, cell
         axes.text(x, y, text, ha="center", va="center", fontsize=9, color="white" if dark else "black")
     for edge in range(0, side + 1, cell):
         width = 2.5 if edge % (side // 2) == 0 else 1
-        axes.axhline(edge - 0.5, color="tab:red", lw=width)
-        axes.axvline(edge - 0.5, color="tab:red", lw=width)
+        axes.axhline(edge - 0.5, color=VERMILLION, lw=width)
+        axes.axvline(edge - 0.5, color=VERMILLION, lw=width)
     axes.set(title=title, xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 def _claims(index: NDArray[np.int64], binary: NDArray, quaternary: NDArray) -> dict:

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 
 import analysis
 from figures._curves import Curve, curve_of
+from figures._rc import BLUE, GREEN, ORANGE, SKY
 from qmcjax import orders
 
 SHOWN, CUT, COUNTED = 16, 8, 256
 """Side of the squares whose orders are drawn, of the one that is unfolded, and of those measured."""
 
-COLOURS = ("tab:orange", "tab:green", "tab:blue", "0.7")
+COLOURS = (ORANGE, GREEN, SKY, "0.7")
 """Of the quadrants in Morton's order."""
 
 NOTE = (
-    "y points up, as in the paper's Fig. 2; jumps are red. The strip is cut on the page, bar by bar, without "
+    "y points up, as in the paper's Fig. 2; jumps are thin and dark blue. The strip is cut on the page, bar by bar, without "
     "the library's order, and its pixels come out in that order if the side of the first cut of each step "
     "alternates; the caption does not say which. It has the jump from the green to the gray quadrant go from "
     "the bottom left to the top right. From the bottom to the top it goes, but whatever the sides of the "
@@ -158,7 +159,7 @@ def _colour(x: int, y: int, side: int) -> tuple[float, float, float]:
 
 def _draw(axes: Axes, curve: Curve, title: str) -> None:
     side = curve.width
-    axes.imshow([[_colour(x, y, side) for x in range(side)] for y in range(side)], alpha=0.5, origin="lower")
+    axes.imshow([[_colour(x, y, side) for x in range(side)] for y in range(side)], alpha=0.4, origin="lower")
     x, y = curve.path()
     axes.plot(x, y, "o", color="black", ms=24 / side)
     for k, length in enumerate(_steps(curve)):
@@ -167,12 +168,13 @@ def _draw(axes: Axes, curve: Curve, title: str) -> None:
             "arrowstyle": "-",
             "shrinkA": 0,
             "shrinkB": 0,
-            "lw": 1 if is_jump else 1.5,
-            "color": "tab:red" if is_jump else "black",
+            "lw": 1.2 if is_jump else 1.5,
+            "color": BLUE if is_jump else "black",
             "connectionstyle": f"arc3,rad={0.06 if is_jump else 0}",
         }
         axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=style)
     axes.set(title=title, xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
 
 
 def _draw_strips(axes: Axes, strips: list[NDArray[np.int64]]) -> None:
@@ -187,7 +189,7 @@ def _draw_strips(axes: Axes, strips: list[NDArray[np.int64]]) -> None:
             corner = (column, bottom + row)
             axes.add_patch(Rectangle(corner, 1, 1, facecolor=colour, edgecolor="0.3", lw=0.4))
             number = str(position[pixel])
-            axes.text(column + 0.5, bottom + row + 0.5, number, fontsize=5.5, ha="center", va="center")
+            axes.text(column + 0.5, bottom + row + 0.5, number, fontsize=8, ha="center", va="center")
         bottom -= 1
     axes.set(xlim=(-0.2, CUT**2 + 0.2), ylim=(bottom + 0.8, 0.2), aspect="equal", xticks=[], yticks=[])
     axes.set_axis_off()

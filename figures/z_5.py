@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._curves import curve_of
+from figures._rc import BLUE, VERMILLION
 from figures.z_2 import write
 from qmcjax import orders
 
@@ -37,7 +38,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     permutations = _permutations(code, scrambled)
     example = int("321", 4)
 
-    figure = Figure(figsize=(14, 7.2), layout="constrained")
+    figure = Figure(figsize=(12, 6.2), layout="constrained")
     figure.suptitle("Scrambling the Morton order of 8 x 8 pixels by 21 permutations (Z paper, Fig. 5)")
     panels = figure.subplots(1, 2)
     _draw_tree(panels[0], permutations)
@@ -90,7 +91,7 @@ def _draw_tree(axes: Axes, permutations: dict[str, list[int]]) -> None:
             size /= 2
             x, y = x + size * (int(digit) & 1), y + size * (int(digit) >> 1)
         level = len(prefix)
-        colour = ("tab:red", "tab:blue", "black")[level]
+        colour = (VERMILLION, BLUE, "black")[level]
         axes.plot([x, x + size], [y + size / 2] * 2, color=colour, lw=3 - level, zorder=-level)
         axes.plot([x + size / 2] * 2, [y, y + size], color=colour, lw=3 - level, zorder=-level)
         name = rf"$\pi_{{{prefix}}}$" if prefix else r"$\pi$"
@@ -100,9 +101,10 @@ def _draw_tree(axes: Axes, permutations: dict[str, list[int]]) -> None:
             f"{name} = {''.join(map(str, pi))}",
             ha="center",
             va="center",
-            fontsize=13 - 2.5 * level,
+            fontsize=12 - 2 * level,
             color=colour,
             bbox={"facecolor": "white", "edgecolor": colour, "pad": 2},
         )
     axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal")
+    axes.spines[:].set_visible(True)
     axes.set_title("order of bottom left, bottom right, top left, top right")

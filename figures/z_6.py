@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures import _points
+from figures import _points, plot
 from qmcjax import samplers, sequences
 
 SIDE, FRAME, KEY = 128, 256, 1
@@ -50,9 +50,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure.set_size_inches(13, 7.2)
     for axes, (name, found) in zip(panels, points.items(), strict=True):
-        _points.scatter(
-            axes, found, f"{name}: star discrepancy {discrepancy[name]:.9f}", ms=0.8, color="black"
-        )
+        title = f"{name}: star discrepancy {discrepancy[name]:.9f}"
+        plot.points(found, title=title, ax=axes, color="black", ms=1)
     measured = {
         "star discrepancy": discrepancy,
         "star discrepancy of the underlying net": analysis.star_discrepancy(net),

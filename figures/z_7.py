@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._curves import curve_of
+from figures._rc import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from qmcjax import orders, samplers
 
 LETTERS = "ABCDE"
@@ -32,7 +33,7 @@ PRINTED = {
 }
 """Bytes of tables, Sect. 5.5."""
 
-COLOURS = dict(zip(LETTERS, ("tab:red", "tab:blue", "tab:green", "tab:orange", "tab:purple"), strict=True))
+COLOURS = dict(zip(LETTERS, (VERMILLION, BLUE, GREEN, ORANGE, PURPLE), strict=True))
 
 NOTE = (
     "Children are named by the digits of the Morton code, 0 and 1 the lower two, y upward. The order is the "
@@ -49,7 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw both trees, and check that positions follow letters."""
     del quality, progress
     rules = np.array([[LETTERS.index(child) for child in PRODUCTION[letter]] for letter in LETTERS])
-    figure = Figure(figsize=(13, 7), layout="constrained")
+    figure = Figure(figsize=(11, 6), layout="constrained")
     figure.suptitle("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)")
     left, right = figure.subplots(1, 2)
     _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: _name(prefix))
@@ -183,9 +184,10 @@ def _draw(axes: Axes, title: str, rules: NDArray, text: Callable[[str, str], str
                 text(prefix, letter),
                 ha="center",
                 va="center",
-                fontsize=18 - 3 * level,
+                fontsize=15 - 2.5 * level,
                 color=COLOURS[letter],
                 bbox={"facecolor": "white", "edgecolor": COLOURS[letter], "pad": 2.5},
             )
         prefixes = [prefix + digit for prefix in prefixes for digit in "0123"]
     axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal", title=title)
+    axes.spines[:].set_visible(True)

@@ -107,6 +107,7 @@ def _key(figure: Figure, row: Row, left: int, bottom: int, size: int) -> None:
     axes.yaxis.set_ticks_position("right")
     axes.yaxis.set_label_position("right")
     axes.set(xticks=[], yticks=list(row.shades.ticks))
+    axes.spines[:].set_visible(True)
     axes.set_yticklabels(list(row.shades.ticks.values()), fontsize=8)
     axes.set_ylabel(row.shades.label, fontsize=8)
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from figures import _screen_space_sheets, plot
+from figures import _screen_space_sheets
 from figures._screen_space import FAMILIES, NOTE, SIDE, measure, methods, radial_power
 
 COUNTS = (1, 4, 16, 64)
@@ -22,8 +22,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 integrand: of["low-frequency power"] for integrand, of in measured.items()
             }
         progress(done / len(COUNTS))
-    with plot.rc():
-        figure = _screen_space_sheets.spectra(powers, FAMILIES)
+    figure = _screen_space_sheets.spectra(powers, FAMILIES)
     table = [
         {"sampler": name, "spp": spp, "cycles per pixel": float(cycles), "power": float(value)}
         for spp, of in powers.items()

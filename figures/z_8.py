@@ -72,8 +72,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "Owen's scrambling keeps these blocks together": measured["side of the blocks, Owen scrambled"]
         == measured[f"dimension {DIM}"]["side of the aligned blocks whose first samples share a half"],
     }
-    with plot.rc():
-        figure = _sheet(_pictures(), measured["error"])
+    figure = _sheet(_pictures(), measured["error"])
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 

@@ -147,8 +147,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(width=width, height=height, spp=RATE_SPP, calls=calls),
     }
-    with plot.rc():
-        return _draw(images, rates, f"{width} x {height} pixels"), numbers
+    return _draw(images, rates, f"{width} x {height} pixels"), numbers
 
 
 def _within(ratios: dict[str, float]) -> dict[str, bool]:

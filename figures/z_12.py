@@ -40,7 +40,7 @@ NAMES = {
 """In pictures."""
 
 DPI = 150
-INSET = 192
+INSET = 256
 """Pixels of the picture that an inset is wide, at most."""
 
 NOTE = (
@@ -115,7 +115,7 @@ def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict, spp: i
         }.items()
     ):
         axes = figure.add_axes(
-            ((110 + 720 * k) / width, 80 / height, 450 / width, (graphs - 80 - 70) / height)
+            ((110 + 940 * k) / width, 80 / height, 640 / width, (graphs - 80 - 70) / height)
         )
         plot.convergence(
             counts,

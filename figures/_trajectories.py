@@ -57,7 +57,7 @@ def table(curve: motion.Nurbs, pieces: int) -> tuple[NDArray[np.float64], NDArra
 
 def pair(title: str) -> tuple[Figure, list[Axes]]:
     """Return a figure of two panels for curves that are wider than high."""
-    figure = Figure(figsize=(9, 4), layout="constrained")
+    figure = Figure(figsize=(9, 4.3), layout="constrained")
     figure.suptitle(title)
     return figure, list(figure.subplots(1, 2))
 
@@ -65,7 +65,7 @@ def pair(title: str) -> tuple[Figure, list[Axes]]:
 def legend(figure: Figure) -> None:
     """Name below all panels what the first one shows."""
     figure.legend(
-        *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8
+        *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
     )
 
 
@@ -74,4 +74,5 @@ def draw(axes: Axes, curve: motion.Nurbs) -> None:
     fine = at(curve, np.linspace(curve.knots[0], curve.knots[-1], 1001))
     axes.plot(*np.transpose(curve.control), "s--", color="0.6", ms=4, lw=0.8, label="control points")
     axes.plot(*fine.T, color="C0", lw=1.5, label="curve")
-    axes.set(aspect="equal", xticks=[], yticks=[])
+    axes.set_aspect("equal")
+    axes.set_axis_off()

@@ -51,6 +51,6 @@ def _line(
     if len(fitted) >= 2:
         slope = float(np.polyfit(np.log(x[fitted]), np.log(y[fitted]), 1)[0])
     label = name if slope is None else f"{name} ({slope:.2f})"
-    style = ("o-", "s--", "^:")[number // 10 % 3]
-    axes.loglog(x, np.where(y > floor, y, np.nan), style, ms=3, color=f"C{number % 10}", label=label)
+    style = ("o-", "s--", "^:")[number // 8 % 3]
+    axes.loglog(x, np.where(y > floor, y, np.nan), style, ms=3, color=f"C{number % 8}", label=label)
     return slope

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from figures import _measure_speed, _process
 
-COLORS = dict(zip(_measure_speed.FAMILIES, ("tab:blue", "0.6", "tab:orange", "tab:green"), strict=True))
+COLORS = dict(zip(_measure_speed.FAMILIES, ("C0", "0.6", "C4", "C2"), strict=True))
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
@@ -23,14 +23,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     _families(relative, measured["against peers"], "ratio")
     relative.set(title="times as fast as the peer (higher is better)", xlabel="ratio")
     for row, entry in enumerate(measured["gradients"].values()):
-        gradients.barh(row, entry["ratio"], color="tab:blue")
+        gradients.barh(row, entry["ratio"], color="C0")
     gradients.axvline(_measure_speed.ASKED_RATIO, color="black")
     gradients.set_yticks(range(len(measured["gradients"])), list(measured["gradients"]))
     gradients.set(title="with gradient / value (lower is better)", xlabel="ratio")
     for axes in figure.axes:
         axes.invert_yaxis()
         axes.grid(axis="x", alpha=0.3)
-    absolute.legend(fontsize=8)
+    handles, labels = absolute.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     return figure, {
         "measured": measured,
         "note": "cKDTree is built with boxsize=1 and asked with two workers. scipy's L2-star discrepancy "

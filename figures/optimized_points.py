@@ -9,12 +9,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures import _points
+from figures import _points, plot
+from figures._image_grid import GAP, Panel, add_axes, image_grid
 from qmcjax import sequences
 
 KEY = 1
 HIGHEST = 31
 """Frequencies of the wanted spectrum along an axis."""
+ZOOM, BRIGHTEST = 6, 4.0
+"""Pixels of the picture for one of a spectrum, and the power that is white."""
 
 
 def away(points: Array) -> Array:
@@ -73,25 +76,25 @@ def _row(points: NDArray[np.float64]) -> dict[str, float]:
 
 
 def _draw(sets: dict[str, NDArray[np.float64]], table: dict[str, dict[str, float]]) -> Figure:
-    figure, axes = _points.panels(
-        2 * len(sets), "Gradient descent on measures of points (below: power spectra)", columns=len(sets)
-    )
-    figure.set_size_inches(3 * len(sets), 7.2)
-    edge = HIGHEST + 0.5
-    for k, (name, points) in enumerate(sets.items()):
-        row = table[name]
-        caption = f"{name}\nL2 {row['L2-star discrepancy']:.5f}, D* {row['star discrepancy']:.4f}"
-        distance = row["minimum distance / densest packing"]
-        _points.scatter(axes[k], points, f"{caption}\ndistance {distance:.3f} of the densest")
+    """Draw the spectra above the points."""
+    side = ZOOM * (2 * HIGHEST + 1)
+    panels = []
+    for points in sets.values():
         spectrum = np.array(analysis.point_spectrum(points, 2 * HIGHEST + 1))
         spectrum[0, 0] = 0
-        axes[len(sets) + k].imshow(
-            np.fft.fftshift(spectrum),
-            cmap="gray",
-            vmin=0,
-            vmax=4,
-            origin="lower",
-            extent=(-edge, edge, -edge, edge),
+        # Frequencies upward, as the points.
+        caption = f"power, |k| up to {HIGHEST}\nblack 0, white {BRIGHTEST:g}"
+        panels.append(Panel(caption, np.fft.fftshift(spectrum)[::-1], (0.0, BRIGHTEST)))
+    title = "Gradient descent on measures of points"
+    figure = image_grid(title, panels, len(panels), side, below=side + 110)
+    for k, (name, points) in enumerate(sets.items()):
+        row = table[name]
+        axes = add_axes(figure, 30 + k * (side + GAP), 30, side - 20, side - 20)
+        plot.points(
+            points,
+            title=f"{name}, {len(points)} points\n"
+            f"L2* = {row['L2-star discrepancy']:.5f}, D* = {row['star discrepancy']:.4f}\n"
+            f"distance {row['minimum distance / densest packing']:.3f} of the densest",
+            ax=axes,
         )
-        axes[len(sets) + k].set(xticks=[-HIGHEST, 0, HIGHEST], yticks=[-HIGHEST, 0, HIGHEST])
     return figure

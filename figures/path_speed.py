@@ -99,12 +99,12 @@ def _drawn(measured: dict[str, Any]) -> Figure:
     names = [
         name for name in ("qmcjax", "Mitsuba") if name in next(iter(measured.values()))["paths a second"]
     ]
-    for k, (name, color) in enumerate(zip(names, ("tab:blue", "0.6"), strict=False)):
+    for k, (name, color) in enumerate(zip(names, ("C0", "0.6"), strict=False)):
         rates = [entry["paths a second"][name] for entry in measured.values()]
         axes.barh(np.arange(len(measured)) + 0.4 * k, rates, 0.4, color=color, label=name)
     axes.set_yticks(np.arange(len(measured)) + 0.2 * (len(names) - 1), list(measured))
     axes.invert_yaxis()
     axes.set(xlabel="paths a second", title=f"Paths of up to {BOUNCES + 2} edges (higher is better)")
     axes.grid(axis="x", alpha=0.3)
-    axes.legend()
+    figure.legend(loc="outside right center", frameon=False)
     return figure

@@ -28,7 +28,14 @@ LOOPED = 600
 
 FAST = find_spec("numba") is not None
 EMBREE = find_spec("embreex") is not None
-WAYS = ("fused loops", "tree, JAX", "compiled", "Embree", "Embree, all threads")
+LOOKS = {
+    "fused loops": ("C0", "o"),
+    "tree, JAX": ("C1", "^"),
+    "compiled": ("C2", "v"),
+    "Embree": ("0.6", "s"),
+    "Embree, all threads": ("0.3", "D"),
+}
+WAYS = tuple(LOOKS)
 
 Rays = tuple[NDArray[np.float32], NDArray[np.float32]]
 Call = Callable[[], Any]
@@ -190,21 +197,23 @@ def _seconds(call: Call) -> tuple[float, float]:
 
 
 def _drawn(measured: dict[str, dict[str, dict[str, float]]]) -> Figure:
-    figure = Figure(figsize=(13, 1.5 + 0.75 * len(measured)), layout="constrained")
+    figure = Figure(figsize=(12, 1.6 + 0.45 * len(measured)), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     names = [way for way in WAYS if any(way in ways for ways in measured.values())]
     for ax, unit in zip(panels, ("per second", "per processor second"), strict=True):
-        for k, name in enumerate(names):
+        for row, found in enumerate(measured.values()):
+            rates = [of[unit] for of in found.values()]
+            ax.plot([min(rates), max(rates)], [row, row], color="0.8", lw=1, zorder=0)
+        for name in names:
             rows = [row for row, ways in enumerate(measured.values()) if name in ways]
             rates = [ways[name][unit] for ways in measured.values() if name in ways]
-            height = 0.85 / len(names)
-            color = ("C0", "C1", "C2", "0.7", "0.4")[WAYS.index(name)]
-            ax.barh(
-                np.array(rows) + (k - (len(names) - 1) / 2) * height, rates, height, color=color, label=name
-            )
-        ax.set(xscale="log", xlabel=f"rays {unit}", title=f"Rays {unit} (higher is better)")
+            color, marker = LOOKS[name]
+            # Hollow, so that none hides another.
+            ax.plot(rates, rows, marker, color=color, ms=6, mfc="none", mew=1.5, label=name)
+        ax.set(xscale="log", xlabel=f"rays {unit}", title=f"Rays {unit} (further right is better)")
         ax.grid(axis="x", alpha=0.3)
     panels[0].set_yticks(np.arange(len(measured)), list(measured))
-    panels[0].invert_yaxis()
-    panels[1].legend(fontsize=8)
+    panels[0].set_ylim(len(measured) - 0.5, -0.5)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     return figure

@@ -56,7 +56,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "grazing": (lambda: _grazing(count), "slope of the rays", "relative error of distances"),
         "pictures": (lambda: _pictures(count), "distance from the origin / size", "difference over mean"),
     }
-    figure = Figure(figsize=(15, 8.5), layout="constrained")
+    figure = Figure(figsize=(13, 9.5), layout="constrained")
     figure.suptitle("Rays in single and double precision")
     axes = figure.subplots(2, 3).ravel()
     measured: dict[str, Curves] = {}
@@ -68,7 +68,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             ax.loglog(list(curve), np.maximum(list(curve.values()), least), label=label, **style)
         ax.set(title=name, xlabel=x, ylabel=y)
         ax.grid(alpha=0.3)
-        ax.legend(fontsize=8)
+        ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
         progress(done / len(panels))
     leaving = {name: measured[name] for name in ("hit again", "lost inside")}
     broken = {name: {k: _first(curve) for k, curve in of_name.items()} for name, of_name in leaving.items()}
@@ -80,7 +80,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for label, at in of_name.items()
         if "32" in label
     ]
-    axes[-1].text(0, 0.5, "\n".join(lines), va="center", fontsize=9)
+    axes[-1].text(0, 0.5, "\n".join(lines), va="center")
     far, most = DOCUMENTED
     near = [p for of in leaving.values() for c in of.values() for away, p in c.items() if away <= far]
 

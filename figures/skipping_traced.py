@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import _diffusion, _traced
+from figures._image_grid import Panel, add_axes, image_grid
 from qmcjax import samplers, scenes, sequences
 
 
@@ -51,9 +52,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure what skipping and passes save, and draw where."""
     size = SIZES[quality]
-    figure = Figure(figsize=(15, 4.6 * len(size.names)), layout="constrained")
-    figure.suptitle("Samples and coordinates that are not taken in ray-traced scenes")
-    panels = figure.subplots(len(size.names), 4, squeeze=False)
+    panels: list[Panel] = []
     measured, origins = {}, []
     for row, name in enumerate(size.names):
         scene = getattr(scenes, name)()
@@ -66,8 +65,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress((row + 0.5) / len(size.names))
         passes, counts = _passes(scene, size, known)
         measured[name] = {"skipping": whole, "passes": passes}
-        _draw(panels[row], name, exact.image, moving, counts, measured[name], size)
+        panels += _panels(name, exact.image, moving, counts, measured[name], size)
         progress((row + 1) / len(size.names))
+    title = f"What is not computed of ray-traced scenes, {size.side} x {size.side} pixels"
+    figure = image_grid(title, panels, 3, 384, below=480)
+    _draw_times(add_axes(figure, 110, 80, 640, 340), measured)
     return figure, {
         "measured": measured
         | {
@@ -175,39 +177,39 @@ def _passes(
     return table, results[size.tolerances[-1]].counts
 
 
-def _draw(
-    panels: NDArray[Any],
+def _panels(
     name: str,
     image: NDArray,
     moving: NDArray[np.bool_],
     counts: NDArray[np.uint32],
     found: dict[str, dict],
     size: Size,
-) -> None:
-    skipping, passes = found["skipping"], found["passes"]
-    panels[0].imshow(_diffusion.shown(image))
-    panels[0].set_title(name, fontsize=10)
-    panels[1].imshow(moving, cmap="gray_r", vmin=0, vmax=1)
-    panels[1].set_title(
-        f"time matters in {moving.mean():.0%} of the pixels (black)\n"
-        f"with skipping {skipping['with / without']:.2f} times as long",
-        fontsize=9,
-    )
-    shown = panels[2].imshow(counts, vmin=0, vmax=size.per_pass * size.passes)
-    panels[2].figure.colorbar(shown, ax=panels[2], shrink=0.8, label="samples per pixel")
-    panels[2].set_title(f"passes to the tolerance {size.tolerances[-1]:g}", fontsize=9)
-    for axes in panels[:3]:
-        axes.set_axis_off()
-    _draw_times(panels[3], passes)
+) -> list[Panel]:
+    skipping, most = found["skipping"], float(size.per_pass * size.passes)
+    return [
+        Panel(f"{name.replace('_', ' ')}, reference", _diffusion.shown(image)),
+        Panel(
+            f"black: time matters, {moving.mean():.0%} of the pixels\n"
+            f"with skipping {skipping['with / without']:.2f} times as long",
+            ~moving,
+        ),
+        Panel(
+            f"passes to the tolerance {size.tolerances[-1]:g}:\nblack 0, white {most:g} samples per pixel",
+            np.asarray(counts, np.float64),
+            (0.0, most),
+        ),
+    ]
 
 
-def _draw_times(axes: Axes, passes: dict[str, dict[str, float]]) -> None:
+def _draw_times(axes: Axes, measured: dict[str, dict]) -> None:
     """Draw the part of the time over the part of the samples."""
-    for tolerance, row in passes.items():
-        part, times = row["proportion taken"], row["seconds"] / row["seconds of all passes"]
-        axes.loglog(part, times, "o", ms=6, label=f"tolerance {tolerance}")
+    for marker, (name, found) in zip("os", measured.items(), strict=False):
+        for k, (tolerance, row) in enumerate(found["passes"].items()):
+            part, times = row["proportion taken"], row["seconds"] / row["seconds of all passes"]
+            label = f"{name.replace('_', ' ')}, tolerance {tolerance}"
+            axes.loglog(part, times, marker, color=f"C{k}", ms=6, label=label)
     ends = np.array([0.1, 1])
     axes.loglog(ends, ends, "k-", lw=0.8, label="in proportion")
     axes.set(xlabel="part of the samples taken", ylabel="part of the time", title="passes")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=9)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False)

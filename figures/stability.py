@@ -47,11 +47,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measures: dict[str, tuple[Callable[[], Curves], str, str]] = {
         "points": (lambda: points(count), "index", "error / 2^-24"),
         "offsets in pixels": (lambda: offsets(count), "pixels along a side", "error / 2^-24 of a pixel"),
-        "sums": (lambda: sums(top), "samples a pixel", "error / unit in the last place"),
+        "sums": (lambda: sums(top), "samples per pixel", "error / unit in the last place"),
         "frequencies": (lambda: frequencies(count), "frequency", "error of values in [0, 1]"),
         "dimensions": (lambda: dimensions(count), "dimensions", "relative error / 2^-24"),
     }
-    figure = Figure(figsize=(15, 8), layout="constrained")
+    figure = Figure(figsize=(13, 8.5), layout="constrained")
     figure.suptitle("Errors of single precision (exact results are drawn a decade below the least error)")
     panels = figure.subplots(2, 3).ravel()
     measured = {}
@@ -64,12 +64,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             axes.loglog(list(curve), np.maximum(list(curve.values()), exact), "o-", ms=3, label=label)
         axes.set(title=name, xlabel=x, ylabel=y)
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
         progress(done / len(measures))
     breaks = {name: _breaks(curve) for name, curve in measured["frequencies"].items()}
     panels[-1].set_axis_off()
     lines = [f"{name}: error above {BROKEN} from frequency {at:.3g}" for name, at in breaks.items() if at]
-    panels[-1].text(0, 0.5, "\n".join(lines), va="center", fontsize=9)
+    panels[-1].text(0, 0.5, "\n".join(lines), va="center")
     text = {name: {label: _keyed(c) for label, c in curves.items()} for name, curves in measured.items()}
     return figure, {
         "measured": text | {f"frequency of an error of {BROKEN}": breaks},

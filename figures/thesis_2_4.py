@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures._trajectories import CORNER, CURVE, FINE, at, draw, table
+from figures._trajectories import CORNER, CURVE, FINE, at, draw, legend, table
 from qmcjax.tracing import motion
 
 SHOWN = 16
@@ -30,19 +30,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         name: float(np.polyfit(np.log(PIECES[2:]), np.log(of[2:]), 1)[0]) for name, of in errors.items()
     }
 
-    figure = Figure(figsize=(10, 4), layout="constrained")
+    figure = Figure(figsize=(10, 4.3), layout="constrained")
     figure.suptitle("The length of a curve by linear segments (thesis Fig. 2.4)")
     left, right = figure.subplots(1, 2)
     draw(left, CURVE)
     _draw_segments(left, CURVE)
-    left.legend(fontsize=8)
+    legend(figure)
     for (name, of), color, marker in zip(errors.items(), ("C0", "C4"), "ov", strict=True):
         right.loglog(
             PIECES, of, color=color, marker=marker, ms=4, label=f"curve {name}, slope {slopes[name]:.2f}"
         )
     right.set(xlabel="linear segments", ylabel="missing part of the length")
     right.grid(alpha=0.3)
-    right.legend(fontsize=8)
+    right.legend(frameon=False)
     measured = {
         name: {
             "length": exact[name],

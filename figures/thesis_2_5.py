@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from figures._trajectories import CURVE, FINE, at, draw, table
+from figures._trajectories import CURVE, FINE, at, draw, legend, table
 
 SHOWN = 16
 COUNTS = tuple(2**k for k in range(3, 11))
@@ -43,7 +43,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     unequal = {str(times): _table_error(times, u, lengths) for times in (1, 4, 16)}
 
-    figure = Figure(figsize=(10, 4), layout="constrained")
+    figure = Figure(figsize=(10, 4.3), layout="constrained")
     figure.suptitle("Linear segments of the same length (thesis Fig. 2.5)")
     left, right = figure.subplots(1, 2)
     draw(left, CURVE)
@@ -55,12 +55,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         lw=0.8,
         label=f"{SHOWN} segments of equal length",
     )
-    left.legend(fontsize=8)
+    legend(figure)
     right.loglog(COUNTS, bounds, "k:", label="bound that comes with the segments")
     right.loglog(COUNTS, errors, "o-", color="C1", ms=4, label="largest error")
     right.set(xlabel="linear segments", ylabel="error / length of the curve")
     right.grid(alpha=0.3)
-    right.legend(fontsize=8)
+    right.legend(frameon=False)
     of_count = {
         str(count): {"error": error, "bound": bound, "longest chord / shortest": ratio}
         for count, error, bound, ratio in zip(COUNTS, errors, bounds, spread, strict=True)

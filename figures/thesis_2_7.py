@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures import _points
-from figures._trajectories import at
+from figures._trajectories import at, legend
 from qmcjax.tracing import motion
 
 SHOWN = (3, 6, 12, 24)
@@ -31,9 +31,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         path = motion.approximated(_rotation(1.0), 0.0, 1.0, segments)
         panel.plot(np.cos(angles), np.sin(angles), color="0.7", lw=3, label="path")
         panel.plot(*np.asarray(path.points).T, "o-", color="C1", ms=4, lw=1, label="linear segments")
-        panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), xticks=[], yticks=[])
-        panel.set_title(f"{segments} segments, error {_error(1.0, segments):.1%} of the radius", fontsize=8)
-    axes[0].legend(fontsize=8, loc="center")
+        panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
+        panel.set_axis_off()
+        panel.set_title(f"{segments} segments,\nerror {_error(1.0, segments):.1%} of the radius", fontsize=8)
+    legend(figure)
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):

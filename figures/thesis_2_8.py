@@ -42,7 +42,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panel.axhline(0, color="0.5", lw=2)
         panel.plot(*at(BALL, TIMES).T, color="0.7", lw=3, label="path")
         panel.plot(*np.asarray(path.points).T, "o-", color=color, ms=4, lw=1, label="linear segments")
-        panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75), xticks=[], yticks=[])
+        panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75))
+        panel.set_axis_off()
         panel.set_title(
             f"{SEGMENTS} segments, {name}\nturns at {floating[name][SEGMENTS]:.1%} of its height", fontsize=8
         )

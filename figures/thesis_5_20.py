@@ -37,10 +37,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure.set_size_inches(10, 5.6)
     for k, part in enumerate(pattern):
-        _points.scatter(axes[0], part / (side * TILES), "4 x 4 pixels", ms=1.5, color=f"C{k // TILES}")
+        _points.scatter(axes[0], part / (side * TILES), "4 x 4 pixels", ms=2.5, color=f"C{k // TILES}")
     _points.grid(axes[0], TILES, TILES)
     _points.grid(axes[1], TILES, TILES, color="0.9")
-    _points.scatter(axes[1], whole / (side * TILES), "tiles, each row moved by a quarter", ms=1.5)
+    _points.scatter(axes[1], whole / (side * TILES), "tiles, each row moved by a quarter", ms=2.5)
     for row in range(TILES):
         left = np.arange(-1, TILES + 1) + row % 4 / 4
         axes[1].vlines(left / TILES, row / TILES, (row + 1) / TILES, color="C1", lw=0.8)

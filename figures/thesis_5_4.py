@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 import analysis
 import qmcjax as qj
 from figures import _points
+from figures._image_grid import GAP, Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, 16), "paper": (256, 64)}
@@ -66,24 +67,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for name, matrices in choices.items()
     }
 
-    figure = Figure(figsize=(13, 6.6), layout="constrained")
-    figure.suptitle("Initial direction numbers of the Sobol' sequence (thesis Fig. 5.4)")
-    layout = figure.subplot_mosaic("abeee;cdfff")
-    for points, image, (name, matrices) in zip("ab", "cd", choices.items(), strict=True):
+    panels = [
+        Panel(f"{name}, {spp} spp, Hilbert curve,\nlight by components {SHOWN} and {SHOWN + 1}", image)
+        for name, image in images.items()
+    ]
+    title = "Initial direction numbers of the Sobol' sequence (thesis Fig. 5.4)"
+    figure = image_grid(title, panels, 2, 384, below=1160)
+    for k, (name, matrices) in enumerate(choices.items()):
         shown = _points.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)
-        _points.scatter(
-            layout[points], shown, f"{name}\ncomponents {SHOWN} and {SHOWN + 1}", color=COLORS[name]
-        )
-        layout[image].imshow(images[name], cmap="gray", vmin=0, vmax=1, interpolation="nearest")
-        layout[image].set_title(f"soft shadow, {spp} samples per pixel,\nalong the Hilbert curve", fontsize=9)
-        layout[image].set_axis_off()
-    for panel, (way, of) in zip("ef", filtered.items(), strict=True):
+        axes = add_axes(figure, 34 + k * (384 + GAP), 740, 350, 350)
+        text = f"components {SHOWN} and {SHOWN + 1}, {POINTS} points"
+        _points.scatter(axes, shown, text, color=COLORS[name])
+    for k, (way, of) in enumerate(filtered.items()):
+        axes = add_axes(figure, 140, 420 - 350 * k, 640, 240)
         for name, errors in of.items():
-            layout[panel].semilogy(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
-        layout[panel].set(xlabel="component of the light", ylabel="filtered error", title=way)
-        layout[panel].grid(alpha=0.3)
-        layout[panel].legend(fontsize=8)
-
+            axes.semilogy(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
+        axes.set(xlabel="component of the light", ylabel="filtered error")
+        axes.set_title(f"{way}, {spp} spp", loc="left")
+        axes.grid(alpha=0.3)
+        if k == 1:  # where the title leaves room
+            axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     measured = {
         "t of pairs": {name: {"mean": float(np.mean(t)), "largest": max(t)} for name, t in t_values.items()},
         **{

@@ -8,9 +8,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
+from figures import plot
 from qmcjax import sequences
 
 NETS = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}
+STYLES = dict(zip(NETS, map(plot.style, ("Sobol' net", "modified Sobol' net")), strict=True))
 PRINTED = {"Sobol'": 0.00358812, "modified (C'1, C'2)": 0.00926449}  # m = 13, caption of Fig. 5.9
 
 
@@ -27,13 +29,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
     figure = Figure(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()
-    for (name, values), marker in zip(distances.items(), "ov", strict=True):
-        axes.semilogy(sizes, values, marker=marker, label=name)
+    for name, values in distances.items():
+        axes.semilogy(sizes, values, marker=STYLES[name].marker, color=STYLES[name].color, label=name)
     axes.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance in the unit cube")
     axes.set_title("(0,m,3)-nets from the Sobol' and from the modified sequence (thesis Fig. 5.5)")
     axes.set_xticks(sizes)
     axes.grid(alpha=0.3)
-    axes.legend()
+    axes.legend(frameon=False)
     plain, modified = (squared[name] for name in NETS)
     not_ahead = [m for m, a, b in zip(sizes, plain, modified, strict=True) if b <= a]
     roughness = {name: _roughness(np.log(values)) for name, values in distances.items()}

@@ -70,6 +70,7 @@ def draw_matrix(axes: Axes, matrix: NDArray, label: str) -> None:
     """Draw a matrix over F2, its first row on top, zeros dark."""
     axes.imshow(matrix, cmap="gray", vmin=-0.3, vmax=1, interpolation="nearest")
     axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(True)
     axes.set_ylabel(label, rotation=0, ha="right", va="center")
 
 

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures.thesis_5_5 import PRINTED
+from figures import plot
+from figures.thesis_5_5 import PRINTED, STYLES
 from figures.thesis_5_7 import draw_matrix
 from qmcjax import sequences
 
@@ -52,13 +53,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             draw_matrix(layout[panel], matrix, "")
             layout[panel].set_title(f"{name}, {label}, m = {M}", fontsize=9)
     axes = layout["d"]
-    for (name, values), marker in zip(distances.items(), "ovs^", strict=True):
-        axes.semilogy(sizes, values, marker=marker, label=name)
+    searched = {"searched sequence": plot.Style("C3", "s"), "searched nets": plot.style("optimised matrices")}
+    for name, values in distances.items():
+        drawn = (STYLES | searched)[name]
+        axes.semilogy(sizes, values, marker=drawn.marker, color=drawn.color, label=name)
     axes.semilogy([M], [THESIS], "k*", ms=12, ls="", label="searched in the thesis")
     axes.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance in the unit cube")
     axes.set_xticks(sizes)
     axes.grid(alpha=0.3)
-    axes.legend()
+    axes.legend(frameon=False)
     last_two = _words(sequences.optimized_net_3d(M), 2**M)[:, 1:]
     of_pair = {
         str(m): analysis.squared_min_distance(_net(last_two, m), side=2**m) for m in range(sizes[0], M + 1)

@@ -1,5 +1,6 @@
 """The compiled search of whole worlds against programs of JAX that test all primitives one by one."""
 
+from dataclasses import replace
 from importlib.util import find_spec
 
 import jax
@@ -163,6 +164,30 @@ def test_all_pieces_are_done_once_and_errors_are_told():
     _threads.shared(done.append, [])
     with pytest.raises(ZeroDivisionError):
         _threads.shared(lambda piece: 1 // piece, [2, 0, 1])
+
+
+def test_trees_are_taken_over_only_by_the_same_numbers():
+    """In one program; also with vertices of NaN, which hit nothing."""
+    rng = np.random.default_rng(8)
+    start, target = rng.normal(size=(200, 3)), rng.uniform(-0.6, 0.6, (200, 3))
+    start *= 5 / np.linalg.norm(start, axis=1, keepdims=True)
+    origin, direction = (jnp.asarray(a, jnp.float32) for a in (start, target - start))
+    ends = jnp.zeros(200), jnp.full(200, jnp.inf)
+    shape = mesh(blob(8, 7)).shapes[0]
+    vertices = np.asarray(shape.vertices, np.float32)
+
+    @jax.jit
+    def find(vertices):
+        world = tracing.world([tracing.Object((replace(shape, vertices=vertices),), None, None)])
+        return ways.compiled(world, origin, direction, *ends, False)
+
+    first, again = find(vertices), find(vertices)
+    far, none, last = find(2 * vertices), find(np.nan * vertices), find(vertices)
+    for a, b, c in zip(first, again, last, strict=True):
+        assert np.array_equal(a, b) and np.array_equal(a, c)
+    hit = np.asarray(first[1]) >= 0
+    assert hit.sum() > 50 and np.all(np.asarray(far[0])[hit] < np.asarray(first[0])[hit])
+    assert np.all(np.asarray(none[1]) == -1)
 
 
 @pytest.mark.slow

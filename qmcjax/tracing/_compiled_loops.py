@@ -1,17 +1,20 @@
 """The search of rays in a world as loops that Numba compiles: what programs for CPUs call.
 
 A world is made of spaces, that of all which is still and those of objects that move; a space has primitives
-beyond any box, which all rays test, and trees. In a tree, a ray goes to the nearer child first and keeps the
-other on a stack.
+beyond any box, which all rays test, and trees. In a tree, a ray tests the boxes of eight children at once,
+goes to the nearest one first and keeps the others on a stack.
 """
 
 import numpy as np
 
 from qmcjax.tracing import _compiled_tests as tests
+from qmcjax.tracing import _compiled_triangles as triangles
+from qmcjax.tracing._compiled_nodes import DEPTH
+from qmcjax.tracing._lanes import WIDTH, bits, larger, load, lowest, smaller, store
 from qmcjax.tracing._numba import compiled, inlined
 
-STACK = 128
-"""More than the depth of any tree."""
+STACK = DEPTH * WIDTH
+"""More than wait for a ray: all but one of the children of each node on a path."""
 
 
 @inlined
@@ -38,32 +41,24 @@ def _seen(frames, f, i, origin, direction, time, unit, never):
 
 
 @inlined
-def _slab(nodes, last, moves, node, near, far, below, above, inverse, time, enter, leave):
-    """Narrow where a ray is in a box to where it is between two planes; NaN is between them."""
-    one, other = nodes[node, near], nodes[node, far]
+def _near(nodes, last, row, moves, weights, beside, inverse):
+    """Return where lines meet a plane of each of eight boxes."""
+    plane = load(nodes, row)
     if moves:
-        first = nodes.dtype.type(1) - time
-        one, other = first * one + time * last[node, near], first * other + time * last[node, far]
-    one, other = (one - above) * inverse, (other - below) * inverse
-    return one if one > enter else enter, other if other < leave else leave
+        plane = triangles.between(plane, load(last, row), weights)
+    return (plane - beside) * inverse
 
 
 @inlined
 def _walk(
-    rows,
-    ends,
-    codes,
-    nodes,
-    last,
-    links,
+    world,
     root,
     mesh,
     moves,
-    stack,
-    ahead,
+    scratch,
     origin,
     direction,
-    time,
+    weights,
     squared,
     inverse,
     shear,
@@ -74,6 +69,8 @@ def _walk(
     any_hit,
 ):
     """Return distance and row of the first hit in a tree, the limit and -1 without one."""
+    rows, ends, codes, blocks, closed, nodes, last, links = world
+    stack, ahead, lanes = scratch
     zero = rows.dtype.type(0)
     slower = rows.dtype.type(1) + unit
     found = -1
@@ -91,100 +88,96 @@ def _walk(
             origin[2] - wider if z == 2 else origin[2] + wider,
         ),
     )
-    xx, yy, zz = 3 - x, 5 - y, 7 - z
-    stack[0], ahead[0] = root, zero
-    waiting = 1
-    while waiting > 0:
-        waiting -= 1
-        if not ahead[waiting] < limit * slower:
-            continue
-        node = stack[waiting]
-        while node >= 0:
-            reach = limit * slower
-            enter, leave = _slab(
-                nodes, last, moves, node, x, xx, under[0], over[0], inverse[0], time, zero, reach
-            )
-            enter, leave = _slab(
-                nodes, last, moves, node, y, yy, under[1], over[1], inverse[1], time, enter, leave
-            )
-            enter, leave = _slab(
-                nodes, last, moves, node, z, zz, under[2], over[2], inverse[2], time, enter, leave
-            )
-            other, leaves = _slab(
-                nodes, last, moves, node, x + 6, xx + 6, under[0], over[0], inverse[0], time, zero, reach
-            )
-            other, leaves = _slab(
-                nodes, last, moves, node, y + 6, yy + 6, under[1], over[1], inverse[1], time, other, leaves
-            )
-            other, leaves = _slab(
-                nodes, last, moves, node, z + 6, zz + 6, under[2], over[2], inverse[2], time, other, leaves
-            )
-            # The products are rounded, too.
-            first, second = enter <= leave * slower, other <= leaves * slower
-            near, far = links[node, 12], links[node, 13]
-            if first and second:
-                if other < enter:
-                    near, far, other = far, near, enter
-                stack[waiting], ahead[waiting] = far, other
-                waiting += 1
-                node = near
-            elif first:
-                node = near
-            elif second:
-                node = far
-            else:
-                break
+    turned = triangles.turned(origin, shear[0])
+    node, waiting = root, 0
+    while True:
         if node >= 0:
-            continue
-        begin, count = ~node >> 3, ~node & 7
-        for k in range(begin, begin + count):
-            if mesh:
-                distance = tests.triangle(rows, k, ends, moves, time, origin, shear, slack, unit, limit)
-            else:
-                distance = _one(
-                    rows, ends, codes, k, origin, direction, time, squared, inverse, shear, slack, unit, limit
-                )
+            # NaN is between planes.
+            enter = larger(zero, _near(nodes, last, node + x, moves, weights, over[0], inverse[0]))
+            enter = larger(enter, _near(nodes, last, node + y, moves, weights, over[1], inverse[1]))
+            enter = larger(enter, _near(nodes, last, node + z, moves, weights, over[2], inverse[2]))
+            leave = _near(nodes, last, node + 3 - x, moves, weights, under[0], inverse[0])
+            leave = smaller(limit * slower, leave)
+            leave = smaller(leave, _near(nodes, last, node + 5 - y, moves, weights, under[1], inverse[1]))
+            leave = smaller(leave, _near(nodes, last, node + 7 - z, moves, weights, under[2], inverse[2]))
+            # The products are rounded, too.
+            hits = bits(enter <= leave * slower)
+            if hits != 0:
+                store(lanes, 0, enter)
+                lane = lowest(hits)
+                hits &= hits - 1
+                row = node + 6
+                node, nearest = links[row, lane], lanes[0, lane]
+                while hits != 0:
+                    lane = lowest(hits)
+                    hits &= hits - 1
+                    other, distance = links[row, lane], lanes[0, lane]
+                    if distance < nearest:
+                        node, nearest, other, distance = other, distance, node, nearest
+                    stack[waiting], ahead[waiting] = other, distance
+                    waiting += 1
+                continue
+        elif mesh:
+            row = ~node
+            distances, here = triangles.eight(blocks, row, closed, moves, weights, turned, shear, limit)
+            hits = bits(here)
+            if hits != 0:
+                store(lanes, 0, distances)
+            while hits != 0:
+                lane = lowest(hits)
+                hits &= hits - 1
+                if lanes[0, lane] < limit and triangles.leaves(
+                    blocks, row, lane, closed, moves, weights, origin, slack, unit
+                ):
+                    limit, found = lanes[0, lane], row // triangles.BLOCK * WIDTH + lane
+                    if any_hit:
+                        return limit, found
+        else:
+            distance = _one(
+                rows,
+                ends,
+                codes,
+                ~node,
+                origin,
+                direction,
+                weights,
+                squared,
+                inverse,
+                shear,
+                slack,
+                unit,
+                limit,
+            )
             if distance > 0 and distance < limit:
-                limit, found = distance, k
+                limit, found = distance, ~node
                 if any_hit:
                     return limit, found
-    return limit, found
+        while waiting > 0 and not ahead[waiting - 1] < limit * slower:
+            waiting -= 1
+        if waiting == 0:
+            return limit, found
+        waiting -= 1
+        node = stack[waiting]
 
 
 @inlined
-def _one(rows, ends, codes, k, origin, direction, time, squared, inverse, shear, slack, unit, limit):
+def _one(rows, ends, codes, k, origin, direction, weights, squared, inverse, shear, slack, unit, limit):
     """Return the distance of a primitive of any kind."""
     code = codes[k]
     if code < tests.TRIANGLE:
         return tests.distance(code, rows, k, origin, direction, squared, inverse, slack)
     moves = code == tests.MOVING
-    return tests.triangle(rows, k, ends, moves, time, origin, shear, slack, unit, limit)
+    return triangles.triangle(rows, k, ends, moves, weights, origin, shear, slack, unit, limit)
 
 
 @inlined
 def _search(
-    rows,
-    ends,
-    codes,
-    nodes,
-    last,
-    links,
-    sizes,
-    spaces,
-    trees,
-    frames,
-    i,
-    stack,
-    ahead,
-    origin,
-    direction,
-    time,
-    limit,
-    unit,
-    any_hit,
+    world, names, spaces, trees, sizes, frames, i, scratch, origin, direction, time, limit, unit, any_hit
 ):
-    """Return distance and row of the first hit of a ray, the limit and -1 without one."""
+    """Return distance and number of the first hit of a ray, the limit and -1 without one."""
+    rows, ends, codes = world[:3]
     one, never = rows.dtype.type(1), rows.dtype.type(np.inf)
+    weights = one - time, time
     found = -1
     for s in range(len(spaces)):
         frame, loose, stop = spaces[s, 0], spaces[s, 1], spaces[s, 2]
@@ -197,29 +190,24 @@ def _search(
             one / d[1] if d[1] != 0 else never,
             one / d[2] if d[2] != 0 else never,
         )
-        shear = tests.shear(d, inverse) if spaces[s, 5] > 0 else (0, one, one, one)
+        shear = triangles.shear(d, inverse) if spaces[s, 5] > 0 else (0, one, one, one)
         for k in range(loose, stop):
-            distance = _one(rows, ends, codes, k, o, d, time, squared, inverse, shear, slack, unit, limit)
+            distance = _one(rows, ends, codes, k, o, d, weights, squared, inverse, shear, slack, unit, limit)
             if distance > 0 and distance < limit:
-                limit, found = distance, k
+                limit, found = distance, names[0][k]
                 if any_hit:
                     return limit, found
         for t in range(spaces[s, 3], spaces[s, 4]):
+            mesh, moves = trees[t, 1] != 0, trees[t, 2] != 0
             limit, k = _walk(
-                rows,
-                ends,
-                codes,
-                nodes,
-                last,
-                links,
+                world,
                 trees[t, 0],
-                trees[t, 1] != 0,
-                trees[t, 2] != 0,
-                stack,
-                ahead,
+                mesh,
+                moves,
+                scratch,
                 o,
                 d,
-                time,
+                weights,
                 squared,
                 inverse,
                 shear,
@@ -230,22 +218,21 @@ def _search(
                 any_hit,
             )
             if k >= 0:
-                found = k
+                found = names[1][k] if mesh else names[0][k]
                 if any_hit:
                     return limit, found
     return limit, found
 
 
 @compiled(_nrt=False, nogil=True)
-def search(world, names, rays, unit, any_hit, first, stop, stack, ahead, distances, numbers):
-    """Search for the rays of a run: distances of their hits, the limits without one, and primitives, or -1.
+def search(world, names, spaces, trees, sizes, frames, rays, unit, any_hit, scratch, distances, numbers):
+    """Search for rays: distances of their hits, the limits without one, and primitives, or -1.
 
     ``unit`` is the slack of a coordinate of 1. With ``any_hit`` the first hit that is found counts.
     """
-    rows, ends, codes, nodes, last, links, sizes, spaces, trees, frames = world
     ox, oy, oz, dx, dy, dz, time, limit = rays
     never = limit.dtype.type(np.inf)
-    for i in range(first, stop):
+    for i in range(len(limit)):
         distances[i], numbers[i] = limit[i], -1
         o, d = (ox[i], oy[i], oz[i]), (dx[i], dy[i], dz[i])
         dead = d[0] == 0 and d[1] == 0 and d[2] == 0
@@ -253,26 +240,6 @@ def search(world, names, rays, unit, any_hit, first, stop, stack, ahead, distanc
             continue
         if not (abs(o[0]) < never and abs(o[1]) < never and abs(o[2]) < never):
             continue
-        distances[i], row = _search(
-            rows,
-            ends,
-            codes,
-            nodes,
-            last,
-            links,
-            sizes,
-            spaces,
-            trees,
-            frames,
-            i,
-            stack,
-            ahead,
-            o,
-            d,
-            time[i],
-            limit[i],
-            unit,
-            any_hit,
+        distances[i], numbers[i] = _search(
+            world, names, spaces, trees, sizes, frames, i, scratch, o, d, time[i], limit[i], unit, any_hit
         )
-        if row >= 0:
-            numbers[i] = names[row]

@@ -35,7 +35,7 @@ def largest(a):
 
 
 @inlined
-def _length(a):
+def length(a):
     return np.sqrt(dot(a, a))
 
 
@@ -49,7 +49,7 @@ def _along(origin, distance, direction):
 
 
 @inlined
-def _vector(rows, k, j):
+def vector(rows, k, j):
     return rows[k, j], rows[k, j + 1], rows[k, j + 2]
 
 
@@ -74,7 +74,7 @@ def fill(rows, k, kind, given, m, unit):
     ====================  ====================================================================================
     """
     one = given.dtype.type(1)
-    start, other, third = _vector(given, m, 0), _vector(given, m, 3), _vector(given, m, 6)
+    start, other, third = vector(given, m, 0), vector(given, m, 3), vector(given, m, 6)
     _put(rows, k, 0, start)
     _put(rows, k, 3, other)
     scale = largest(start)
@@ -90,8 +90,8 @@ def fill(rows, k, kind, given, m, unit):
         _put(rows, k, 3, normal)
         _put(rows, k, 6, p)
         _put(rows, k, 9, q)
-        rows[k, 12], rows[k, 13], rows[k, 14] = squared, _length(p), _length(q)
-        scale += _length(other) + _length(third)
+        rows[k, 12], rows[k, 13], rows[k, 14] = squared, length(p), length(q)
+        scale += length(other) + length(third)
     elif kind == DISC:
         rows[k, 6], rows[k, 12] = given[m, 6], dot(other, other)
         scale += given[m, 6]
@@ -100,7 +100,7 @@ def fill(rows, k, kind, given, m, unit):
     elif kind == SPHERE:
         scale += given[m, 3]
     elif kind == CYLINDER:
-        tall = _length(other)
+        tall = length(other)
         inverse = one / tall if tall > 0 else one
         rows[k, 3], rows[k, 4], rows[k, 5] = inverse * other[0], inverse * other[1], inverse * other[2]
         rows[k, 6], rows[k, 7] = tall, given[m, 6]
@@ -118,7 +118,7 @@ def distance(kind, rows, k, origin, direction, squared, inverse, slack):
     if kind == BOX:
         return _box(rows, k, origin, squared, inverse, slack)
     if kind == SPHERE:
-        start = minus(origin, _vector(rows, k, 0))
+        start = minus(origin, vector(rows, k, 0))
         near, far = _crossings(start, direction, squared, rows[k, 3], slack)
         return _first(near, far, squared, slack)
     if kind == CYLINDER:
@@ -129,7 +129,7 @@ def distance(kind, rows, k, origin, direction, squared, inverse, slack):
 @inlined
 def _flat(kind, rows, k, origin, direction, slack):
     none, one = rows.dtype.type(-1), rows.dtype.type(1)
-    point, normal = _vector(rows, k, 0), _vector(rows, k, 3)
+    point, normal = vector(rows, k, 0), vector(rows, k, 3)
     height, slope = dot(normal, minus(point, origin)), dot(normal, direction)
     if not (height * height > slack * slack * rows[k, 12] and slope != 0):
         return none
@@ -141,8 +141,8 @@ def _flat(kind, rows, k, origin, direction, slack):
         reach = rows[k, 6] + slack
         return distance if dot(start, start) <= reach * reach else none
     # Wider by what is rounding, so that rays do not slip between rectangles that share an edge.
-    u, wider = dot(start, _vector(rows, k, 6)), slack * rows[k, 13]
-    v, higher = dot(start, _vector(rows, k, 9)), slack * rows[k, 14]
+    u, wider = dot(start, vector(rows, k, 6)), slack * rows[k, 13]
+    v, higher = dot(start, vector(rows, k, 9)), slack * rows[k, 14]
     inside = u >= -wider and u <= one + wider and v >= -higher and v <= one + higher
     return distance if inside else none
 
@@ -211,8 +211,8 @@ def _crossings(start, direction, squared, radius, slack):
 @inlined
 def _cylinder(rows, k, origin, direction, squared, slack):
     none = rows.dtype.type(-1)
-    up, tall = _vector(rows, k, 3), rows[k, 6]
-    start = minus(origin, _vector(rows, k, 0))
+    up, tall = vector(rows, k, 3), rows[k, 6]
+    start = minus(origin, vector(rows, k, 0))
     height, climb = dot(start, up), dot(direction, up)
     across = _along(direction, -climb, up)
     around = dot(across, across)
@@ -227,77 +227,3 @@ def _cylinder(rows, k, origin, direction, squared, slack):
     if at >= -slack and at <= tall + slack and _ahead(far, squared, slack):
         return far
     return none
-
-
-@inlined
-def shear(d, inverse):
-    """Return the axis that is most along a ray, and the numbers of ``Triangles.prepare``."""
-    x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
-    if z >= x and z >= y:
-        return 2, -d[0] * inverse[2], -d[1] * inverse[2], inverse[2]
-    if x >= y:
-        return 0, -d[1] * inverse[0], -d[2] * inverse[0], inverse[0]
-    return 1, -d[2] * inverse[1], -d[0] * inverse[1], inverse[1]
-
-
-@inlined
-def corners(rows, k, ends, moves, time):
-    """Return the corners of a triangle at a time between both ends of the shutter."""
-    a, b, c = _vector(rows, k, 0), _vector(rows, k, 3), _vector(rows, k, 6)
-    if moves:
-        one = rows.dtype.type(1) - time
-        a = one * a[0] + time * ends[k, 0], one * a[1] + time * ends[k, 1], one * a[2] + time * ends[k, 2]
-        b = one * b[0] + time * ends[k, 3], one * b[1] + time * ends[k, 4], one * b[2] + time * ends[k, 5]
-        c = one * c[0] + time * ends[k, 6], one * c[1] + time * ends[k, 7], one * c[2] + time * ends[k, 8]
-    return a, b, c
-
-
-@inlined
-def _sheared(corner, shear):
-    """Return a vertex with the direction of the ray as third axis."""
-    axis, x, y, z = shear
-    if axis == 0:
-        forth, one, other = corner
-    elif axis == 1:
-        other, forth, one = corner
-    else:
-        one, other, forth = corner
-    return one + x * forth, other + y * forth, z * forth
-
-
-@inlined
-def triangle(rows, k, ends, moves, time, origin, shear, slack, unit, limit):
-    """Return the distance of a hit of a triangle before a limit: ``Triangles.distance``."""
-    none = rows.dtype.type(-1)
-    one, other, third = corners(rows, k, ends, moves, time)
-    seen = minus(one, origin)
-    ax, ay, az = _sheared(seen, shear)
-    bx, by, bz = _sheared(minus(other, origin), shear)
-    cx, cy, cz = _sheared(minus(third, origin), shear)
-    u0, u1, v0, v1, w0, w1 = cx * by, cy * bx, ax * cy, ay * cx, bx * ay, by * ax
-    if not ((u0 >= u1 and v0 >= v1 and w0 >= w1) or (u0 <= u1 and v0 <= v1 and w0 <= w1)):
-        return none
-    u, v, w = u0 - u1, v0 - v1, w0 - w1
-    total = u + v + w
-    if total == 0:
-        return none
-    distance = (u * az + v * bz + w * cz) / total
-    distance = min(max(distance, min(az, bz, cz)), max(az, bz, cz))
-    if not (distance > 0 and distance < limit):
-        return none
-    size = largest(one) + largest(other) + largest(third)
-    return none if _starts_on(minus(other, one), minus(third, one), seen, slack + unit * size) else distance
-
-
-@inlined
-def _starts_on(side, other, seen, slack):
-    """Tell whether the ray starts on the triangle, whose first corner it sees: ``_triangles._on``."""
-    normal = cross(side, other)
-    squared = dot(normal, normal)
-    height = dot(normal, seen)
-    if not (squared > 0 and height * height <= slack * slack * squared):
-        return False
-    p, q = cross(other, normal), cross(normal, side)
-    u, v = -dot(seen, p) / squared, -dot(seen, q) / squared
-    wider = slack * (_length(p) + _length(q)) / squared
-    return u >= -wider and v >= -wider and u + v - wider <= 1

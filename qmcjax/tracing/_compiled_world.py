@@ -4,8 +4,9 @@ The call is one of ``buffer_callback``, which hands on the memory of the program
 to a device: that waits for a thread, and for ever where all of them run programs that wait for such calls
 (seen in JAX 0.10 on one core, and where devices share a program).
 
-Each call makes the trees: those of meshes have boxes for the vertices that come, and what has no tree of its
-own gets one, in less time than a hundred rays take for each of its primitives.
+A call makes the trees: those of meshes have boxes for the vertices that come, and what has no tree of its own
+gets one, in less time than a hundred rays take for each of its primitives. The next call takes them over if
+the same numbers come.
 """
 
 from collections.abc import Sequence
@@ -50,6 +51,22 @@ class _Plan(NamedTuple):
     """The space of each mesh with a tree, and the number of its first triangle."""
 
 
+class _Planted:
+    """The trees of a world, kept for the next call: that of a program often has the same numbers."""
+
+    def __init__(self, plan: _Plan) -> None:
+        self._plan = plan
+        self._last: Any = None
+
+    def __call__(self, shapes: Any, number: np.dtype, unit: Any) -> Any:
+        given, last = jax.tree.leaves(shapes), self._last
+        if last is not None and all(map(np.array_equal, last[0], given)):
+            return last[1]
+        result = _planted(self._plan, shapes, number, unit)
+        self._last = [a.copy() for a in given], result
+        return result
+
+
 def search(
     world: World,
     frames: Sequence[Frame | None],
@@ -61,15 +78,11 @@ def search(
 ) -> tuple[Array, Array]:
     """Return distances and numbers of the nearest hits before limits, the limits and -1 without one."""
     plan, shapes = _planned(world)
-    moving = [
-        [part for dual in frame.duals for part in dual] + list(frame.translation)
-        for frame in frames
-        if frame is not None
-    ]
-    stacked = [jnp.stack([part for frame in moving for part in frame])] if moving else []
+    # One by one: all in one array take XLA twice as long.
+    moving = [(frame.duals, frame.translation) for frame in frames if frame is not None]
     result = jax.ShapeDtypeStruct(limit.shape, limit.dtype), jax.ShapeDtypeStruct(limit.shape, jnp.int32)
-    call = buffer_callback(partial(_fill, plan, any_hit), result, vmap_method="expand_dims")
-    return call(*jax.lax.stop_gradient((shapes, stacked, (*origin, *direction, time, limit))))
+    call = buffer_callback(partial(_fill, _Planted(plan), any_hit), result, vmap_method="expand_dims")
+    return call(*jax.lax.stop_gradient((shapes, moving, (*origin, *direction, time, limit))))
 
 
 def _planned(world: World) -> tuple[_Plan, Any]:
@@ -119,20 +132,21 @@ def _numbers(shape: Shape) -> Array:
     return jnp.concatenate([numbers, low.min(axis=0), high.max(axis=0)], axis=1)
 
 
-def _fill(plan: _Plan, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
+def _fill(planted: _Planted, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
     shapes, frames, rays = jax.tree.map(np.asarray, given)
-    for to, result in zip(out, _mapped(plan, shapes, frames, rays, any_hit), strict=True):
+    frames = jax.tree.leaves(frames)
+    for to, result in zip(out, _mapped(planted, shapes, frames, rays, any_hit), strict=True):
         np.asarray(to)[...] = result
 
 
-def _mapped(plan: _Plan, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
     """Search in one world, or in as many as are mapped."""
     loose, meshes = shapes
     leading = [a.shape[:-2] for a in loose]
     for ends, tree in meshes:
         leading += [a.shape[:-3] for a in ends] + [a.shape[:-1] for a in tree]
     worlds = np.broadcast_shapes(*leading)
-    mapped = np.broadcast_shapes(worlds, *(a.shape[:-2] for a in frames), *(a.shape[:-1] for a in rays))
+    mapped = np.broadcast_shapes(worlds, *(a.shape[:-1] for a in (*frames, *rays)))
 
     def at(a: Any, axes: int, index: Any) -> Any:
         return np.broadcast_to(a, mapped + a.shape[a.ndim - axes :])[index]
@@ -144,18 +158,17 @@ def _mapped(plan: _Plan, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> 
 
     if max(worlds, default=1) == 1:
         # All rays at once.
-        flat = [np.broadcast_to(a, (*mapped, a.shape[-1])).reshape(-1) for a in rays]
-        moved = [
-            np.moveaxis(np.broadcast_to(a, mapped + a.shape[-2:]), -2, 0).reshape(a.shape[-2], -1)
-            for a in frames
-        ]
-        results = [_searched(plan, world((0,) * len(mapped)), moved, flat, any_hit)]
+        frames, rays = (
+            [np.broadcast_to(a, (*mapped, a.shape[-1])).reshape(-1) for a in given]
+            for given in (frames, rays)
+        )
+        results = [_searched(planted, world((0,) * len(mapped)), frames, rays, any_hit)]
     else:
         results = [
             _searched(
-                plan,
+                planted,
                 world(index),
-                [at(a, 2, index) for a in frames],
+                [at(a, 1, index) for a in frames],
                 [at(a, 1, index) for a in rays],
                 any_hit,
             )
@@ -165,73 +178,78 @@ def _mapped(plan: _Plan, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> 
     return distance, row
 
 
-def _searched(plan: _Plan, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+def _searched(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
     from qmcjax.tracing import _compiled_loops as loops  # Only where numba is installed.
 
-    rays = [np.ascontiguousarray(a) for a in rays]
-    number = rays[-1].dtype
+    number, count = rays[-1].dtype, len(rays[-1])
     unit = number.type(SLACK * np.finfo(number).eps)
-    frame = np.ascontiguousarray(frames[0]) if frames else np.empty((0, len(rays[-1])), number)
-    *world, names = _planted(plan, shapes, number, unit)
-    count = len(rays[-1])
+    world = planted(shapes, number, unit)
     distances, numbers = np.empty(count, number), np.empty(count, np.int32)
 
     def run(first: int) -> None:
-        stack, ahead = np.empty(loops.STACK, np.int64), np.empty(loops.STACK, number)
-        given = (*world, frame), names, tuple(rays), unit, any_hit, first, min(first + _RUN, count)
-        loops.search(*given, stack, ahead, distances, numbers)
+        these = slice(first, first + _RUN)
+        frame, given = np.empty((len(frames), len(distances[these])), number), tuple(a[these] for a in rays)
+        for to, part in zip(frame, frames, strict=True):
+            to[:] = part[these]
+        scratch = (
+            np.empty(loops.STACK, np.int64),
+            np.empty(loops.STACK, number),
+            np.empty((1, loops.WIDTH), number),
+        )
+        loops.search(*world, frame, given, unit, any_hit, scratch, distances[these], numbers[these])
 
     shared(run, range(0, count, _RUN))
     return distances, numbers
 
 
 def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
-    """Return rows and trees of a world, and the numbers of its rows."""
-    from qmcjax.tracing import _compiled_tree as trees
+    """Return rows and trees of a world, the numbers of its primitives, and what there is in each space."""
+    from qmcjax.tracing import _compiled_nodes as wide
     from qmcjax.tracing._compiled_tests import MOVING, TRIANGLE, WIDTH
+    from qmcjax.tracing._compiled_tree import plant
 
     loose, meshes = shapes
     moves = [len(ends) == 2 for ends, _ in meshes]
     counts = [ends[0].shape[0] for ends, _ in meshes]
-    count = len(plan.kinds) + sum(counts)
-    size = count + len(plan.members) + len(meshes)
-    rows, nodes = np.empty((count, WIDTH), number), np.empty((size, WIDTH), number)
+    alone, size = len(plan.kinds), len(plan.kinds) + sum(counts)
+    rows, nodes = np.empty((alone, WIDTH), number), np.empty((wide.NODE * size, wide.WIDTH), number)
+    blocks = np.empty((wide.BLOCK * sum(counts), wide.WIDTH), number)
     # Without anything that moves in its space, one row that no primitive uses.
-    ends = np.empty((count if any(moves) or MOVING in plan.kinds else 1, WIDTH), number)
-    last = np.empty((size if any(moves) else 1, WIDTH), number)
+    ends = np.empty((alone if MOVING in plan.kinds else 1, WIDTH), number)
+    closed, last = (np.empty_like(a if any(moves) else a[:1]) for a in (blocks, nodes))
     links = nodes.view(np.int32 if number == np.float32 else np.int64)
-    codes, order, names = np.empty(count, np.int8), np.empty(count, np.int64), np.empty(count, np.int32)
+    codes, order = np.empty(alone, np.int8), np.empty(alone, np.int64)
+    labels = np.empty((sum(counts), wide.WIDTH), np.int32)
     spaces, roots, sizes = np.empty((len(plan.members), 6), np.int64), [], []
-    first = node = 0
+    first = node = block = 0
     for place, members in enumerate(plan.members):
-        begin, tree = first, len(roots)
-        triangles = bool((plan.kinds[members] >= TRIANGLE).any())
+        begin, tree, stop = first, len(roots), first + len(members)
         if len(members):
-            numbers = np.ascontiguousarray(loose[0])
-            inside, largest = trees.plant(
+            numbers, root = np.ascontiguousarray(loose[0]), node
+            inside, largest, node = plant(
                 numbers, plan.kinds, members, unit, first, node, rows, ends, codes, order, nodes, links
             )
-            names[first : first + len(members)] = plan.names[order[first : first + len(members)]]
             if inside:
-                roots.append((node, 0, 0))
+                roots.append((wide.NODE * root, 0, 0))
                 sizes.append(unit * 2 * largest)
-            begin, first, node = first + inside, first + len(members), node + len(members) + 1
-        stop = first
-        for (space, start), many, moving, (vertices, tree_of) in zip(
-            plan.meshes, counts, moves, meshes, strict=True
-        ):
+            begin, first = first + inside, stop
+        for (space, start), moving, (vertices, tree_of) in zip(plan.meshes, moves, meshes, strict=True):
             if space != place:
                 continue
             corners = [np.ascontiguousarray(a).reshape(-1, 9) for a in vertices]
             close = corners[1] if moving else np.empty((0, 9), number)
             tree_of = [np.ascontiguousarray(a) for a in tree_of]
-            largest = trees.graft(
-                corners[0], close, *tree_of, unit, first, node, rows, ends, nodes, links, last
+            roots.append((wide.NODE * node, 1, int(moving)))
+            before = block
+            largest, block, node = wide.graft(
+                corners[0], close, *tree_of, block, node, blocks, closed, labels, nodes, last, links
             )
-            names[first : first + many] = start + tree_of[0]
-            roots.append((node, 1, int(moving)))
+            labels[before:block] += start
             sizes.append(unit * 2 * largest)
-            first, node, triangles = first + many, node + many + 1, True
+        triangles = bool((plan.kinds[members] >= TRIANGLE).any()) or any(
+            space == place for space, _ in plan.meshes
+        )
         spaces[place] = plan.frames[place], begin, stop, tree, len(roots), triangles
     table = np.array(roots, np.int64).reshape(-1, 3)
-    return rows, ends, codes, nodes, last, links, np.array(sizes, number), spaces, table, names
+    world = rows, ends, codes, blocks, closed, nodes, last, links
+    return world, (plan.names[order], labels.reshape(-1)), spaces, table, np.array(sizes, number)

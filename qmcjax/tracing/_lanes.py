@@ -1,0 +1,168 @@
+"""Eight numbers at a time in loops that Numba compiles, by the vector instructions that a processor has.
+
+Operators, :func:`larger` and :func:`smaller` take lanes, scalars, or both: a test is written once for both.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir  # pyright: ignore[reportMissingImports]
+from numba import types  # pyright: ignore[reportMissingImports]
+from numba.core import cgutils  # pyright: ignore[reportMissingImports]
+from numba.extending import (  # pyright: ignore[reportMissingImports]
+    intrinsic,
+    models,
+    overload,
+    register_model,
+)
+
+WIDTH = 8
+
+# Calls leave out the first argument of what it decorates.
+_intrinsic: Any = intrinsic
+
+
+class Lanes(types.Type):
+    """The type of lanes of floats, or of booleans."""
+
+    def __init__(self, dtype: Any) -> None:
+        self.dtype = dtype
+        super().__init__(f"Lanes({dtype})")
+
+
+@register_model(Lanes)
+class _Model(models.PrimitiveModel):
+    def __init__(self, manager: Any, kind: Lanes) -> None:
+        value = manager.lookup(kind.dtype).get_value_type()
+        super().__init__(manager, kind, ir.VectorType(value, WIDTH))
+
+
+def _is(kind: Any) -> bool:
+    return isinstance(kind, Lanes)
+
+
+def _splat(builder: Any, value: Any) -> Any:
+    """Return lanes that are all the same."""
+    nothing = ir.Constant(ir.VectorType(value.type, WIDTH), ir.Undefined)
+    one = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
+    return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), None))
+
+
+def _elementwise(result: Callable[[Any], Any], make: Callable[..., Any]) -> Any:
+    """Return what types and code two values have for an intrinsic; scalars get the type of lanes."""
+
+    def code(_: Any, a: Any, b: Any) -> Any:
+        dtype = next((kind.dtype for kind in (a, b) if _is(kind)), a)
+
+        def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            given = []
+            for value, kind in zip(values, signature.args, strict=True):
+                if not _is(kind):
+                    value = context.cast(builder, value, kind, dtype)
+                    value = _splat(builder, value) if _is(a) or _is(b) else value
+                given.append(value)
+            return make(builder, *given)
+
+        kind = result(dtype)
+        return (Lanes(kind) if _is(a) or _is(b) else kind)(a, b), build
+
+    return code
+
+
+def _two(result: Callable[[Any], Any], make: Callable[..., Any]) -> Any:
+    code = _elementwise(result, make)
+
+    @_intrinsic
+    def function(context: Any, a: Any, b: Any) -> Any:
+        return code(context, a, b)
+
+    return function
+
+
+def _same(kind: Any) -> Any:
+    return kind
+
+
+def _boolean(_: Any) -> Any:
+    return types.boolean
+
+
+def _operator(symbol: Any, function: Any) -> None:
+    @overload(symbol, strict=False)
+    def chosen(a: Any, b: Any) -> Any:
+        return (lambda a, b: function(a, b)) if _is(a) or _is(b) else None
+
+
+for _symbol, _name in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
+    _operator(
+        getattr(operator, _symbol),
+        _two(_same, lambda builder, a, b, name=_name: getattr(builder, name)(a, b)),
+    )
+for _symbol, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">=")):
+    _operator(
+        getattr(operator, _symbol),
+        _two(_boolean, lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b)),
+    )
+_operator(operator.ne, _two(_boolean, lambda builder, a, b: builder.fcmp_unordered("!=", a, b)))
+_operator(operator.and_, _two(_boolean, lambda builder, a, b: builder.and_(a, b)))
+_operator(operator.or_, _two(_boolean, lambda builder, a, b: builder.or_(a, b)))
+
+larger = _two(_same, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
+"""The larger of two; the first one if any is NaN."""
+
+smaller = _two(_same, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
+"""The smaller of two; the first one if any is NaN."""
+
+
+def _pointer(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> Any:
+    """Return where a row of an array (rows, lanes) starts."""
+    data = context.make_array(kind)(context, builder, array).data
+    index = builder.mul(row, ir.Constant(row.type, WIDTH))
+    return cgutils.gep_inbounds(builder, data, index)
+
+
+@_intrinsic
+def load(_: Any, array: Any, row: Any) -> Any:
+    """Return a row of an array (rows, lanes)."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        start = _pointer(context, builder, signature.args[0], *values)
+        vector = ir.VectorType(context.get_data_type(array.dtype), WIDTH)
+        start = builder.bitcast(start, vector.as_pointer())
+        return builder.load(start, align=array.dtype.bitwidth // 8, typ=vector)
+
+    return Lanes(array.dtype)(array, types.intp), build
+
+
+@_intrinsic
+def store(_: Any, array: Any, row: Any, value: Any) -> Any:
+    """Put lanes into a row of an array (rows, lanes)."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        start = _pointer(context, builder, signature.args[0], *values[:2])
+        start = builder.bitcast(start, values[2].type.as_pointer())
+        builder.store(values[2], start, align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, value), build
+
+
+@_intrinsic
+def bits(_: Any, here: Any) -> Any:
+    """Return a number whose bits are the lanes of a condition."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.zext(builder.bitcast(values[0], ir.IntType(WIDTH)), ir.IntType(64))
+
+    return types.int64(here), build
+
+
+@_intrinsic
+def lowest(_: Any, number: Any) -> Any:
+    """Return the place of the lowest bit of a number that is not 0."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.cttz(values[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), build

@@ -59,7 +59,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         f"Passes of {PER_PASS} samples in each pixel until its standard error is {TOLERANCE}, "
         f"at most {size.passes}: {size.side} x {size.side} pixels"
     )
-    return image_grid(title, images + counts, len(images), 384), {
+    return image_grid(title, images + counts, len(images), max(384, 2 * size.side)), {
         "measured": {"passes": passes},
         "note": NOTE.format(
             side=size.side,

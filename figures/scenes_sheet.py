@@ -64,7 +64,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panels.append(Panel(caption, exact, (low, high) if high > low else (low - 1, high + 1)))
         progress(done / len(every))
     summed = ", ".join(f"{width} x {height}" for width, height in SUMMED)
-    return image_grid(f"Scenes and their exact images, {side} x {side} pixels", panels, 5, 320), {
+    return image_grid(
+        f"Scenes and their exact images, {side} x {side} pixels", panels, 5, max(320, 2 * side)
+    ), {
         "measured": measured,
         "note": NOTE.format(side=side, summed=summed, spp=SPP, keys=keys),
     }

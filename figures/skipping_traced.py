@@ -68,7 +68,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panels += _panels(name, exact.image, moving, counts, measured[name], size)
         progress((row + 1) / len(size.names))
     title = f"What is not computed of ray-traced scenes, {size.side} x {size.side} pixels"
-    figure = image_grid(title, panels, 3, 384, below=480)
+    figure = image_grid(title, panels, 3, max(384, 2 * size.side), below=480)
     _draw_times(add_axes(figure, 110, 80, 640, 340), measured)
     return figure, {
         "measured": measured

@@ -20,6 +20,8 @@ COMPONENTS = 64
 SHOWN = 30
 """The lower one of the two components of the points and images that are shown."""
 POINTS = 256
+WIDTH = 512
+"""Pixels of the picture that an image is wide, in either quality."""
 M = 12
 COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
 
@@ -72,14 +74,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for name, image in images.items()
     ]
     title = "Initial direction numbers of the Sobol' sequence (thesis Fig. 5.4)"
-    figure = image_grid(title, panels, 2, 384, below=1160)
+    figure = image_grid(title, panels, 2, WIDTH, below=1290)
     for k, (name, matrices) in enumerate(choices.items()):
         shown = _points.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)
-        axes = add_axes(figure, 34 + k * (384 + GAP), 740, 350, 350)
+        axes = add_axes(figure, 34 + k * (WIDTH + GAP), 760, WIDTH - 40, WIDTH - 40)
         text = f"components {SHOWN} and {SHOWN + 1}, {POINTS} points"
         _points.scatter(axes, shown, text, color=COLORS[name])
     for k, (way, of) in enumerate(filtered.items()):
-        axes = add_axes(figure, 140, 420 - 350 * k, 640, 240)
+        axes = add_axes(figure, 140, 420 - 350 * k, 2 * WIDTH - 140, 240)
         for name, errors in of.items():
             axes.semilogy(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
         axes.set(xlabel="component of the light", ylabel="filtered error")

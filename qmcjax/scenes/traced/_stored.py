@@ -97,7 +97,8 @@ def save(
         Of the scene.
     """
     known = error[error > 0]
-    least = float(known.min()) if known.size else 1.0
+    # Smaller errors than a byte has room for are rounded up.
+    least = max(float(known.min()), float(known.max()) * 2.0 ** -(250 / _STEPS)) if known.size else 1.0
     # Where nothing is left to chance, samples are still values in single precision.
     least_step = np.finfo(np.float32).eps * abs(image).max()
     # Rounding adds a variance of step**2 / 12: at most a 30th to that of half of the pixels.
@@ -111,7 +112,7 @@ def save(
         # Bytes of equal weight together: the high ones are nearly all equal.
         levels=np.moveaxis(differences[..., None].view(np.uint8), -1, 0),
         step=step,
-        error=np.where(error > 0, np.minimum(errors, 255), 0).astype(np.uint8),
+        error=np.where(error > 0, errors, 0).astype(np.uint8),
         least=least,
         numbers=of.numbers,
         choices=of.choices,

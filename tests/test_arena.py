@@ -35,6 +35,7 @@ def folder(tmp_path, monkeypatch):
 SMALL = ["--spp", "1,4", "--size", "32", "--keys", "2", "--against", "owen"]
 
 
+@pytest.mark.slow
 def test_a_page_and_a_table(folder, capsys):
     command = [
         "compare",

@@ -50,7 +50,6 @@ CASES = {
         2,
     ),
 }
-SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in [*CASES][1:]]
 
 
 @jax.jit
@@ -70,7 +69,8 @@ def means(scene, samples, key):
     return found.mean(axis=2), found.std(axis=2, ddof=1) / np.sqrt(samples)
 
 
-@pytest.mark.parametrize("name", ["diffuse", *SLOW])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
 def test_the_expectation_is_that_of_path_tracing(name):
     """Each way to find a path has its own formula for the weights, which must have the sum 1."""
     world, view, bounces, light_bounces = CASES[name]()

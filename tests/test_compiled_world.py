@@ -117,6 +117,7 @@ def test_each_kind_alone(name):
         assert 0.01 < np.mean(np.asarray(found[1]) >= 0) < 0.9
 
 
+@pytest.mark.slow
 def test_few_of_all_kinds():
     """A small world of boxes, spheres, rectangles and a mesh, still and moving."""
     world = tracing.world([ONE_OF_EACH["box"], ONE_OF_EACH["plane"], mesh(blob(4, 4)), ONE_OF_EACH["sphere"]])

@@ -492,6 +492,7 @@ def make(quality, progress):
 """
 
 
+@pytest.mark.slow
 def test_images_that_are_handed_out_lie_beside_the_picture(tmp_path):
     """And one that is lost is made again, with its figure."""
     project = Project(tmp_path, one=IMAGES, wrong=IMAGES.replace('"reference"', "1"))

@@ -337,6 +337,7 @@ def test_samples_of_a_pass_are_those_of_its_sampler():
     assert np.array_equal(short[sample == 3], of_pass[sample == 3])
 
 
+@pytest.mark.slow
 def test_passes_give_mean_and_variance():
     """Against numpy on the stack of images, and against one image of all samples."""
     sampler = samplers.randomized(owen_pass, key=5)

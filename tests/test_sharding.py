@@ -111,6 +111,7 @@ def test_one_parameter_for_all_devices(mesh):
     assert float(made) == pytest.approx(float(plain), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_means_and_edges_over_devices(mesh):
     keys = jax.random.split(jax.random.key(1), 2)
     check(mesh, lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 5000), keys)

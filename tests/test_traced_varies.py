@@ -69,9 +69,8 @@ def boxes(scene):
     return jnp.asarray(low, jnp.float32), jnp.asarray(high, jnp.float32)
 
 
-@pytest.mark.parametrize(
-    "name", ["pinhole", *(pytest.param(n, marks=pytest.mark.slow) for n in [*SCENES][1:])]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 def test_what_does_not_vary_does_not_matter(name):
     """Samples in each pixel: those coordinates anywhere, against the same samples with them at 1/2."""
     scene = SCENES[name]()

@@ -506,7 +506,8 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 
-@pytest.mark.parametrize("name", few(SHAPES, "plane"))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHAPES)
 def test_gradients_are_differences(name):
     """Of distance, normal and point, in all numbers of the shape, the motion, the rays and the time."""
     make, numbers, _ = SHAPES[name]

@@ -139,12 +139,12 @@ def test_without_numba_few_triangles_need_no_tree(monkeypatch):
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 @pytest.mark.parametrize(
     ("name", "dtype"),
-    [("moving", "float32"), ("blob", "float64")]
+    [("moving", "float32")]
     + [
         pytest.param(name, dtype, marks=pytest.mark.slow)
         for name in MESHES
         for dtype in ("float32", "float64")
-        if name != "flat" and (name, dtype) not in (("moving", "float32"), ("blob", "float64"))
+        if name != "flat" and (name, dtype) != ("moving", "float32")
     ],
 )
 def test_walks_find_what_loops_find(name, dtype, way):

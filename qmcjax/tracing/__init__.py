@@ -58,5 +58,7 @@ from qmcjax.tracing._textures import Stripes as Stripes
 from qmcjax.tracing._textures import checker as checker
 from qmcjax.tracing._textures import stripes as stripes
 from qmcjax.tracing._triangles import Triangles as Triangles
+from qmcjax.tracing._visible import VisibleIntervals as VisibleIntervals
+from qmcjax.tracing._visible import visible_intervals as visible_intervals
 from qmcjax.tracing._world import World as World
 from qmcjax.tracing._world import world as world

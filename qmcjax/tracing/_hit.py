@@ -67,7 +67,7 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     >>> print(hit.distance, hit.shape, hit.normal)
     4.0 0 [ 0.  0. -1.]
     """
-    shape, rays = _rays(world, origin, direction, time)
+    shape, rays = flat_rays(world, origin, direction, time)
     hit = _nearest(world, *rays)
     return Hit(*(a.reshape(*shape, *a.shape[1:]) for a in hit))
 
@@ -103,11 +103,13 @@ def any_hit(
     >>> print(any_hit(ball, [0.0, 0, 0], [0.0, 0, 1], 0.0, jnp.array([3.0, 5.0])))
     [False  True]
     """
-    shape, rays = _rays(world, origin, direction, time, limit)
+    shape, rays = flat_rays(world, origin, direction, time, limit)
     return _any(world, *rays).reshape(shape)
 
 
-def _rays(world: Any, origin: Any, direction: Any, *others: Any) -> tuple[tuple[int, ...], tuple[Array, ...]]:
+def flat_rays(
+    world: Any, origin: Any, direction: Any, *others: Any
+) -> tuple[tuple[int, ...], tuple[Array, ...]]:
     """Return the shape of rays, and their numbers in one dtype and shape: (n, 3) twice, (n,)."""
     if not isinstance(world, World):
         raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")

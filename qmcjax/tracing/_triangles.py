@@ -56,29 +56,7 @@ class Triangles(Shape):
         return [plus(times(1 - time, a), times(time, b)) for a, b in zip(corners, ends, strict=True)]
 
     def prepare(self, rays: Rays) -> _Sheared:
-        """Return maps that keep one or two coordinates, along the largest component of the direction.
-
-        The zeros and ones among their coefficients make products that are exact.
-        """
-        x, y, z = rays.direction
-        along_z = (abs(z) >= abs(x)) & (abs(z) >= abs(y))
-        along_x = ~along_z & (abs(x) >= abs(y))
-        along_y = ~along_z & ~along_x
-
-        def chosen(first: Any, second: Any, third: Any) -> Array:
-            return jnp.where(along_x, first, jnp.where(along_y, second, third))
-
-        most = chosen(x, y, z)
-        inverse = 1 / jnp.where(most == 0, 1, most)
-        one = jnp.ones_like(x)
-        zero = jnp.zeros_like(x)
-        shear_x, shear_y = -chosen(y, z, x) * inverse, -chosen(z, x, y) * inverse
-        return _Sheared(
-            rays,
-            (chosen(shear_x, zero, one), chosen(one, shear_x, zero), chosen(zero, one, shear_x)),
-            (chosen(shear_y, one, zero), chosen(zero, shear_y, one), chosen(one, zero, shear_y)),
-            (chosen(inverse, zero, zero), chosen(zero, inverse, zero), chosen(zero, zero, inverse)),
-        )
+        return _Sheared(rays, *sheared(rays.direction))
 
     def distance(self, number: Any, prepared: _Sheared) -> Array:
         """Return distances by three signed areas in the plane across the ray.
@@ -134,6 +112,32 @@ class Triangles(Shape):
         if self.close is not None:
             corners = (1 - time) * corners + time * self.close
         return corners.min(axis=1), corners.max(axis=1)
+
+
+def sheared(direction: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return maps of space, by rows, that take directions to (0, 0, 1).
+
+    They keep one or two coordinates, along the largest component of the direction: the zeros and ones among
+    their coefficients make products that are exact.
+    """
+    x, y, z = direction
+    along_z = (abs(z) >= abs(x)) & (abs(z) >= abs(y))
+    along_x = ~along_z & (abs(x) >= abs(y))
+    along_y = ~along_z & ~along_x
+
+    def chosen(first: Any, second: Any, third: Any) -> Array:
+        return jnp.where(along_x, first, jnp.where(along_y, second, third))
+
+    most = chosen(x, y, z)
+    inverse = 1 / jnp.where(most == 0, 1, most)
+    one = jnp.ones_like(x)
+    zero = jnp.zeros_like(x)
+    shear_x, shear_y = -chosen(y, z, x) * inverse, -chosen(z, x, y) * inverse
+    return (
+        (chosen(shear_x, zero, one), chosen(one, shear_x, zero), chosen(zero, one, shear_x)),
+        (chosen(shear_y, one, zero), chosen(zero, shear_y, one), chosen(one, zero, shear_y)),
+        (chosen(inverse, zero, zero), chosen(zero, inverse, zero), chosen(zero, zero, inverse)),
+    )
 
 
 def _on(corner: Vector, normal: Vector, one: Vector, other: Vector, slack: Any) -> Array:

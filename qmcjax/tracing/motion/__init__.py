@@ -24,3 +24,5 @@ from qmcjax.tracing.motion._quaternions import rotation_matrix as rotation_matri
 from qmcjax.tracing.motion._quaternions import rotation_spline as rotation_spline
 from qmcjax.tracing.motion._quaternions import slerp as slerp
 from qmcjax.tracing.motion._rotation_box import rotation_box as rotation_box
+from qmcjax.tracing.motion._straightened import Straightened as Straightened
+from qmcjax.tracing.motion._straightened import straightened as straightened

@@ -41,6 +41,17 @@ class Affine:
         )
         return matrix, translation
 
+    @property
+    def knots(self) -> Any:
+        """Times between which all points move linearly, shape (k,); None where they do not.
+
+        They do if the matrix is constant, and the translation constant or a path with knots.
+        """
+        path = unheld(self.translation)
+        if callable(unheld(self.matrix)):
+            return None
+        return getattr(path, "knots", None) if callable(path) else np.zeros(0)
+
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Return a box, (3,) and (3,), of where another one is at any time in [0, 1].
 

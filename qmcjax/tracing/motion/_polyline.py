@@ -154,6 +154,11 @@ class LinearSegments:
         ends = zip(fetched(points[:-1], index), fetched(points[1:], index), strict=True)
         return jnp.stack([(1 - part) * a + part * b for a, b in ends], axis=-1)
 
+    @property
+    def knots(self) -> Any:
+        """Times between which the path is straight, and travelled at constant speed."""
+        return self.times
+
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points: low and high, (d,)."""
         points = jnp.asarray(self.points)

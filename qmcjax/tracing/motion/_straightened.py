@@ -1,0 +1,98 @@
+"""Motions as linear segments: all points move on straight lines between given times."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing.motion._rows import fetched, span
+
+
+@pytree
+@dataclass(frozen=True)
+class Straightened:
+    """Matrices and translations, interpolated linearly between times."""
+
+    knots: Any
+    """(k,), increasing."""
+    matrix: Any
+    """(k, 3, 3)."""
+    translation: Any
+    """(k, 3)."""
+
+    def __call__(self, time: ArrayLike) -> tuple[Array, Array]:
+        """Return matrices (..., 3, 3) and translations (..., 3) at times of shape (...)."""
+        time = jnp.asarray(time)
+        knots, matrix, translation = cast((self.knots, self.matrix, self.translation), time.dtype)
+        rows = jnp.concatenate([matrix.reshape(-1, 9), translation], axis=1)
+        index = span(knots, time)
+        (begin,), (end,) = fetched(knots[:-1, None], index), fetched(knots[1:, None], index)
+        part = jnp.clip((time - begin) / (end - begin), 0, 1)
+        ends = zip(fetched(rows[:-1], index), fetched(rows[1:], index), strict=True)
+        row = [(1 - part) * a + part * b for a, b in ends]
+        return jnp.stack(row[:9], axis=-1).reshape(*time.shape, 3, 3), jnp.stack(row[9:], axis=-1)
+
+
+def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLike) -> Straightened:
+    """Approximate a motion by linear segments: every point moves on straight lines between given times.
+
+    Objects are where they should be at these times; between, what turns shrinks, by 1 - cos(angle / 2) of its
+    radius half-way.
+
+    Parameters
+    ----------
+    motion : callable
+        From times, shape (n,), to (matrix, translation), shapes (n, 3, 3) and (n, 3).
+    times : float ArrayLike, shape (k,)
+        Two or more, increasing. Before the first and after the last the motion rests.
+
+    Returns
+    -------
+    Straightened
+        A motion.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If times do not increase, or ``motion`` returns other shapes.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.2.1.
+
+    Examples
+    --------
+    >>> from qmcjax.tracing.motion import affine, quaternion
+    >>> turn = affine(lambda time: quaternion([0, 0, 1], jnp.pi / 2 * time))
+    >>> print(straightened(turn, [0.0, 1.0])(0.5)[0].round(6))
+    [[ 0.5 -0.5  0. ]
+     [ 0.5  0.5  0. ]
+     [ 0.   0.   1. ]]
+    """
+    if not callable(motion):
+        raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
+    knots = numbers("times", times, (None,))
+    require("times", knots, lambda t: len(t) > 1 and (t[1:] > t[:-1]).all(), "two or more, increasing")
+    given = motion(jnp.asarray(knots))
+    try:
+        matrix, translation = map(jnp.asarray, given)
+        shapes = matrix.shape, translation.shape
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"motion must map times to a matrix and a translation, got {checks.shown(given)}"
+        ) from None
+    count = len(knots)
+    if shapes != ((count, 3, 3), (count, 3)):
+        raise ValueError(
+            f"motion must map times ({count},) to matrices ({count}, 3, 3) and translations ({count}, 3), "
+            f"got {shapes[0]} and {shapes[1]}"
+        )
+    return Straightened(knots, matrix, translation)

@@ -1,0 +1,467 @@
+"""Visibility in time against dense times, in worlds of all that may move and in single triangles."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import tracing
+from qmcjax.tracing import motion
+
+DTYPES = {"float32": np.float32, "float64": np.float64}
+AHEAD = np.array([0.0, 0.0, 1.0])
+AWAY = 5 * AHEAD
+
+
+def hits(corners, origin, direction):
+    """Tell whether rays hit triangles, components last: solves for distance and weights by determinants."""
+    a, b, c = np.moveaxis(corners, -2, 0)
+    u, v, s = b - a, c - a, origin - a
+    normal = np.cross(direction, v)
+    volume = np.sum(normal * u, axis=-1)
+    with np.errstate(all="ignore"):
+        one, other = (
+            np.sum(normal * s, axis=-1) / volume,
+            np.sum(np.cross(s, u) * direction, axis=-1) / volume,
+        )
+        distance = np.sum(np.cross(s, u) * v, axis=-1) / volume
+        return (volume != 0) & (one >= 0) & (other >= 0) & (one + other <= 1) & (distance > 0)
+
+
+def state(opened, closed, direction, time):
+    """Tell whether rays from 0 hit triangles at times: (n, 3, 3) twice, (n, 3), (n, m) to (n, m)."""
+    time = time[..., None, None]
+    corners = (1 - time) * opened[:, None] + time * closed[:, None]
+    return hits(corners, 0.0, direction[:, None])
+
+
+def dense_ends(opened, closed, direction, count):
+    """Return when rays begin or cease to hit triangles, by bisection of dense times: a list for each."""
+    time = np.arange(count + 1) / count
+    result = []
+    for one, other, way in zip(opened, closed, direction, strict=True):
+        of_one = one[None], other[None], way[None]
+        hit = state(*of_one, time[None])[0]
+        change = np.nonzero(hit[1:] != hit[:-1])[0]
+        low, high = time[change], time[change + 1]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            same = state(*of_one, middle[None])[0] == hit[change] if len(change) else middle > 2
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        result.append(([0.0] if hit[0] else []) + list(high) + ([1.0] if hit[-1] else []))
+    return result
+
+
+def quadratics(opened, closed, direction):
+    """Return edges' products with the ray as polynomials of time, (n, 3 edges, 3 powers), in long double."""
+    p, q = (np.asarray(a, np.longdouble) for a in (opened, closed))
+    d = np.asarray(direction, np.longdouble)[:, None]
+    p1, q1 = np.roll(p, -1, axis=1), np.roll(q, -1, axis=1)
+
+    def volume(a, b):
+        return np.sum(d * np.cross(a, b), axis=-1)
+
+    e0, e2 = volume(p, p1), volume(q, q1)
+    both = volume(p, q1) + volume(q, p1)
+    return np.stack([e0, both - 2 * e0, e0 - both + e2], axis=-1)
+
+
+def exact_coverage(opened, closed, direction):
+    """Return the part of the shutter in which rays from 0 hit triangles ahead of them."""
+    c, b, a = np.moveaxis(quadratics(opened, closed, direction), -1, 0)
+    with np.errstate(all="ignore"):
+        root = np.sqrt(b * b - 4 * a * c)
+        q = -0.5 * (b + np.where(b < 0, -root, root))
+        roots = np.concatenate([q / a, c / q], axis=1)
+    roots = np.where((roots > 0) & (roots < 1), roots, 1).astype(np.float64)
+    points = np.sort(np.concatenate([np.zeros((len(roots), 1)), roots, np.ones((len(roots), 1))], axis=1))
+    middle = 0.5 * (points[:, 1:] + points[:, :-1])
+    return np.sum(np.diff(points) * state(opened, closed, direction, middle), axis=1)
+
+
+def configurations(count, key, dtype=np.float32):
+    """Return triangles that rays from 0 to z may hit, of all kinds, exact in float32."""
+    rng = np.random.default_rng(key)
+    opened, closed = (rng.normal(size=(count, 3, 3)) + AWAY for _ in range(2))
+    kind = rng.integers(0, 8, count)
+    closed[kind == 1] = opened[kind == 1] + 1e-3 * rng.normal(size=((kind == 1).sum(), 3, 3))  # slow
+    opened[kind == 2] = opened[kind == 2, :1] + 1e-3 * rng.normal(size=((kind == 2).sum(), 3, 3))  # small
+    opened[kind == 3, 2] = 0.5 * (opened[kind == 3, 0] + opened[kind == 3, 1])  # no area at first
+    closed[kind == 4] = closed[kind == 4, ::-1]  # turn round
+    ends = rng.integers(-2, 3, size=(2, (kind == 5).sum(), 3, 2))  # vertices on the ray, and edges in the
+    opened[kind == 5, :, :2], closed[kind == 5, :, :2] = ends  # plane of their motion
+    opened[kind == 6, :, 0] = opened[kind == 6, :, 0] * 1e-4  # seen from their edges
+    closed[kind == 7] = opened[kind == 7] + rng.normal(size=((kind == 7).sum(), 1, 3))  # slide
+    return opened.astype(np.float32).astype(dtype), closed.astype(np.float32).astype(dtype)
+
+
+BATCH = 20_000
+
+
+@jax.jit
+@jax.vmap
+def seen(opened, closed, origin, direction):
+    """Return the intervals of one ray and one triangle for each row."""
+    world = tracing.world([tracing.triangles(opened[None], closed[None])])
+    return tracing.visible_intervals(world, origin, direction, 8)
+
+
+def of_triangles(opened, closed, direction):
+    """Return starts, ends, which are used, and up to when all is known; one program for up to a batch."""
+    count = len(opened)
+    with jax.enable_x64(opened.dtype == np.float64):
+        way = np.broadcast_to(direction, opened[:, 0].shape).astype(opened.dtype)
+        rows = [jnp.asarray(np.resize(a, (BATCH, *a.shape[1:]))) for a in (opened, closed, 0 * way, way)]
+        start, end, shape, until = (np.asarray(a)[:count] for a in seen(*rows))
+    return start, end, shape >= 0, until
+
+
+def check_order(start, end, used, until):
+    """Intervals are in order, do not touch one another, and nothing is NaN or lost."""
+    assert (until == 1).all()
+    assert np.isfinite(start).all() and np.isfinite(end).all()
+    assert (used[:, :-1] >= used[:, 1:]).all()
+    assert (end[used] >= start[used]).all() and (start[used] >= 0).all() and (end <= 1).all()
+    assert (start[:, 1:] >= end[:, :-1])[used[:, 1:]].all()
+    assert ((start == 1) & (end == 1))[~used].all()
+
+
+def slopes(powers, time):
+    """Return how fast the edge that crosses a ray does so: (n, 3, 3) and (n, m) to (n, m)."""
+    c, b, a = (powers[:, None, :, k] for k in range(3))
+    t = time[..., None]
+    edge = abs(c + t * (b + t * a)).argmin(axis=-1)[..., None]
+    return abs(np.take_along_axis(b + 2 * t * a, edge, axis=-1))[..., 0]
+
+
+@pytest.mark.parametrize(("name", "tolerance"), [("float32", 1e-6), ("float64", 1e-12)])
+def test_single_triangles_are_covered_as_at_dense_times(name, tolerance):
+    """Ends are exact to the tolerance, but where an edge only grazes the ray: see the slopes."""
+    rng = np.random.default_rng(3)
+    opened = rng.normal(size=(40, 3, 3)) + AWAY
+    closed = opened + rng.normal(size=(40, 3, 3))
+    opened, closed = (a.astype(np.float32).astype(DTYPES[name]) for a in (opened, closed))
+    direction = np.einsum("nvc,nv->nc", opened + closed, rng.dirichlet(np.ones(3), 40)).astype(np.float32)
+    start, end, used, until = of_triangles(opened, closed, direction)
+    check_order(start, end, used, until)
+    wide = [np.asarray(a, np.float64) for a in (opened, closed, direction)]
+    powers = quadratics(*wide)
+    size = abs(np.stack(wide[:2])).max(axis=(0, 2, 3)) ** 2 * wide[2].max(axis=1)
+    grazing = 0
+    for row, ends in enumerate(dense_ends(*wide, 100_000)):
+        found = np.stack([start[row], end[row]], axis=1)[used[row]].ravel()
+        assert len(found) == len(ends)
+        slope = slopes(powers[row : row + 1], np.array([ends]))[0] if ends else np.zeros(0)
+        allowed = np.maximum(tolerance, 4 * np.finfo(DTYPES[name]).eps * size[row] / slope)
+        assert (abs(found - ends) <= allowed).all()
+        grazing += (abs(found - ends) > tolerance).sum()
+    assert used.sum() > 40 and grazing <= 2
+
+
+def check_configurations(count, name, key):
+    """Lengths sum to the covered time, and each end is that of vertices a unit of rounding or two away."""
+    opened, closed = configurations(count, key, DTYPES[name])
+    start, end, used, until = of_triangles(opened, closed, AHEAD)
+    check_order(start, end, used, until)
+    opened, closed, direction = (
+        np.asarray(a, np.float64) for a in (opened, closed, np.broadcast_to(AHEAD, opened[:, 0].shape))
+    )
+    covered = np.sum(np.where(used, end.astype(np.float64) - start, 0), axis=1)
+    powers = quadratics(opened, closed, direction)
+    # A ray that is along an edge all the time hits it; the formula that this is compared with says anything.
+    known = (abs(powers).max(axis=-1) > 0).all(axis=-1)
+    error = abs(covered - exact_coverage(opened, closed, direction))[known]
+    eps = np.finfo(DTYPES[name]).eps
+    assert (covered > 0).mean() > 0.4 and known.mean() > 0.9
+    assert np.quantile(error, 0.99) < eps
+    largest = np.maximum(abs(opened), abs(closed)).max(axis=1)
+    size = largest[:, 0] * largest[:, 1]
+    for time in (start, end):
+        inner = used & (time > 0) & (time < 1)
+        t = time[..., None].astype(np.longdouble)
+        edge = abs(powers[:, None, :, 0] + t * (powers[:, None, :, 1] + t * powers[:, None, :, 2])).min(
+            axis=-1
+        )
+        assert (edge <= 4 * eps * size[:, None])[inner].all()
+    return error
+
+
+@pytest.mark.parametrize("name", DTYPES)
+def test_random_and_degenerate_triangles(name):
+    check_configurations(BATCH, name, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DTYPES)
+def test_a_million_random_and_degenerate_triangles(name):
+    for key in range(10, 10 + 10**6 // BATCH):
+        check_configurations(BATCH, name, key)
+
+
+def path(*points):
+    return motion.linear_segments(np.linspace(0, 1, len(points)), points)
+
+
+def slide(*points, matrix=None):
+    return motion.affine(matrix, path(*points))
+
+
+def spin(time):
+    return motion.quaternion([0.1, 0.2, 1.0], 3 * time)
+
+
+def everything():
+    """Return objects of all kinds that may move, and some that are still."""
+    rng = np.random.default_rng(1)
+    opened = rng.normal(size=(5, 3, 3)) + AWAY
+    matrix = rng.normal(size=(3, 3)) * 0.3 + np.eye(3)
+    turning = motion.affine(spin, path([0.5, 0, 4.0], [-1, 0, 6]))
+    through = [[[-1, -1, -1.0], [1, -1, -1], [0, 1, -1]]], [[[-1, -1, 3.0], [1, -1, 4], [0, 1, 6]]]
+    return [
+        tracing.triangles(opened, opened + rng.normal(size=(5, 3, 3))),
+        tracing.rectangle([-9, -9, 6], [18, 0, 0], [0, 18, 0]),
+        tracing.sphere([0, 0, 0], 0.6, motion=slide([0, 2, 5], [0.3, -1, 5], [-0.3, 1, 4.5])),
+        tracing.triangles(*through, motion=slide([0.3, 0, 0], [0, 0.3, 0])),
+        tracing.cylinder([1.0, -1, 7], [0, 2, 0], 0.5),
+        tracing.sphere([0.1, 0.3, 0], 0.3, motion=slide([0, 0, 4.0], [1, 0, 6], matrix=matrix)),
+        tracing.box(
+            [-0.3, -0.5, -0.2], [0.3, 0.2, 0.3], motion=motion.straightened(turning, [0, 0.2, 0.6, 1])
+        ),
+        tracing.rectangle([-0.5, -0.5, 0], [1, 0.1, 0], [0.2, 1, 0.3], motion=slide([0, 0, 4], [1, 0, -3])),
+        tracing.sphere([0, 0, 0], 1.0, motion=slide([0, -2, 0.1], [0.1, 2, -0.2])),
+    ]
+
+
+def rays(count, key=0):
+    rng = np.random.default_rng(key)
+    return np.zeros((count, 3)), np.concatenate(
+        [0.25 * rng.normal(size=(count, 2)), np.ones((count, 1))], axis=1
+    )
+
+
+def shown(found, times):
+    """Return what is seen at times: (..., k) and (m,) to (..., m)."""
+    start, end, shape = (np.asarray(a)[..., None, :] for a in found[:3])
+    here = (start <= times[:, None]) & (times[:, None] < end) & (shape >= 0)
+    assert (here.sum(axis=-1) <= 1).all()
+    return np.where(here, shape, -1).max(axis=-1)
+
+
+def check_against_times(objects, count, times, least, key=0):
+    """Compare intervals with the nearest hits at many times, in float64."""
+    times = (np.arange(times) + 0.5) / times
+    with jax.enable_x64(True):
+        world = tracing.world(objects)
+        origin, direction = (jnp.asarray(a) for a in rays(count, key))
+        found = tracing.visible_intervals(world, origin, direction, 24)
+        hit = tracing.nearest_hit(world, origin[:, None], direction[:, None], jnp.asarray(times)[None])
+    np.testing.assert_array_equal(shown(found, times), hit.shape)
+    assert (np.asarray(found.shape) >= 0).sum(axis=1).max() >= least
+
+
+def test_worlds_are_seen_as_at_many_times():
+    check_against_times(everything(), 60, 400, 6)
+
+
+@pytest.mark.slow
+def test_parts_of_worlds_are_seen_as_at_many_times():
+    objects = everything()
+    for k, item in enumerate(objects):
+        if item.motion is not None or k == 0:
+            check_against_times([item], 200, 2000, 1, key=k)
+    check_against_times(objects, 300, 2000, 6, key=20)
+    check_against_times(objects[:2] + objects[3:], 300, 2000, 6, key=21)
+
+
+def grid(side, speed, rng):
+    """Return a sheet of triangles that moves: vertices when the shutter opens and closes, and faces."""
+    y, x = np.mgrid[:side, :side]
+    flat = np.stack([x - side / 2 + 0.5, y - side / 2 + 0.5, np.full(x.shape, 5.0)], axis=-1).reshape(-1, 3)
+    opened = flat + 0.25 * rng.uniform(-1, 1, flat.shape)
+    closed = opened + speed * rng.uniform(-1, 1, flat.shape)
+    first = (y * side + x)[:-1, :-1].ravel()
+    corners = np.stack([first, first + 1, first + side + 1, first + side], axis=1)
+    return opened, closed, np.concatenate([corners[:, [0, 1, 2]], corners[:, [2, 3, 0]]])
+
+
+def test_no_gap_in_time_opens_between_triangles_that_share_edges():
+    """Rays go through edges that two triangles share, half of them through vertices, at some time.
+
+    Ends are the same bit by bit; at vertices, gaps of a few units of rounding may be.
+    """
+    rng = np.random.default_rng(2)
+    for speed, dtype in ((0.25, jnp.float32), (1e-4, jnp.float32)):
+        opened, closed, faces = grid(6, speed, rng)
+        opened, closed = opened.astype(np.float32), closed.astype(np.float32)
+        face, time = faces[rng.integers(0, len(faces), 1024)], rng.uniform(size=(1024, 1, 1))
+        corners = (1 - time) * opened[face] + time * closed[face]
+        part = np.where(np.arange(1024) % 2, rng.uniform(size=1024), rng.integers(0, 2, 1024))[:, None]
+        target = (1 - part) * corners[:, 0] + part * corners[:, 1]
+        target = np.where(abs(target[:, :2]).max(axis=1, keepdims=True) < 1.2, target, [0, 0, 5.0])
+        world = tracing.world([tracing.triangles(opened[faces], closed[faces])])
+        found = tracing.visible_intervals(world, jnp.zeros((1024, 3), dtype), jnp.asarray(target, dtype), 12)
+        start, end, used = np.asarray(found.start), np.asarray(found.end), np.asarray(found.shape) >= 0
+        assert (start[:, 0] == 0).all() and (np.where(used, end, 0).max(axis=1) == 1).all()
+        gaps = (start[:, 1:] - end[:, :-1])[used[:, 1:]]
+        assert (gaps[gaps > 0] < 1e-6).all() and (gaps > 0).sum() <= 2 and len(gaps) > 200
+
+
+def test_depths_cross():
+    """Of two triangles that pass through one another, each is seen as long as it is in front."""
+    flat = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 2, 0]])
+    one, other = (np.stack([flat + start * AHEAD, flat + end * AHEAD]) for start, end in ((4, 7), (6, 5)))
+    world = tracing.world([tracing.triangles(a[:1], a[1:]) for a in (one, other)])
+    found = tracing.visible_intervals(world, [0.0, 0, 0], [0.02, 0.01, 1.0], 2)
+    np.testing.assert_array_equal(found.shape, [0, 1])
+    np.testing.assert_allclose([*found.start, *found.end], [0, 0.5, 0.5, 1], atol=1e-6)
+    ball = tracing.sphere([0, 0, 0], 1.0, motion=slide([0, 0, 4], [0, 0, 8]))
+    world = tracing.world([ball, tracing.triangles(other[:1], other[1:])])
+    found = tracing.visible_intervals(world, [0.0, 0, 0], [0.0, 0.0, 1.0], 4)
+    np.testing.assert_array_equal(found.shape, [0, 1, -1, -1])
+    np.testing.assert_allclose(found.end[0], 3 / 5, atol=1e-6)
+
+
+def many(count, depth):
+    """Return triangles one after the other, of which each is hit for a time of its own."""
+    flat = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 2, 0]])
+    x = 2.5 * np.arange(count)[:, None, None] * [1.0, 0, 0]
+    return tracing.triangles(flat + x + [1.2, 0, depth], flat + x + [-2.5 * count, 0, depth])
+
+
+def test_what_does_not_fit_is_told():
+    world, ray = tracing.world([many(8, 5.0)]), (jnp.zeros(3), jnp.asarray(AHEAD, jnp.float32))
+    whole = tracing.visible_intervals(world, *ray, 8)
+    np.testing.assert_array_equal(whole.shape, np.arange(8))
+    assert whole.until == 1
+    for room in (1, 5, 7):
+        with pytest.raises(ValueError, match=f"intervals must be more than {room} for 1 of 1 rays"):
+            tracing.visible_intervals(world, *ray, room)
+        part = jax.jit(lambda world, *ray, room=room: tracing.visible_intervals(world, *ray, room))(
+            world, *ray
+        )
+        assert 0 < part.until < 1
+        used = np.asarray(part.shape) >= 0
+        assert used.sum() > 0
+        for mine, all_of_them in zip(part[:3], whole[:3], strict=True):
+            np.testing.assert_array_equal(mine[used], all_of_them[: used.sum()])
+        assert whole.end[used.sum() - 1] <= part.until <= whole.end[room - 1] + 0.2
+
+
+def test_what_is_hidden_takes_no_room():
+    wall = tracing.rectangle([-9, -9, 2], [18, 0, 0], [0, 18, 0])
+    behind = [many(8, 5.0 + k) for k in range(3)]
+    found = tracing.visible_intervals(tracing.world([*behind, wall]), [0.0, 0, 0], AHEAD, 1)
+    np.testing.assert_array_equal([found.start, found.end, found.shape], [[0], [1], [24]])
+    moving = tracing.rectangle([-9, -9, 2], [18, 0, 0], [0, 18, 0], motion=slide([0, 0, 0], [1, 0, 1]))
+    found = tracing.visible_intervals(tracing.world([moving, *behind]), [0.0, 0, 0], AHEAD, 1)
+    np.testing.assert_array_equal([found.start, found.end, found.shape], [[0], [1], [0]])
+
+
+def test_shutters():
+    """Within a shutter is seen what is seen at its times; in one of no length, at that one."""
+    world = tracing.world([many(8, 5.0)])
+    whole = tracing.visible_intervals(world, np.zeros(3), AHEAD, 8)
+    opened, closed = 0.3, 0.7
+    part = tracing.visible_intervals(world, np.zeros(3), AHEAD, 8, shutter=(opened, closed))
+    start, end = np.maximum(whole.start, np.float32(opened)), np.minimum(whole.end, np.float32(closed))
+    seen = np.asarray(start < end)
+    used = np.asarray(part.shape) >= 0
+    for mine, other in zip(part[:3], (start, end, whole.shape), strict=True):
+        np.testing.assert_array_equal(mine[used], np.asarray(other)[seen])
+    for time in (0.0, 0.4, 1.0):
+        found = tracing.visible_intervals(world, np.zeros(3), AHEAD, 2, shutter=(time, time))
+        hit = tracing.nearest_hit(world, np.zeros(3), AHEAD, time)
+        np.testing.assert_array_equal(found.shape, [hit.shape, -1])
+        np.testing.assert_array_equal([*found.start, *found.end], [np.float32(time)] * 4)
+
+
+def test_rays_that_hit_nothing_and_worlds_of_nothing():
+    bad = [[np.nan, 0, 0], [0, np.inf, 0], [0, 0, 0]]
+    ways = [[0, 0, 1], [0, 0, 1], [0, 0, 0]]
+    for world in (tracing.world([]), tracing.world([many(8, 5.0)])):
+        found = tracing.visible_intervals(world, np.array(bad, np.float32), np.array(ways, np.float32), 4)
+        assert (np.asarray(found.shape) == -1).all()
+        np.testing.assert_array_equal([found.start, found.end], 1)
+        np.testing.assert_array_equal(found.until, 1)
+
+
+def test_one_ray_and_many_and_programs_are_the_same():
+    world = tracing.world([many(8, 5.0), tracing.sphere([0, 0, 7], 1.0)])
+    origin, direction = (jnp.asarray(a, jnp.float32) for a in rays(3))
+    whole = tracing.visible_intervals(world, origin, direction, 20)
+    again = jax.jit(lambda *a: tracing.visible_intervals(*a, 20))(world, origin, direction)
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert whole.start.dtype == jnp.float32 and whole.shape.dtype == jnp.int32
+    assert whole.start.shape == (3, 20) and whole.until.shape == (3,)
+
+
+SPINNING = motion.affine(spin)
+BENT = motion.straightened(SPINNING, [0.0, 1.0])
+WRONG = [
+    (tracing.sphere([0, 0, 0], 1.0, motion=lambda t: (t, t)), "motion of object 0 must be linear"),
+    (tracing.box([0, 0, 0], [1, 1, 1], motion=SPINNING), "motion of object 0 must be linear"),
+    (tracing.sphere([0, 0, 0], 1.0, motion=BENT), "triangles, rectangles or boxes, where it turns"),
+    (
+        tracing.triangles([[AHEAD, AWAY, [1, 0, 0]]], [[AHEAD, AWAY, [1, 1, 0]]], motion=BENT),
+        "without `close`",
+    ),
+    (
+        tracing.disc([0, 0, 0], AHEAD, 1.0, motion=slide(AHEAD, AWAY)),
+        "or spheres for visibility.*Disc in object 0",
+    ),
+]
+
+
+@pytest.mark.parametrize(("item", "message"), WRONG)
+def test_what_is_not_linear_is_refused(item, message):
+    with pytest.raises(TypeError, match=message):
+        tracing.visible_intervals(tracing.world([item]), np.zeros(3), AHEAD)
+
+
+def test_wrong_arguments():
+    world = tracing.world([])
+    for changed, error, message in (
+        ({"intervals": 0}, ValueError, "intervals must be an integer in"),
+        ({"intervals": 2.0}, TypeError, "intervals must be an integer in"),
+        ({"shutter": (0.5, 0.2)}, ValueError, "shutter must be"),
+        ({"shutter": (0.5, 1.2)}, ValueError, "shutter must be"),
+        ({"shutter": 0.5}, ValueError, "shutter must have shape"),
+        ({"world": 3}, TypeError, "world must be made by"),
+        ({"direction": [1.0, 0.0]}, ValueError, "direction must have shape"),
+    ):
+        arguments = {"world": world, "origin": np.zeros(3), "direction": AHEAD} | changed
+        with pytest.raises(error, match=message):
+            tracing.visible_intervals(**arguments)
+
+
+def test_derivatives_are_refused():
+    def total(shift):
+        world = tracing.world([tracing.triangles(shift + jnp.asarray(CORNERS), jnp.asarray(CORNERS))])
+        return tracing.visible_intervals(world, jnp.zeros(3), jnp.asarray(AHEAD, jnp.float32), 2).start.sum()
+
+    with pytest.raises(ValueError, match="world moves an edge"):
+        jax.jvp(total, (jnp.float32(0),), (jnp.float32(1),))
+
+
+CORNERS = np.array([[[-1.0, -1, 5], [1, -1, 5], [0, 2, 5]]], np.float32)
+
+
+def test_straightened_motions_are_the_motion_at_their_times():
+    turning = motion.affine(spin, path([0.5, 0, 4.0], [-1, 0, 6], [2, 1, 3]))
+    times = np.array([0.1, 0.25, 0.5, 0.8])
+    bent = motion.straightened(turning, times)
+    for one, other in zip(bent(times), turning(jnp.asarray(times)), strict=True):
+        np.testing.assert_allclose(one, other, atol=1e-6)
+    (early, half, late), _ = (a[..., 0, 0] if a.ndim == 3 else a for a in bent(np.array([0.0, 0.375, 1.0])))
+    ends = turning(jnp.asarray(times))[0][..., 0, 0]
+    np.testing.assert_allclose([early, half, late], [ends[0], (ends[1] + ends[2]) / 2, ends[3]], atol=1e-6)
+    for wrong, error in ((([0.0],), ValueError), (([0.5, 0.5],), ValueError), (("a",), TypeError)):
+        with pytest.raises(error, match="times must be"):
+            motion.straightened(turning, *wrong)
+    with pytest.raises(TypeError, match="motion must be callable"):
+        motion.straightened(3, times)
+    with pytest.raises(ValueError, match="motion must map times"):
+        motion.straightened(lambda t: (t, t), times)
+    with pytest.raises(TypeError, match="motion must map times"):
+        motion.straightened(lambda t: None, times)

@@ -13,7 +13,9 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.tracing._linear import Batch
+from qmcjax.tracing._shape import rounding, slabs
 from qmcjax.tracing._spans import Depth, Spans, View
+from qmcjax.tracing._vectors import components, each, largest
 
 _SLOTS = 8
 
@@ -68,35 +70,83 @@ def background(number: Array, distance: Array, count: int, opened: Array, closed
 def collected(state: State, batch: Batch, view: View) -> State:
     """Add the spans of a batch of primitives.
 
-    A first loop tells which of them any ray of the tile may hit before what is behind all; a second one goes
-    through these alone.
+    At first those that any ray of the tile may hit are listed, then their spans are computed.
     """
-    rows, count = batch.rows, batch.numbers.shape[0]
-    opened, closed = state.opened, state.closed
-
-    def meets(row: Any) -> Array:
-        def any_ray() -> Array:
-            seen, hit = rows.seen(row, view)
-            return jnp.any(hit & (rows.nearest(seen) <= state.bound.max(axis=0)))
-
-        begin, finish = rows.begin[row], rows.finish[row]
-        on = (begin < finish) & (begin <= closed) & (finish >= opened)
-        return jax.lax.cond(on, any_ray, lambda: jnp.asarray(False))
-
-    some = jax.lax.map(meets, jnp.arange(count, dtype=jnp.int32))
-    order = jnp.nonzero(some, size=count, fill_value=0)[0].astype(jnp.int32)
+    rows = batch.rows
+    order, listed = _listed(state, batch, view)
 
     def turn(place: Any, state: State) -> State:
         row = order[place]
         spans = rows.spans(row, view)
+        some = jnp.any(spans.start < spans.end, axis=1)
+        used = jnp.max(jnp.where(some, jnp.arange(1, len(some) + 1, dtype=jnp.int32), 0))
         return jax.lax.fori_loop(
             0,
-            spans.start.shape[0],
+            used,
             lambda one, state: _inserted(state, jax.tree.map(partial(_row, one), spans), batch.numbers[row]),
             state,
         )
 
-    return jax.lax.fori_loop(0, jnp.sum(some, dtype=jnp.int32), turn, state)
+    return jax.lax.fori_loop(0, listed, turn, state)
+
+
+def _listed(state: State, batch: Batch, view: View) -> tuple[Array, Array]:
+    """Return rows that any ray of the tile may hit, and how many these are."""
+    rows, limit = batch.rows, state.bound.max(axis=0)
+    total = batch.numbers.shape[0]
+
+    def meets(row: Any) -> Array:
+        def any_ray() -> Array:
+            seen, hit = rows.seen(row, view)
+            return jnp.any(hit & (rows.nearest(seen) <= limit))
+
+        begin, finish = rows.begin[row], rows.finish[row]
+        on = (begin < finish) & (begin <= state.closed) & (finish >= state.opened)
+        return jax.lax.cond(on, any_ray, lambda: jnp.asarray(False))
+
+    def tested(row: Any, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        order, listed = found
+        # What is not listed is overwritten by the next one; the last place is for what is not.
+        return order.at[listed].set(row), listed + meets(row).astype(jnp.int32)
+
+    none = jnp.zeros(total + 1, jnp.int32), jnp.zeros((), jnp.int32)
+    if batch.tree is None or batch.boxes is None:
+        return jax.lax.fori_loop(0, total, lambda row, found: tested(jnp.int32(row), found), none)
+    tree, boxes = batch.tree, batch.boxes
+    count = tree.order.shape[0]
+    used, stop = tree.skip[0], tree.start[jnp.minimum(tree.skip, count - 1)]
+    wider = rounding(abs(boxes).max() + largest(view.origin))
+
+    def inside(node: Array) -> Array:
+        low, high = components(boxes[node, :3]), components(boxes[node, 3:])
+        below = each(lambda a, o: a - o - wider, low, view.origin)
+        above = each(lambda a, o: a - o + wider, high, view.origin)
+        enter, leave = slabs(below, above, view.direction)
+        slower = 1 + 8 * jnp.finfo(limit.dtype).eps
+        return jnp.any(
+            (leave >= 0) & (jnp.minimum(enter, enter / slower) <= leave * slower) & (enter <= limit * slower)
+        )
+
+    def step(walk: tuple[Array, Any]) -> tuple[Array, Any]:
+        node, found = walk
+        skip = tree.skip[node]
+        enters = inside(node)
+        leaf = enters & (skip == node + 1)
+
+        def of_leaf(place: Any, found: Any) -> Any:
+            return jax.lax.fori_loop(
+                0,
+                total // count,
+                lambda segment, found: tested(segment * count + tree.order[place], found),
+                found,
+            )
+
+        found = jax.lax.fori_loop(
+            tree.start[node], jnp.where(leaf, stop[node], tree.start[node]), of_leaf, found
+        )
+        return jnp.where(enters, node + 1, skip), found
+
+    return jax.lax.while_loop(lambda walk: walk[0] < used, step, (jnp.zeros((), jnp.int32), none))[1]
 
 
 def _row(number: Any, a: Array) -> Array:

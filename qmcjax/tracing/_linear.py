@@ -14,8 +14,10 @@ from qmcjax.tracing._object import Frame, Object
 from qmcjax.tracing._round import Sphere
 from qmcjax.tracing._shape import Shape
 from qmcjax.tracing._spans import Balls, Polygons
+from qmcjax.tracing._tree import Tree
 from qmcjax.tracing._triangles import Triangles
 from qmcjax.tracing._vectors import components, plus, stacked
+from qmcjax.tracing._walk import boxes_of
 from qmcjax.tracing._world import World
 from qmcjax.tracing.motion._affine import Affine
 
@@ -29,6 +31,10 @@ class Batch(NamedTuple):
     rows: Polygons | Balls
     numbers: Array
     """int32 (rows,): of the primitives in the world."""
+    tree: Tree | None = None
+    """Of the rows of one segment: those of the others follow in the same order."""
+    boxes: Array | None = None
+    """(nodes, 6): low and high, of all times."""
 
 
 class Parts(NamedTuple):
@@ -55,8 +61,10 @@ def parts(world: World) -> Parts:
             # Segments of a motion follow one another, each with all primitives.
             each = np.repeat(numbers, len(_FACES)) if isinstance(shape, Box) else numbers
             batch = Batch(rows, jnp.asarray(np.tile(each, rows.begin.shape[0] // len(each))))
-            corners = rows.vertices.shape[2] if isinstance(rows, Polygons) else None
-            kinds.setdefault(corners, []).append(batch)
+            kind: Any = rows.vertices.shape[2] if isinstance(rows, Polygons) else None
+            if isinstance(shape, Triangles) and shape.tree is not None:
+                batch, kind = _with_tree(batch, shape.tree), (kind, start + before)
+            kinds.setdefault(kind, []).append(batch)
     together = [jax.tree.map(lambda *a: jnp.concatenate(a), *batches) for batches in kinds.values()]
     return Parts(World(tuple(still), ()), np.concatenate(names), together)
 
@@ -89,6 +97,16 @@ def _moved(place: int, item: Object, shape: Shape) -> Polygons | Balls:
     raise TypeError(
         f"what moves must be {wanted} for visibility in time, got {type(shape).__name__} in object {place}"
     )
+
+
+def _with_tree(batch: Batch, tree: Tree) -> Batch:
+    assert isinstance(batch.rows, Polygons)
+    tree = jax.tree.map(lambda a: a.astype(jnp.int32), tree)
+    vertices = batch.rows.vertices
+    ends = vertices.reshape(-1, tree.order.shape[0], 2, 3, 3)[:, tree.order]
+    boxes = [boxes_of(ends[segment, :, end], tree) for segment in range(len(ends)) for end in range(2)]
+    low, high = (jnp.stack([box[:, part] for box in boxes]) for part in (slice(3), slice(3, 6)))
+    return batch._replace(tree=tree, boxes=jnp.concatenate([low.min(axis=0), high.max(axis=0)], axis=1))
 
 
 def _segments(points: Array) -> Array:

@@ -154,7 +154,7 @@ def _meets(low: Array, high: Array, rays: Rays, limit: Array) -> Array:
     wider = rays.slack + rounding(largest(finite[0]) + largest(finite[1]))
     below = each(lambda a: a - wider, minus(corners[0], rays.origin))
     above = each(lambda a: a + wider, minus(corners[1], rays.origin))
-    enter, leave = slabs(below, above, rays)
+    enter, leave = slabs(below, above, rays.direction)
     # The products in slabs are rounded, too.
     slower = 1 + 8 * jnp.finfo(limit.dtype).eps
     meets = (leave >= 0) & (jnp.minimum(enter, enter / slower) <= leave * slower) & (enter < limit * slower)

@@ -126,13 +126,13 @@ def roots(b: Any, c: Any, squared: Any, chord: Any, on: Any) -> tuple[Array, Arr
     return jnp.minimum(one, other), jnp.maximum(one, other)
 
 
-def slabs(below: Vector, above: Vector, rays: Rays) -> tuple[Array, Array]:
+def slabs(below: Vector, above: Vector, direction: Vector) -> tuple[Array, Array]:
     """Return the distances where rays enter and leave boxes; those that miss leave before they enter.
 
     ``below`` and ``above`` are the corners of the boxes seen from the origins. A ray along a face is outside.
     """
     enter, leave = -jnp.inf, jnp.inf
-    for low, high, d in zip(below, above, rays.direction, strict=True):
+    for low, high, d in zip(below, above, direction, strict=True):
         inverse = 1 / jnp.where(d == 0, 1, d)
         inside = (low < 0) & (high > 0)
         near, far = jnp.minimum(low * inverse, high * inverse), jnp.maximum(low * inverse, high * inverse)

@@ -21,7 +21,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
     tree = jax.tree.map(lambda a: a.astype(jnp.int32), shape.tree)
     ends = [shape.vertices] if shape.close is None else [shape.vertices, shape.close]
     ends = [vertices[tree.order] for vertices in ends]
-    boxes = jnp.concatenate([_boxes(vertices, tree) for vertices in ends], axis=1)
+    boxes = jnp.concatenate([boxes_of(vertices, tree) for vertices in ends], axis=1)
     sorted_faces = Triangles(ends[0], None if shape.close is None else ends[1])
     largest = 2 * jnp.max(jnp.stack([jnp.max(abs(vertices)) for vertices in ends]))
     used = tree.skip[0]
@@ -87,7 +87,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
     return by_tiles(tile, (rays, limit), TILE)
 
 
-def _boxes(vertices: Array, tree: Tree) -> Array:
+def boxes_of(vertices: Array, tree: Tree) -> Array:
     """Return boxes of all nodes, low and high, shape (n, 6).
 
     The triangles of a node are one run, whose least numbers are those of two runs of a power of 2.

@@ -52,8 +52,7 @@ def visible_intervals(
 ) -> VisibleIntervals:
     """Find what rays see at all times, exactly.
 
-    While nothing is seen there is no interval. Neighbours differ in their primitives, or there is nothing
-    between them.
+    While nothing is seen there is no interval. Intervals that touch are of different primitives.
 
     Parameters
     ----------
@@ -64,7 +63,7 @@ def visible_intervals(
     origin, direction : float ArrayLike, shape (..., 3)
         Of rays that do not move. Directions need no unit length.
     intervals : int, optional
-        Room for so many intervals, in [1, 256], of what may be seen and of what is.
+        Room for so many intervals of a ray, in [1, 256]: of what may be seen, and of what is.
     shutter : (float, float), optional
         When it opens and closes, in [0, 1]. If that is one time, the interval of what is seen has no length.
 
@@ -84,8 +83,10 @@ def visible_intervals(
     Notes
     -----
     An edge of a triangle crosses a ray at the roots of a quadratic, which are backward stable: they are exact
-    for vertices that are a few units of rounding away. Triangles that share an edge agree on them bit by bit.
-    Nearly tangential crossings are known to the root of the rounding. Where depths cross, times are bisected.
+    for vertices that are a few units of rounding away, so those of an edge that only grazes the ray are less
+    well known. Triangles that share an edge agree on them bit by bit; gaps, of a few units of rounding, can
+    be where a ray goes through a vertex alone. A ray along the patch that an edge sweeps hits it. Where
+    depths cross, times are bisected. Unlike :func:`nearest_hit`, an origin on what moves hits it.
 
     References
     ----------

@@ -100,7 +100,7 @@ def visible_intervals(
     >>> ball = tracing.sphere([0, 0, 0], 1.0, motion=fall)
     >>> wall = tracing.rectangle([-9, -9, 9], [18, 0, 0], [0, 18, 0])
     >>> seen = visible_intervals(tracing.world([ball, wall]), [0.0, 0, 0], [0.0, 0, 1], 4)
-    >>> print(seen.start, seen.end, seen.shape)
+    >>> print(seen.start.round(2), seen.end.round(2), seen.shape)
     [0.   0.25 0.75 1.  ] [0.25 0.75 1.   1.  ] [ 1  0  1 -1]
     """
     count = checks.integer("intervals", intervals, 1, 256)

@@ -376,7 +376,7 @@ def test_hammersley_in_the_table():
 SHEARS = [1000.3, -1000.3, 0.1, -1e-20, 2.0**60 + 2**9, 0.5, -0.75, 1e-300, -7.0]
 
 
-@pytest.mark.parametrize("n", [5, 80])
+@pytest.mark.parametrize("n", [5, pytest.param(80, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("shear", SHEARS)
 def test_any_shear_is_measured_exactly(shear, n):
     """Against rational arithmetic, to d 2^-51: whole tiles of the shear are taken off without rounding."""

@@ -134,7 +134,9 @@ def slopes(powers, time):
     return abs(np.take_along_axis(b + 2 * t * a, edge, axis=-1))[..., 0]
 
 
-@pytest.mark.parametrize(("name", "tolerance"), [("float32", 1e-6), ("float64", 1e-12)])
+@pytest.mark.parametrize(
+    ("name", "tolerance"), [("float32", 1e-6), pytest.param("float64", 1e-12, marks=pytest.mark.slow)]
+)
 def test_single_triangles_are_covered_as_at_dense_times(name, tolerance):
     """Ends are exact to the tolerance, but where an edge only grazes the ray: see the slopes."""
     rng = np.random.default_rng(3)
@@ -259,6 +261,7 @@ def check_against_times(objects, count, times, least, key=0):
     assert (np.asarray(found.shape) >= 0).sum(axis=1).max() >= least
 
 
+@pytest.mark.slow
 def test_worlds_are_seen_as_at_many_times():
     check_against_times(everything(), 60, 400, 6)
 

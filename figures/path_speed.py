@@ -11,13 +11,22 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import _mitsuba
-from qmcjax import samplers, scenes, sequences, tracing
+from qmcjax import orders, samplers, scenes, sequences, tracing
 
 SIZES = {"draft": (32, 4, 2), "paper": (128, 16, 9)}
 """Side of the image, samples per pixel, turns."""
 
 BOUNCES = 6
 """Paths have up to 8 edges."""
+
+
+POINTS: dict[str, Callable[[tuple[int, int], int, int], Any]] = {
+    "qmcjax, Sobol'": lambda size, dims, key: samplers.independent(sequences.sobol(dims), key),
+    "qmcjax, random": lambda size, dims, key: samplers.contiguous(
+        orders.raster(size[0], size[0]), sequences.uniform(dims, key), size[1]
+    ),
+}
+"""Samplers by the side of the image and samples per pixel, the number of dimensions and the key."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
@@ -32,7 +41,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "measured": measured,
         "note": f"{side} x {side} pixels, {spp} samples, {BOUNCES} bounces, light sampled at each surface. "
         "Medians of turns, ours not compiling, Mitsuba's (scalar_rgb, all threads) not loading. "
-        "Ours take points of Sobol' sequences scrambled in each pixel, Mitsuba's are independent. "
+        "Mitsuba's points are independent, as ours are in one case; in the other, Sobol' points are "
+        "scrambled in each pixel. Each ratio is that to Mitsuba's rate. "
         "Drafts are small and say little."
         + ("" if _mitsuba.installed() else " Mitsuba is not installed: pip install mitsuba."),
     }
@@ -62,13 +72,14 @@ def _plain(material: Any) -> tracing.Diffuse:
 
 def _measured(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> dict[str, Any]:
     paths = side * side * spp
-    _, compiling = _ours(scene, side, spp, 0)
-    seconds: dict[str, list[float]] = {"qmcjax": []}
-    means: dict[str, list[float]] = {"qmcjax": []}
+    compiling = {name: _ours(scene, side, spp, points, 0)[1] for name, points in POINTS.items()}
+    seconds: dict[str, list[float]] = {name: [] for name in POINTS}
+    means: dict[str, list[float]] = {name: [] for name in POINTS}
     for turn in range(1, turns + 1):
-        image, took = _ours(scene, side, spp, turn)
-        seconds["qmcjax"].append(took)
-        means["qmcjax"].append(float(image.mean()))
+        for name, points in POINTS.items():
+            image, took = _ours(scene, side, spp, points, turn)
+            seconds[name].append(took)
+            means[name].append(float(image.mean()))
         if _mitsuba.installed():
             # The first of two wakes its threads.
             images, both = _mitsuba.rendered(scene, side, side, spp, [2 * turn, 2 * turn + 1])
@@ -82,12 +93,18 @@ def _measured(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> di
         "mean of the images": {name: float(np.mean(values)) for name, values in means.items()},
     }
     if "Mitsuba" in rates:
-        result["ours / Mitsuba's"] = rates["qmcjax"] / rates["Mitsuba"]
+        result["ours / Mitsuba's"] = {name: rates[name] / rates["Mitsuba"] for name in POINTS}
     return result
 
 
-def _ours(scene: tracing.PathTracing, side: int, spp: int, key: int) -> tuple[NDArray[np.float32], float]:
-    sampler = samplers.independent(sequences.sobol(len(scene.needs)), key)
+def _ours(
+    scene: tracing.PathTracing,
+    side: int,
+    spp: int,
+    points: Callable[[tuple[int, int], int, int], Any],
+    key: int,
+) -> tuple[NDArray[np.float32], float]:
+    sampler = points((side, spp), len(scene.needs), key)
     start = time.perf_counter()
     image = np.asarray(qj.render(scene, sampler, side, side, spp))
     return image, time.perf_counter() - start
@@ -96,13 +113,11 @@ def _ours(scene: tracing.PathTracing, side: int, spp: int, key: int) -> tuple[ND
 def _drawn(measured: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(8, 1.2 + 0.8 * len(measured)), layout="constrained")
     axes = figure.subplots()
-    names = [
-        name for name in ("qmcjax", "Mitsuba") if name in next(iter(measured.values()))["paths a second"]
-    ]
-    for k, (name, color) in enumerate(zip(names, ("C0", "0.6"), strict=False)):
+    names = list(next(iter(measured.values()))["paths a second"])
+    for k, (name, color) in enumerate(zip(names, ("C0", "C1", "0.6"), strict=False)):
         rates = [entry["paths a second"][name] for entry in measured.values()]
-        axes.barh(np.arange(len(measured)) + 0.4 * k, rates, 0.4, color=color, label=name)
-    axes.set_yticks(np.arange(len(measured)) + 0.2 * (len(names) - 1), list(measured))
+        axes.barh(np.arange(len(measured)) + 0.27 * k, rates, 0.27, color=color, label=name)
+    axes.set_yticks(np.arange(len(measured)) + 0.135 * (len(names) - 1), list(measured))
     axes.invert_yaxis()
     axes.set(xlabel="paths a second", title=f"Paths of up to {BOUNCES + 2} edges (higher is better)")
     axes.grid(axis="x", alpha=0.3)

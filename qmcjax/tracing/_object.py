@@ -13,6 +13,7 @@ from qmcjax.core.plug_ins import unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shape import Rays, Shape, rounding
 from qmcjax.tracing._vectors import Vector, components, cross, dot, largest, minus, plus, times
+from qmcjax.tracing.motion._moved import moved
 
 
 class Frame(NamedTuple):
@@ -90,20 +91,7 @@ class Object:
         if self.motion is None:
             return None
         time = jnp.where(jnp.isfinite(time), time, 0)
-        given = unheld(self.motion)(time)
-        try:
-            matrix, translation = map(jnp.asarray, given)
-            shapes = matrix.shape, translation.shape
-        except (TypeError, ValueError):
-            raise TypeError(
-                f"motion must map times to a matrix and a translation, got {checks.shown(given)}"
-            ) from None
-        if shapes != ((*time.shape, 3, 3), (*time.shape, 3)):
-            raise ValueError(
-                f"motion must map times {time.shape} to matrices {(*time.shape, 3, 3)} and translations "
-                f"{(*time.shape, 3)}, got {shapes[0]} and {shapes[1]}"
-            )
-        matrix, translation = cast((matrix, translation), time.dtype)
+        matrix, translation = cast(moved(unheld(self.motion), time), time.dtype)
         a, b, c = (components(matrix[..., j]) for j in range(3))
         duals = cross(b, c), cross(c, a), cross(a, b)
         volume = dot(a, duals[0])

@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers, require
 from qmcjax.core.pytrees import pytree
+from qmcjax.tracing.motion._moved import moved
 from qmcjax.tracing.motion._rows import fetched, span
 
 
@@ -81,18 +82,4 @@ def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLik
         raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
     knots = numbers("times", times, (None,))
     require("times", knots, lambda t: len(t) > 1 and (t[1:] > t[:-1]).all(), "two or more, increasing")
-    given = motion(jnp.asarray(knots))
-    try:
-        matrix, translation = map(jnp.asarray, given)
-        shapes = matrix.shape, translation.shape
-    except (TypeError, ValueError):
-        raise TypeError(
-            f"motion must map times to a matrix and a translation, got {checks.shown(given)}"
-        ) from None
-    count = len(knots)
-    if shapes != ((count, 3, 3), (count, 3)):
-        raise ValueError(
-            f"motion must map times ({count},) to matrices ({count}, 3, 3) and translations ({count}, 3), "
-            f"got {shapes[0]} and {shapes[1]}"
-        )
-    return Straightened(knots, matrix, translation)
+    return Straightened(knots, *moved(motion, jnp.asarray(knots)))

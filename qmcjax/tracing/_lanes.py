@@ -19,8 +19,10 @@ from numba.extending import (  # pyright: ignore[reportMissingImports]
 
 WIDTH = 8
 
-# Calls leave out the first argument of what it decorates.
-_intrinsic: Any = intrinsic
+
+def _intrinsic(code: Callable[..., Any]) -> Any:
+    """Return code as an intrinsic, whose calls leave out the first argument."""
+    return intrinsic(code)
 
 
 class Lanes(types.Type):

@@ -9,7 +9,7 @@ from figures import _diffusion, _images, plot
 from figures.z_1 import ways
 from qmcjax import scenes
 
-SIDE = {"draft": 32, "paper": 128}
+SIDE = {"draft": 32, "paper": 64}
 LARGEST = {"draft": 3, "paper": 5}
 """Logarithm, to base 4, of the largest number of samples."""
 REFERENCE_SPP = {"draft": 1024, "paper": 65536}

@@ -11,6 +11,7 @@ MODULES = (
     "qmcjax.scenes",
     "qmcjax.tracing",
     "qmcjax.tracing.motion",
+    "qmcjax.tracing.trees",
     "analysis",
     "figures.plot",
     "figures.ledger",

@@ -5,6 +5,7 @@ object, so that rotation is exact at every time.
 """
 
 from qmcjax.tracing import motion as motion
+from qmcjax.tracing import trees as trees
 from qmcjax.tracing._bidirectional import Bidirectional as Bidirectional
 from qmcjax.tracing._bidirectional import bidirectional as bidirectional
 from qmcjax.tracing._camera import Camera as Camera

@@ -28,6 +28,10 @@ from qmcjax.tracing._flat import Rectangle as Rectangle
 from qmcjax.tracing._hit import Hit as Hit
 from qmcjax.tracing._hit import any_hit as any_hit
 from qmcjax.tracing._hit import nearest_hit as nearest_hit
+from qmcjax.tracing._lens_line import LensLine as LensLine
+from qmcjax.tracing._lens_line import lens_line as lens_line
+from qmcjax.tracing._lens_line import lens_lines as lens_lines
+from qmcjax.tracing._lens_line import lens_sheared as lens_sheared
 from qmcjax.tracing._light_factories import environment as environment
 from qmcjax.tracing._light_factories import point_light as point_light
 from qmcjax.tracing._light_factories import rectangle_light as rectangle_light

@@ -21,7 +21,9 @@ from qmcjax.tracing._walk import boxes_of
 from qmcjax.tracing._world import World
 from qmcjax.tracing.motion._affine import Affine
 
-_FACES = np.array([[0, 2, 6, 4], [1, 3, 7, 5], [0, 4, 5, 1], [2, 6, 7, 3], [0, 1, 3, 2], [4, 5, 7, 6]])
+_FACES = np.array(
+    [[0, 2, 6, 4], [1, 3, 7, 5], [0, 4, 5, 1], [2, 6, 7, 3], [0, 1, 3, 2], [4, 5, 7, 6]], np.int32
+)
 """Corners of the faces of a box; corner k is at the high side of axis j if bit j of k is 1."""
 
 

@@ -54,6 +54,9 @@ from qmcjax.tracing._materials import mirror as mirror
 from qmcjax.tracing._object import Object as Object
 from qmcjax.tracing._paths import PathTracing as PathTracing
 from qmcjax.tracing._paths import path_tracing as path_tracing
+from qmcjax.tracing._photons import Photons as Photons
+from qmcjax.tracing._photons import photon_needs as photon_needs
+from qmcjax.tracing._photons import photons as photons
 from qmcjax.tracing._round import Cylinder as Cylinder
 from qmcjax.tracing._round import Sphere as Sphere
 from qmcjax.tracing._shape import Rays as Rays

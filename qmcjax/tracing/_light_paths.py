@@ -146,9 +146,9 @@ def light_path(world: World, time: Array, emission: Emission, turns: list[Turn])
     return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, others)
 
 
-def _first(world: World, time: Array, emission: Emission) -> Vertex:
-    """Return the first surfaces that light meets."""
-    lights, zero = emitters(world), jnp.zeros_like(time)
+def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array, Array]:
+    """Return where light sets out, one over the density of that, and 1 for lights with an extent, else 0."""
+    lights = emitters(world)
     number = chosen(emission.light, len(lights), zero)
     start, extent, visible = Start((zero, zero, zero), (zero, zero, zero), (zero, zero, zero)), zero, zero
     u, v = (zero if part is None else part for part in (emission.u, emission.v))
@@ -156,7 +156,14 @@ def _first(world: World, time: Array, emission: Emission) -> Vertex:
         made = batch.start(row, u, v, emission.way_u, emission.way_v)
         new = made, batch.extent()[row], zero + float(batch.coordinates > 0)
         start, extent, visible = jax.tree.map(partial(jnp.where, here), new, (start, extent, visible))
-    extent = len(lights) * extent
+    return start, len(lights) * extent, visible
+
+
+def _first(world: World, time: Array, emission: Emission) -> Vertex:
+    """Return the first surfaces that light meets."""
+    lights, zero = emitters(world), jnp.zeros_like(time)
+    number = chosen(emission.light, len(lights), zero)
+    start, extent, visible = started(world, emission, zero)
     at = met(world, start.point, start.way, time)
     # How likely the surface finds that point of the light by chance: by area and the light's cosine.
     likely = zero

@@ -1,6 +1,7 @@
 """Trees of boxes, against enumeration, recursion, and lines that are spread evenly."""
 
-from itertools import combinations
+from functools import partial
+from itertools import combinations, pairwise, product
 
 import numpy as np
 import pytest
@@ -65,7 +66,14 @@ def check(tree, low, high):
     assert np.isclose(trees.summed_area(tree), sum(area(*box) for box in expected), rtol=1e-12)
 
 
-BUILDERS = {"surface area": trees.surface_area_tree}
+BUILDERS = {
+    "surface area": trees.surface_area_tree,
+    "Hilbert": trees.hilbert_tree,
+    "Morton": trees.morton_tree,
+    "two means": trees.two_means_tree,
+    "quadratic": trees.quadratic_split_tree,
+    "quadratic, filled": partial(trees.quadratic_split_tree, fill=0.4),
+}
 
 
 @pytest.mark.parametrize("builder", BUILDERS.values(), ids=BUILDERS)
@@ -297,9 +305,182 @@ def test_rays_along_flat_boxes_touch_them():
     assert trees.nodes_visited(tree, [[0.5, 0.5, -1], [0.5, 0.5, 0.5]], [0.0, 0, -2.0]).tolist() == [0, 2]
 
 
+def in_order(tree):
+    """Return the leaves as they come if first children come first."""
+    found = [[k] for k in range(tree.size)]
+    for one, other in tree.children:
+        found.append(found[one] + found[other])
+    return found[-1]
+
+
+@pytest.mark.parametrize("dims", [3, 4])
+def test_hilbert_trees_follow_a_curve_without_jumps(dims):
+    """All cells of a grid: two that follow one another are neighbours; Morton order is that of the bits."""
+    side = 8 if dims == 3 else 4
+    low = np.array(list(product(range(side), repeat=dims)), float)
+    low = low[np.random.default_rng(1).permutation(len(low))]
+    along = low[in_order(trees.hilbert_tree(low, low))]
+    assert np.all(abs(np.diff(along, axis=0)).sum(axis=1) == 1)
+    along = low[in_order(trees.morton_tree(low, low))].astype(int)
+    keys = [int("".join(str(x >> k & 1) for k in (2, 1, 0) for x in cell), 2) for cell in along]
+    assert keys == sorted(keys)
+
+
+def test_two_means_part_what_is_apart():
+    """Whatever the key; with one box far from all others, with either norm, and boxes without extent."""
+    low, high = boxes(50, 3)
+    far = np.concatenate([low, low + 20.0])
+    for norm, extent in ((2, high - low), (np.inf, 0 * low)):
+        tree = trees.two_means_tree(far, far + np.concatenate([extent] * 2), norm=norm, key=3)
+        halves = [set(members(tree)[k]) for k in tree.children[-1]]
+        assert halves == [set(range(50)), set(range(50, 100))]
+
+
+def test_two_means_are_fixed_points():
+    """Boxes of the root are with the mean that is nearer, by diagonals of what holds both."""
+    low, high = boxes(200, 6)
+    tree = trees.two_means_tree(low, high, tries=1)
+    parts = [members(tree)[k] for k in tree.children[-1]]
+    weights = np.array([area(*box) for box in zip(low, high, strict=True)])
+    means = [np.average((low + high)[of] / 2, axis=0, weights=weights[of]) for of in parts]
+    apart = [np.linalg.norm(np.maximum(high, m) - np.minimum(low, m), axis=1) for m in means]
+    assert set(np.flatnonzero(apart[0] <= apart[1])) == set(parts[0])
+
+
+def quadratic_split(low, high, of):
+    """Split boxes by Guttman's algorithm, one step after the other."""
+
+    def waste(pair):
+        return area(*around(low, high, list(pair))) - sum(area(low[k], high[k]) for k in pair)
+
+    groups = [[k] for k in max(combinations(of, 2), key=waste)]
+    rest = [k for k in of if [k] not in groups]
+    while rest:
+        grows = [
+            [area(*around(low, high, [*group, k])) - area(*around(low, high, group)) for group in groups]
+            for k in rest
+        ]
+        place = max(range(len(rest)), key=lambda j: abs(grows[j][0] - grows[j][1]))
+        sizes = [(grows[place][g], area(*around(low, high, groups[g])), len(groups[g])) for g in (0, 1)]
+        groups[sizes.index(min(sizes))].append(rest.pop(place))
+    return sorted(map(sorted, groups))
+
+
+def test_quadratic_splits_are_guttmans():
+    low, high = boxes(40, 9)
+    tree = trees.quadratic_split_tree(low, high)
+    found = members(tree)
+    for node, pair in enumerate(tree.children, start=tree.size):
+        assert sorted(sorted(found[k]) for k in pair) == quadratic_split(low, high, sorted(found[node]))
+
+
+def fan(count):
+    """Return the boxes of triangles around one vertex, that get thinner with their number."""
+    angle = np.pi / 2 * 0.9 ** np.arange(count + 1)
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    return np.minimum(0, np.minimum(rim[:-1], rim[1:])), np.maximum(0, np.maximum(rim[:-1], rim[1:]))
+
+
+def test_a_fill_bounds_the_depth():
+    low, high = fan(120)
+    depth = [trees.node_depths(trees.quadratic_split_tree(low, high, fill=fill)).max() for fill in (0, 0.4)]
+    assert depth[0] > 30 and depth[1] <= np.ceil(np.log(120) / np.log(1 / 0.62))
+
+
+def moving(count, knots, key):
+    rng = np.random.default_rng(key)
+    low = rng.normal(size=(1, count, 3)) + rng.choice([0, 0.05, 2], (1, count, 1)) * rng.normal(
+        size=(knots, count, 3)
+    )
+    times = np.cumsum(rng.uniform(0.1, 1, knots))
+    return low, low + rng.uniform(0.01, 0.3, (1, count, 3)), times
+
+
+def at(array, times, time):
+    return np.stack([[np.interp(time, times, c) for c in row.T] for row in np.moveaxis(array, 1, 0)])
+
+
+@pytest.mark.parametrize("knots", [2, 5])
+def test_boxes_during_parts_of_the_shutter_are_tight(knots):
+    low, high, times = moving(20, knots, 1)
+    for start, end in ((0.0, 1.0), (0.2, 0.21), (0.3, 0.9), (0.4, 0.4)):
+        ends = times[0] + np.array([start, end]) * (times[-1] - times[0])
+        found = trees.boxes_during(low, high, times, *ends)
+        dense = np.sort(
+            np.concatenate([np.linspace(*ends, 50), times[(times > ends[0]) & (times < ends[1])]])
+        )
+        assert np.allclose(found[0], np.min([at(low, times, t) for t in dense], axis=0), rtol=0, atol=1e-12)
+        assert np.allclose(found[1], np.max([at(high, times, t) for t in dense], axis=0), rtol=0, atol=1e-12)
+    whole = trees.boxes_during(low, high, times)
+    assert np.array_equal(whole[0], low.min(axis=0)) and np.array_equal(whole[1], high.max(axis=0))
+
+
+@pytest.mark.parametrize("kappa", [1.0, 2.0, 5.0])
+def test_parts_in_time_hold_what_moves(kappa):
+    """At each time one part of each box, that holds it; none is too large; half as many would not do."""
+    low, high, times = moving(60, 4, 2)
+    lows, highs, number = trees.split_in_time(low, high, times, kappa, most=32)
+    whole = trees.surface_area(*trees.boxes_during(low, high, times))
+    counts = np.bincount(number, minlength=60)
+    assert set(counts) <= {1, 2, 4, 8, 16, 32} and (kappa == 1) == (max(counts) == 1)
+    areas = trees.surface_area(lows[:, :3], highs[:, :3])
+    split = counts[number] > 1
+    assert np.all(areas[split] <= whole[number[split]] / kappa)
+    assert np.array_equal(areas[~split], whole[number[~split]])
+    for k in np.flatnonzero(counts > 1):
+        cuts = np.linspace(times[0], times[-1], counts[k] // 2 + 1)
+        parts = [trees.boxes_during(low[:, [k]], high[:, [k]], times, *c) for c in pairwise(cuts)]
+        assert max(float(trees.surface_area(*part)[0]) for part in parts) > whole[k] / kappa
+    for time in np.random.default_rng(3).uniform(times[0], times[-1], 30):
+        now = (lows[:, 3] <= time) & (time < highs[:, 3])
+        assert np.array_equal(number[now], np.arange(60))
+        assert np.all(lows[now, :3] <= at(low, times, time) + 1e-12)
+        assert np.all(highs[now, :3] >= at(high, times, time) - 1e-12)
+
+
+def hits(tree, rays, vertices, times, time, number=None):
+    """Return the nearest distances that a traversal comes across, and the visits."""
+    found = np.full(len(time), np.inf)
+    distance = trees.triangle_distances(vertices, *rays, times=times, time=time, number=number)
+
+    def noted(some, leaves):
+        away = distance(some, leaves)
+        found[some] = np.minimum(found[some], away)
+        return away
+
+    return found, trees.nodes_visited(tree, *rays, noted, time=time)
+
+
+def test_four_ways_over_motion_find_the_same_hits():
+    """Boxes for the whole shutter, interpolated ones, a tree for each part of it, and boxes split in time."""
+    ends = np.stack([soup(300, 3, 0.1), soup(300, 3, 0.1) + soup(300, 4, 0.0) * 0.7])
+    times = np.array([0.0, 1.0])
+    low, high = ends.min(axis=2), ends.max(axis=2)
+    rng = np.random.default_rng(5)
+    rays, time = (rng.normal(size=(2000, 3)), rng.normal(size=(2000, 3))), rng.uniform(size=2000)
+    tree = trees.surface_area_tree(*trees.boxes_during(low, high, times))
+    expected, visited = hits(tree, rays, ends, times, time)
+    interpolated = trees.refitted(tree, low, high, times)
+    lows, highs, number = trees.split_in_time(low, high, times)
+    split = trees.surface_area_tree(lows, highs)
+    assert 0.1 < np.mean(np.isfinite(expected)) < 0.9
+    for found, count in (
+        hits(interpolated, rays, ends, times, time),
+        hits(split, rays, ends, times, time, number),
+    ):
+        assert np.array_equal(found, expected) and count.mean() < visited.mean()
+    for start in (0.0, 0.5):
+        part = trees.surface_area_tree(*trees.boxes_during(low, high, times, start, start + 0.5))
+        now = (time >= start) & (time < start + 0.5)
+        few = tuple(a[now] for a in rays)
+        found, count = hits(part, few, ends, times, time[now])
+        assert np.array_equal(found, expected[now]) and count.mean() < visited[now].mean()
+
+
 FINE = boxes(4, 0)
 TREE = trees.surface_area_tree(*FINE)
 UP = ([0.0, 0, 0], [0.0, 0, 1])
+MOVES = ([FINE[0]] * 2, [FINE[1]] * 2, [0, 1])
 WRONG = {
     "low": (lambda: trees.surface_area_tree("a", FINE[1]), TypeError, "low must be made of real numbers"),
     "dims": (

@@ -19,6 +19,9 @@ CATALOGUE = {
     "thesis-2.6": Entry("figures.thesis_2_6", "The box of a rectangle under continuous rotation"),
     "thesis-2.7": Entry("figures.thesis_2_7", "A fast rotation by linear segments"),
     "thesis-2.8": Entry("figures.thesis_2_8", "A ball that jumps, by linear segments"),
+    "thesis-3.1.5": Entry(
+        "figures.thesis_3_1_5", "Photons with a time each, and in intervals", our_scene=True
+    ),
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
     ),

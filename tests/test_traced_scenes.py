@@ -17,7 +17,7 @@ from qmcjax.scenes.traced import _motions, _stored
 
 X64 = jax.enable_x64
 
-MOVING = ("cornell_box", "helicopter", "sports")
+MOVING = ("cornell_box", "helicopter", "sports", "moving triangles")
 
 SCENES = {name: getattr(scenes, name) for name in traced.NAMES} | {
     "still box": partial(scenes.cornell_box, 0.3),
@@ -30,6 +30,7 @@ SCENES = {name: getattr(scenes, name) for name in traced.NAMES} | {
     "hexagonal": partial(scenes.defocus, blades=6),
     "mirror ring": partial(scenes.caustic, roughness=None, light_bounces=0),
     "roulette": partial(scenes.interior, 3, roulette=1),
+    "moving triangles": scenes.moving_triangles,
 }
 
 EAGER = "mirror ring"

@@ -47,5 +47,6 @@ from qmcjax.scenes.traced import cornell_box as cornell_box
 from qmcjax.scenes.traced import defocus as defocus
 from qmcjax.scenes.traced import helicopter as helicopter
 from qmcjax.scenes.traced import interior as interior
+from qmcjax.scenes.traced import moving_triangles as moving_triangles
 from qmcjax.scenes.traced import occluder as occluder
 from qmcjax.scenes.traced import sports as sports

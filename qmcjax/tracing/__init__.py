@@ -6,6 +6,8 @@ object, so that rotation is exact at every time.
 
 from qmcjax.tracing import motion as motion
 from qmcjax.tracing import trees as trees
+from qmcjax.tracing._analytic import AnalyticVisibility as AnalyticVisibility
+from qmcjax.tracing._analytic import analytic_visibility as analytic_visibility
 from qmcjax.tracing._bidirectional import Bidirectional as Bidirectional
 from qmcjax.tracing._bidirectional import bidirectional as bidirectional
 from qmcjax.tracing._camera import Camera as Camera

@@ -26,6 +26,8 @@ class Sight(NamedTuple):
     direction: Vector
     """Unit vectors."""
     time: Array
+    number: Array | None = None
+    """int32: the primitives that are seen, see :func:`found`; None where that is to be found."""
 
 
 class View(NamedTuple):

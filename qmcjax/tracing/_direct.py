@@ -38,7 +38,7 @@ class DirectLight(Estimator):
 
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         time, one = sight.time, jnp.ones_like(sight.time)
-        last = met(world, sight.origin, sight.direction, time)
+        last = met(world, sight.origin, sight.direction, time, sight.number)
         seen, _ = emission(world, last, sight.origin, last.normal)
         state = last, (one, one, one), seen
         if last.surface.mirror is not None:

@@ -50,13 +50,10 @@ class Estimator(ABC):
     def __call__(self, point: Array) -> Array:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
         needs = self.needs
-        if point.shape[-1:] != (len(needs),):
-            raise ValueError(f"point must have shape (..., {len(needs)}) for {needs}, got {point.shape}")
-        flat = point.reshape(-1, len(needs))
-        coordinates = {name: flat[:, j] for j, name in enumerate(needs)}
+        coordinates = named(point, needs)
         world, camera = (self.world, self.camera) if self.smooth else guarded(self.world, self.camera)
         world = in_dtype(world, point.dtype)
-        time = jnp.zeros_like(flat[:, 0]) if "time" not in needs else coordinates["time"]
+        time = coordinates.get("time", jnp.zeros_like(coordinates["x"]))
         time = camera.times(time)
         if camera.still or "time" not in needs:
             world = stilled(world, jnp.asarray(camera.shutter).astype(point.dtype).reshape(-1)[0])
@@ -90,6 +87,14 @@ class Estimator(ABC):
     @abstractmethod
     def moves(self, found: Seen) -> Array:
         """Tell where time may matter."""
+
+
+def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
+    """Return the coordinates of points, shape (..., len(needs))."""
+    if point.shape[-1:] != (len(needs),):
+        raise ValueError(f"point must have shape (..., {len(needs)}) for {needs}, got {point.shape}")
+    flat = point.reshape(-1, len(needs))
+    return {name: flat[:, j] for j, name in enumerate(needs)}
 
 
 def moving(world: World, camera: Camera) -> bool:

@@ -10,12 +10,15 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.parameters import cast
-from qmcjax.tracing._object import Frame, Object, identity
+from qmcjax.tracing._object import Frame, Object, identity, seen_from
 from qmcjax.tracing._picked import EACH, picked
 from qmcjax.tracing._search import search
 from qmcjax.tracing._shape import Shape
 from qmcjax.tracing._vectors import Vector, along, dot, each, minus, plus, times, unit
 from qmcjax.tracing._world import World
+
+UNKNOWN = -2
+"""In place of the number of what is hit."""
 
 
 class Found(NamedTuple):
@@ -46,11 +49,14 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
     return World(tuple(objects), cast(world.lights, dtype))
 
 
-def found(world: World, origin: Vector, direction: Vector, time: Array) -> Found:
-    """Return what rays hit first. Which primitive that is has no derivative; all that follows from it has."""
+def found(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Found:
+    """Return what rays hit first. Which primitive that is has no derivative; all that follows from it has.
+
+    ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where it is to be searched.
+    """
     start, way = origin, direction
-    fixed = jax.lax.stop_gradient((world, start, way, time, jnp.full_like(time, jnp.inf)))
-    distance, number = search(*fixed, False)
+    fixed = jax.lax.stop_gradient((world, start, way, time))
+    distance, number = _first(*fixed) if known is None else _confirmed(*fixed, known)
     hit = number >= 0
     # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
     start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
@@ -73,6 +79,31 @@ def found(world: World, origin: Vector, direction: Vector, time: Array) -> Found
     if frame is not None:
         point, gradient = plus(frame.outside(inside), frame.translation), frame.normal(gradient)
     return Found(hit, number, distance, point, unit(gradient), inside)
+
+
+def _first(world: World, origin: Vector, direction: Vector, time: Array) -> tuple[Array, Array]:
+    return search(world, origin, direction, time, jnp.full_like(time, jnp.inf), False)
+
+
+def _confirmed(
+    world: World, origin: Vector, direction: Vector, time: Array, known: Array
+) -> tuple[Array, Array]:
+    """Return distances and numbers of primitives that are known.
+
+    What is not, and what a ray misses by rounding, at the ends of intervals, is searched for.
+    """
+    distance = jnp.full_like(time, jnp.inf)
+    rays = seen_from(_frame(world, known, time), origin, direction, time)
+    for here, shape in picked(world.batches(), known):
+        distance = jnp.where(here, shape.distance(EACH, shape.prepare(rays)), distance)
+    lost = (known == UNKNOWN) | ((known >= 0) & (distance == jnp.inf))
+    way = each(lambda a: jnp.where(lost, a, 0), direction)
+    others = jax.lax.cond(
+        jnp.any(lost),
+        lambda: _first(world, origin, way, time),
+        lambda: (distance, jnp.full_like(known, -1)),
+    )
+    return jnp.where(lost, others[0], distance), jnp.where(lost, others[1], known)
 
 
 def coordinates(

@@ -31,9 +31,9 @@ class Met(NamedTuple):
     surface: Surface
 
 
-def met(world: World, origin: Vector, direction: Vector, time: Array) -> Met:
-    """Return what rays of unit direction meet."""
-    at = found(world, origin, direction, time)
+def met(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Met:
+    """Return what rays of unit direction meet; see :func:`found`."""
+    at = found(world, origin, direction, time, known)
     back = dot(at.normal, direction) > 0
     normal = each(lambda n: jnp.where(back, -n, n), at.normal)
     return Met(at, normal, each(jnp.negative, direction), surface(world, at, time))

@@ -24,8 +24,8 @@ from qmcjax.tracing._triangles import sheared
 from qmcjax.tracing._vectors import Vector, components, dot, each
 from qmcjax.tracing._world import World
 
-TILE = 128
-"""Rays that are tested together: what one of them may hit is tested for all."""
+TILE = 32
+"""Rays that are tested together: what one of them may hit is tested for all, and all wait for the last."""
 
 
 class VisibleIntervals(NamedTuple):

@@ -6,6 +6,7 @@ from qmcjax.scenes.traced._cornell_box import cornell_box as cornell_box
 from qmcjax.scenes.traced._defocus import defocus as defocus
 from qmcjax.scenes.traced._helicopter import helicopter as helicopter
 from qmcjax.scenes.traced._interior import interior as interior
+from qmcjax.scenes.traced._moving_triangles import moving_triangles as moving_triangles
 from qmcjax.scenes.traced._occluder import occluder as occluder
 from qmcjax.scenes.traced._sports import sports as sports
 from qmcjax.scenes.traced._stored import Content as Content
@@ -15,4 +16,4 @@ from qmcjax.scenes.traced._stored import read as read
 from qmcjax.scenes.traced._stored import save as save
 
 NAMES = ("cornell_box", "helicopter", "occluder", "defocus", "sports", "interior", "caustic")
-"""Of the functions that make the scenes."""
+"""Of the functions that make scenes with stored references."""

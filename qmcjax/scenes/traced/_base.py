@@ -7,6 +7,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from qmcjax import tracing
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import pytree
@@ -95,3 +96,9 @@ def positive(name: str, value: Any) -> Any:
     value = numbers(name, value)
     require(name, value, lambda v: v > 0, "positive")
     return value
+
+
+def seen_in_time(estimator: Any, visibility: Any) -> Any:
+    """Return what is rendered of a scene, with visibility in time "sampled" or "analytic", or raise."""
+    checks.choice("visibility", visibility, ("sampled", "analytic"))
+    return tracing.analytic_visibility(estimator) if visibility == "analytic" else estimator

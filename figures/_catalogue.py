@@ -25,6 +25,7 @@ CATALOGUE = {
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
     ),
+    "thesis-3.9": Entry("figures.thesis_3_9", "Points and lines on the lens, Fig. 3.8 to 3.10"),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.4": Entry("figures.thesis_5_4", "Initial direction numbers of the Sobol' sequence"),

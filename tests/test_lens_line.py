@@ -132,6 +132,7 @@ def test_an_edge_out_of_focus_is_the_area_of_a_segment():
     np.testing.assert_allclose(even, np.clip(0.5 + 0.5 * height, 0, 1), atol=2e-6)
 
 
+@pytest.mark.slow
 def test_gaps_show_the_environment_and_what_does_not_fit_is_sampled():
     """With room for one interval only, the rest of the line is right in the mean over lens_u."""
     with jax.enable_x64(True):

@@ -128,8 +128,9 @@ class LensLine:
 
     scene: Estimator
     line: Any
+    redistributed: Any
+    """bool: not static, so that one program draws both."""
     intervals: int = field(metadata={"static": True})
-    redistributed: bool = field(metadata={"static": True})
 
     unrolled: ClassVar[int] = 1
     """Samples that a program evaluates in one pass: it is long enough."""
@@ -189,18 +190,15 @@ class LensLine:
 
     def _mass(self, place: Array) -> Array:
         """Return how much of a line's weight is before places in [0, 1] on it."""
-        if not self.redistributed:
-            return place
         side = 2 * place - 1
-        return 0.5 + 0.5 * side * abs(side)
+        return jnp.where(self.redistributed, 0.5 + 0.5 * side * abs(side), place)
 
     def _place(self, mass: Array) -> Array:
         """Invert :meth:`_mass`: the square root of Fig. 3.10, from the middle of the line outward."""
-        if not self.redistributed:
-            return mass
         side = 2 * mass - 1
         tiny = jnp.finfo(mass.dtype).tiny
-        return 0.5 + 0.5 * jnp.sign(side) * jnp.sqrt(jnp.maximum(abs(side), tiny))
+        place = 0.5 + 0.5 * jnp.sign(side) * jnp.sqrt(jnp.maximum(abs(side), tiny))
+        return jnp.where(self.redistributed, place, mass)
 
 
 def lens_line(
@@ -264,7 +262,7 @@ def lens_line(
         )
     check_lens(scene.world, scene.camera)
     count = checks.integer("intervals", intervals, 1, 256)
-    return LensLine(scene, _line(line), count, checks.flag("redistributed", redistributed))
+    return LensLine(scene, _line(line), checks.flag("redistributed", redistributed), count)
 
 
 def check_lens(world: Any, camera: Any) -> None:

@@ -22,6 +22,7 @@ CATALOGUE = {
     "thesis-3.1.5": Entry(
         "figures.thesis_3_1_5", "Photons with a time each, and in intervals", our_scene=True
     ),
+    "thesis-3.1.7": Entry("figures.thesis_3_1_7", "Frameless rendering: pixels in the order of a net"),
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
     ),

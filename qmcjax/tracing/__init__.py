@@ -12,6 +12,7 @@ from qmcjax.tracing._bidirectional import Bidirectional as Bidirectional
 from qmcjax.tracing._bidirectional import bidirectional as bidirectional
 from qmcjax.tracing._camera import Camera as Camera
 from qmcjax.tracing._camera import camera as camera
+from qmcjax.tracing._deep_image import Step as Step
 from qmcjax.tracing._direct import DirectLight as DirectLight
 from qmcjax.tracing._direct import direct_light as direct_light
 from qmcjax.tracing._estimator import Estimator as Estimator
@@ -59,6 +60,8 @@ from qmcjax.tracing._paths import path_tracing as path_tracing
 from qmcjax.tracing._photons import Photons as Photons
 from qmcjax.tracing._photons import photon_needs as photon_needs
 from qmcjax.tracing._photons import photons as photons
+from qmcjax.tracing._predictor import PredictorCorrector as PredictorCorrector
+from qmcjax.tracing._predictor import predictor_corrector as predictor_corrector
 from qmcjax.tracing._round import Cylinder as Cylinder
 from qmcjax.tracing._round import Sphere as Sphere
 from qmcjax.tracing._shape import Rays as Rays

@@ -16,7 +16,7 @@ from qmcjax.core.plug_ins import held
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import _maps
 from qmcjax.tracing._object import Object
-from qmcjax.tracing._vectors import Vector, components, cross, each, length, minus, plus, times, unit
+from qmcjax.tracing._vectors import Vector, components, cross, dot, each, length, minus, plus, times, unit
 
 
 class Sight(NamedTuple):
@@ -106,6 +106,27 @@ class Camera:
             if frame is not None:
                 origin, seen = plus(frame.outside(origin), frame.translation), frame.outside(seen)
         return Sight(origin, unit(seen), time)
+
+    def projected(self, point: Vector, weight: Array, time: Array) -> tuple[Array, Array, Array]:
+        """Return where points are on the screen at some times, seen through the middle of the lens.
+
+        It is (x, y) of :meth:`rays`, and the depth along the view, which is positive for what is in front.
+        Points of weight 0 are directions, as far away as can be.
+        """
+        half = jnp.full_like(time, 0.5)
+        view = self.view(half, half)
+        if self.motion is not None:
+            frame = Object((), self.motion, None).frame(time)
+            if frame is not None:
+                point = frame.inside(minus(point, times(weight, frame.translation)))
+        seen = minus(point, times(weight, view.origin))
+        depth = dot(seen, view.seen)
+        safe = jnp.where(depth == 0, 1, depth)
+        number = cast({"fov": self.fov, "aspect": self.aspect}, time.dtype)
+        above = jnp.tan(number["fov"] * (np.pi / 360))
+        x = dot(seen, view.right) / (safe * above * number["aspect"])
+        y = dot(seen, view.upward) / (safe * above)
+        return 0.5 * (1 + x), 0.5 * (1 - y), depth
 
 
 def camera(

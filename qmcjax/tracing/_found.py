@@ -61,7 +61,7 @@ def found(world: World, origin: Vector, direction: Vector, time: Array, known: A
     # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
     start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
     at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
-    frame = _frame(world, number, time)
+    frame = frames(world, number, time)
     if frame is not None:
         start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
     surface = partial(_surface, picked(world.batches(), number), at)
@@ -93,7 +93,7 @@ def _confirmed(
     What is not, and what a ray misses by rounding, at the ends of intervals, is searched for.
     """
     distance = jnp.full_like(time, jnp.inf)
-    rays = seen_from(_frame(world, known, time), origin, direction, time)
+    rays = seen_from(frames(world, known, time), origin, direction, time)
     for here, shape in picked(world.batches(), known):
         distance = jnp.where(here, shape.distance(EACH, shape.prepare(rays)), distance)
     lost = (known == UNKNOWN) | ((known >= 0) & (distance == jnp.inf))
@@ -123,7 +123,7 @@ def coordinates(
     return result
 
 
-def _frame(world: World, number: Array, time: Array) -> Frame | None:
+def frames(world: World, number: Array, time: Array) -> Frame | None:
     """Return for each ray the map to the world of the object that it hits; None if all are still."""
     chosen = None
     for item, first in world.numbered():

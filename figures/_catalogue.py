@@ -22,6 +22,7 @@ CATALOGUE = {
     "thesis-3.1.5": Entry(
         "figures.thesis_3_1_5", "Photons with a time each, and in intervals", our_scene=True
     ),
+    "thesis-3.1.7": Entry("figures.thesis_3_1_7", "Frameless rendering: pixels in the order of a net"),
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
     ),
@@ -36,6 +37,7 @@ CATALOGUE = {
     "thesis-table-4.3": Entry(
         "figures.thesis_table_4_3", "Several optimisations of the upper levels, and of all", our_scene=True
     ),
+    "thesis-3.11": Entry("figures.thesis_3_11", "Depth of field by lines on the lens", our_scene=True),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.4": Entry("figures.thesis_5_4", "Initial direction numbers of the Sobol' sequence"),

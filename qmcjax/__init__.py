@@ -25,5 +25,6 @@ from qmcjax.rendering import render as render
 from qmcjax.rendering import render_adaptive as render_adaptive
 from qmcjax.rendering import render_layers as render_layers
 from qmcjax.rendering import render_passes as render_passes
+from qmcjax.rendering import sliding_means as sliding_means
 
 __version__ = "0.1.0"

@@ -192,6 +192,8 @@ def right_of_names():
         "initial": [[1, 3]],
         "row": [0],
         "image": [IMAGE],
+        "images": [[IMAGE, IMAGE]],
+        "count": [2],
         "reference": [0 * IMAGE],
         "spectrum": [IMAGE],
         "keys": [(1, 2)],

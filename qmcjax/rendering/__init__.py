@@ -8,3 +8,4 @@ from qmcjax.rendering._passes import Passes as Passes
 from qmcjax.rendering._passes import render_passes as render_passes
 from qmcjax.rendering._render import render as render
 from qmcjax.rendering._render_adaptive import render_adaptive as render_adaptive
+from qmcjax.rendering._sliding_means import sliding_means as sliding_means

@@ -1,0 +1,60 @@
+"""Frames from the images of those before, against means of each window."""
+
+import numpy as np
+import pytest
+
+import qmcjax as qj
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+def test_each_frame_is_the_mean_of_the_last_images(count):
+    """To the last bit, however many came before."""
+    rng = np.random.default_rng(count)
+    images = rng.normal(size=(9, 3, 4)).astype(np.float32) * 10.0 ** rng.integers(-6, 7, size=(9, 1, 1))
+    frames = list(qj.sliding_means(images.astype(np.float32), count))
+    wide = images.astype(np.float32).astype(np.float64)
+    windows = [sum(wide[k + 1 : k + count], wide[k]) / count for k in range(10 - count)]
+    np.testing.assert_array_equal(frames, windows)
+    alone = [next(qj.sliding_means(wide[k : k + count], count)) for k in range(10 - count)]
+    np.testing.assert_array_equal(frames, alone)
+
+
+def test_images_are_asked_for_one_by_one():
+    asked = []
+
+    def images():
+        for k in range(100):
+            asked.append(k)
+            yield np.full((2, 2), float(k))
+
+    frames = qj.sliding_means(images(), 4)
+    assert next(frames)[0, 0] == 1.5 and asked == [0, 1, 2, 3]
+    assert next(frames)[0, 0] == 2.5 and asked == [0, 1, 2, 3, 4]
+
+
+def test_frames_are_their_own():
+    """Images that callers write to afterwards, and frames, leave those to come alone."""
+    image = np.ones((2, 2))
+
+    def images():
+        for _ in range(3):
+            yield image
+            image[:] += 1
+
+    first, second = qj.sliding_means(images(), 2)
+    first[:] = 0
+    assert np.all(second == 2.5)
+    assert list(qj.sliding_means([image], 2)) == []
+
+
+def test_mistakes():
+    with pytest.raises(ValueError, match=r"count must be an integer in \[1, 65536\], got 0"):
+        qj.sliding_means([np.ones(2)], 0)
+    with pytest.raises(TypeError, match="images must be an iterable of images, got 3"):
+        qj.sliding_means(3, 1)
+    with pytest.raises(ValueError, match=r"images must have one shape, \(2,\), got \(3,\)"):
+        list(qj.sliding_means([np.ones(2), np.ones(3)], 2))
+    with pytest.raises(TypeError, match="images must be made of real numbers, got 'a'"):
+        list(qj.sliding_means("ab", 2))
+    with pytest.raises(ValueError, match="images must be finite"):
+        list(qj.sliding_means([np.array([1.0, np.nan])], 1))

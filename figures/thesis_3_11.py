@@ -264,7 +264,7 @@ def _draw(
         "points": (BLACK, "^", "-"),
         "samples of the lens": (ORANGE, "D", "-"),
     }
-    left, right = (add_axes(figure, start, 64, 560, below - 130) for start in (90, 990))
+    left, right = (add_axes(figure, start, 64, 560, below - 130) for start in (110, 1010))
     for way, (color, marker, line) in styles.items():
         style = {"color": color, "marker": marker, "ls": line, "ms": 4, "label": way}
         left.plot(list(errors[way]), list(errors[way].values()), **style)

@@ -19,6 +19,7 @@ CATALOGUE = {
     "thesis-2.6": Entry("figures.thesis_2_6", "The box of a rectangle under continuous rotation"),
     "thesis-2.7": Entry("figures.thesis_2_7", "A fast rotation by linear segments"),
     "thesis-2.8": Entry("figures.thesis_2_8", "A ball that jumps, by linear segments"),
+    "thesis-3.1.3": Entry("figures.thesis_3_1_3", "Frames from the images of others, and moving thick lines"),
     "thesis-3.1.5": Entry(
         "figures.thesis_3_1_5", "Photons with a time each, and in intervals", our_scene=True
     ),

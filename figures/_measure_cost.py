@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import analysis
 from qmcjax import sequences
 
-CALLS = {"draft": 1, "paper": 5}
+CALLS = {"draft": 1, "paper": 3}
 RESOLUTION = 65
 
 

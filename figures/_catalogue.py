@@ -31,6 +31,7 @@ CATALOGUE = {
     "thesis-4.1": Entry(
         "figures.thesis_4_1", "Nodes that rays visit, before and after the optimisation", our_scene=True
     ),
+    "thesis-4.2": Entry("figures.thesis_4_2", "Clusters of two means and their boxes, Fig. 4.2 and 4.3"),
     "thesis-table-4.1": Entry("figures.thesis_table_4_1", "Binary trees over m leaves, by enumeration"),
     "thesis-table-4.2": Entry(
         "figures.thesis_table_4_2", "Trees before and after the optimisation of subtrees", our_scene=True
@@ -66,6 +67,8 @@ CATALOGUE = {
     "thesis-6.6": Entry("figures.thesis_6_6", "Convergence on the Cornell box", our_scene=True),
     "thesis-6.7": Entry("figures.thesis_6_7", "The helicopter at 64 samples per pixel", our_scene=True),
     "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter", our_scene=True),
+    "tree-builders": Entry("figures.tree_builders", "Trees by other ways than the surface area heuristic"),
+    "trees-in-motion": Entry("figures.trees_in_motion", "Trees over moving triangles, in four ways"),
     "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
     "path-speed": Entry("figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba"),
     "ray-speed": Entry("figures.ray_speed", "Rays a second by each way to search, against Embree"),

@@ -8,6 +8,7 @@ import inspect
 import math
 import re
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from types import SimpleNamespace
@@ -287,6 +288,7 @@ def outcome(qualified, arguments):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             result = targets()[qualified](**arguments)
+            result = list(result) if isinstance(result, Iterator) else result
     except (TypeError, ValueError) as error:
         if any(re.search(rf"(?<![A-Za-z_]){name}\b", str(error)) for name in parameters(qualified)):
             return None

@@ -24,6 +24,8 @@ CATALOGUE = {
         "figures.thesis_3_1_5", "Photons with a time each, and in intervals", our_scene=True
     ),
     "thesis-3.1.7": Entry("figures.thesis_3_1_7", "Frameless rendering: pixels in the order of a net"),
+    "thesis-3.1": Entry("figures.thesis_3_1", "A triangle that moves, and when a ray hits it"),
+    "thesis-3.2": Entry("figures.thesis_3_2", "What a ray sees while the shutter is open"),
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
     ),

@@ -26,8 +26,16 @@ CATALOGUE = {
     "thesis-3.1.7": Entry("figures.thesis_3_1_7", "Frameless rendering: pixels in the order of a net"),
     "thesis-3.1": Entry("figures.thesis_3_1", "A triangle that moves, and when a ray hits it"),
     "thesis-3.2": Entry("figures.thesis_3_2", "What a ray sees while the shutter is open"),
+    "thesis-3.3": Entry(
+        "figures.thesis_3_3", "Predictions of the middle of the shutter, Fig. 3.3 and 3.4", our_scene=True
+    ),
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
+    ),
+    "thesis-3.6": Entry(
+        "figures.thesis_3_6",
+        "Pixels as moving triangles, and what is corrected, Fig. 3.6 and 3.7",
+        our_scene=True,
     ),
     "thesis-3.9": Entry("figures.thesis_3_9", "Points and lines on the lens, Fig. 3.8 to 3.10"),
     "thesis-4.1": Entry(

@@ -49,7 +49,7 @@ NOTE = (
     "rays, each at a time of its own. Boxes count once for each time or part that they are stored for. "
     "Interpolated boxes are stored for all times; 'half-way' has the tree of the triangles in the middle "
     "of the shutter. Its parts, 2 to {parts}, have a tree each (Eq. 4.7). Triangles split in time have "
-    "up to {most} parts of at most 1 / kappa of the area of their box, in one tree over boxes in space and "
+    "up to {most} parts, of 1 / kappa of the area or less if these do, in one tree over boxes in space and "
     "time, each area times its duration. In the hail a small triangle flies along the diagonal of all."
 )
 

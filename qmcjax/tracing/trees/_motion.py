@@ -76,10 +76,10 @@ def during(
 def split_in_time(
     low: ArrayLike, high: ArrayLike, times: ArrayLike, kappa: Any = 2.0, *, most: int = 16
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Split moving boxes in time until none of the parts has more than 1 / kappa of the whole one's area.
+    """Split moving boxes in time so that parts have at most 1 / kappa of the area of the whole.
 
-    The shutter is cut into 2, 4, 8, ... equal parts, for each box as few as do. Boxes for which ``most``
-    parts are not enough stay whole, since what is large at each time gains little.
+    The shutter is cut into 2, 4, 8, ... equal parts, for each box as few as do, but no more than ``most``.
+    Boxes that are larger than that at one of the times alone stay whole: what is large gains little.
 
     Parameters
     ----------
@@ -123,17 +123,19 @@ def split_in_time(
     limit = checks.integer("most", most, 1, 1024)
     whole = during(low, high, times, float(times[0]), float(times[-1]))
     allowed = _boxes.measure(*whole) / bound
-    rest = np.arange(low.shape[1])
-    found: list[tuple[NDArray, NDArray, NDArray]] = []
+    alone = np.any(_boxes.measure(low, high) > allowed, axis=0)
+    rest = np.flatnonzero(~alone)
+    found = [(*_timed(whole[0][alone], whole[1][alone], times[0], times[-1]), np.flatnonzero(alone))]
     count = 1
-    while count <= limit and len(rest):
+    while len(rest):
         cuts = np.linspace(times[0], times[-1], count + 1)
         parts = [during(low[:, rest], high[:, rest], times, start, end) for start, end in pairwise(cuts)]
-        fits = np.all([_boxes.measure(*part) <= allowed[rest] for part in parts], axis=0)
+        fits = np.all([_boxes.measure(*part) <= allowed[rest] for part in parts], axis=0) | (
+            2 * count > limit
+        )
         for part, (start, end) in zip(parts, pairwise(cuts), strict=True):
             found.append((*_timed(part[0][fits], part[1][fits], start, end), rest[fits]))
         rest, count = rest[~fits], 2 * count
-    found.append((*_timed(whole[0][rest], whole[1][rest], times[0], times[-1]), rest))
     lows, highs, number = (np.concatenate(parts) for parts in zip(*found, strict=True))
     order = np.lexsort((lows[:, 3], number))
     return lows[order], highs[order], number[order]

@@ -26,6 +26,11 @@ CATALOGUE = {
     "thesis-3.1.7": Entry("figures.thesis_3_1_7", "Frameless rendering: pixels in the order of a net"),
     "thesis-3.1": Entry("figures.thesis_3_1", "A triangle that moves, and when a ray hits it"),
     "thesis-3.2": Entry("figures.thesis_3_2", "What a ray sees while the shutter is open"),
+    "thesis-3.2.1": Entry(
+        "figures.thesis_3_2_1",
+        "Visibility in time computed, against sampled, at equal time",
+        our_scene=True,
+    ),
     "thesis-3.3": Entry(
         "figures.thesis_3_3", "Predictions of the middle of the shutter, Fig. 3.3 and 3.4", our_scene=True
     ),

@@ -200,7 +200,7 @@ def _sample(pieces: _Pieces, place: Array, offset: Array, samples: int | None) -
 
 
 def analytic_visibility(
-    scene: Estimator, samples: int | None = 1, *, intervals: int = 16
+    scene: Estimator, samples: int | None = 1, *, intervals: int = 8
 ) -> AnalyticVisibility:
     """Average a scene over the time its shutter is open, with visibility exact in time.
 
@@ -218,8 +218,8 @@ def analytic_visibility(
         at least one, stratified; they share one coordinate ``shading`` and those of lights. None shades at
         the two ends of each interval, and interpolates linearly between: then no coordinate stands for time.
     intervals : int, optional
-        Room for so many intervals of a ray, in [1, 256]. After the last one that fits, time is one more
-        interval in which visibility is that of the times of shading; see
+        Room for so many intervals of a ray, in [1, 256]: more take more time. After the last one that fits,
+        time is one more interval in which visibility is that of the times of shading, at least one; see
         :meth:`AnalyticVisibility.unresolved`.
 
     Returns

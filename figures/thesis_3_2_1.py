@@ -1,0 +1,210 @@
+"""Thesis Sect. 3.2: variance at equal time, visibility in time computed against sampled."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from qmcjax import scenes, tracing
+from qmcjax.core.pytrees import jit
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    side: int
+    turns: int
+    box: tuple[int, ...]
+    """Times of shading in the Cornell box."""
+    counts: tuple[int, ...]
+    """Numbers of triangles."""
+
+
+SIZES = {
+    "draft": Size(64, 4, (), (8,)),
+    "paper": Size(96, 24, (1, 4, 16), (2, 8, 32, 128)),
+}
+TIMES = 32
+BOX, ALL = "Cornell box, by times of shading", "moving triangles, by their number"
+RATIO = "variance of sampled over analytic visibility"
+
+ASKED = 4.0
+
+NOTE = (
+    "One random sample in each of {side} x {side} pixels, {turns} turns of both ways one after the other: "
+    "variances of samples within pixels, and medians of times of images, not compiling. Variance at equal "
+    "time is variance times time, as of independent samples; stratified times would favour sampling. The "
+    "blurred part are pixels in which the ray through the middle sees more than one primitive at {times} "
+    "times; times are those of the whole image. Sampling is cheap here: one instruction tests a primitive "
+    "against many rays, while each tile of rays takes all steps that any of its rays needs to find its "
+    "intervals. In the Cornell box highlights and shadows move: more times of shading pay off there. Drafts "
+    "are small and say little."
+)
+
+
+class Case(NamedTuple):
+    """A scene in two ways: what variances and times are."""
+
+    variances: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Of sampled and of exact visibility, in each pixel."""
+    seconds: tuple[float, float]
+    first: tuple[float, float]
+    """With compiling."""
+    seen: NDArray[np.int64]
+    """How many primitives rays through the middles of pixels see."""
+
+    def numbers(self) -> dict[str, Any]:
+        """Return ratios of sampled over exact, and the times."""
+        blurred = self.seen > 1
+        cost = self.seconds[1] / self.seconds[0]
+        found = {}
+        for name, part in (("blurred part", blurred), ("whole image", np.ones_like(blurred))):
+            ratio = float(self.variances[0][part].mean() / self.variances[1][part].mean())
+            found[name] = {"at equal samples": ratio, "at equal time": ratio / cost}
+        pixels = blurred.size
+        return {
+            RATIO: found,
+            "blurred pixels": float(blurred.mean()),
+            "primitives that a ray sees there, mean": float(self.seen[blurred].mean()),
+            "time of analytic over sampled": cost,
+            "microseconds a sample": [1e6 * s / pixels for s in self.seconds],
+            "seconds of the first image": list(self.first),
+        }
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure both scenes, and triangles over their number."""
+    size = SIZES[quality]
+    todo = len(size.box) + len(size.counts)
+    box: dict[int, Case] = {}
+    for samples in size.box:
+        scene = scenes.cornell_box(visibility="analytic").estimator
+        box[samples] = _measured(replace(scene, samples=samples), size)
+        progress(len(box) / todo)
+    triangles: dict[int, Case] = {}
+    for count in size.counts:
+        scene = scenes.moving_triangles(count, visibility="analytic").estimator
+        triangles[count] = _measured(scene, size)
+        progress((len(box) + len(triangles)) / todo)
+    measured: dict[str, Any] = {
+        BOX: {str(k): case.numbers() for k, case in box.items()},
+        ALL: {str(k): case.numbers() for k, case in triangles.items()},
+    }
+    gains = {
+        name: {k: one[RATIO]["blurred part"]["at equal time"] for k, one in of.items()}
+        for name, of in measured.items()
+    }
+    best = {name: max(of.values()) for name, of in gains.items() if of}
+    figure = _drawn(measured)
+    measured["best at equal time, blurred part"] = best
+    loses = [k for k, gain in gains[ALL].items() if gain < 1]
+    measured["numbers of triangles at which sampled visibility wins"] = loses
+    claims = {
+        "variance at equal time is at least 4 times smaller in the blurred part": {
+            name.split(",")[0]: gain >= ASKED for name, gain in best.items()
+        },
+        "the reduction of variance is larger than the cost: in the blurred part": {
+            f"{k} triangles": gain > 1 for k, gain in gains[ALL].items()
+        },
+    }
+    return figure, {
+        "measured": measured,
+        "claims": claims,
+        "note": NOTE.format(side=size.side, turns=size.turns, times=TIMES),
+    }
+
+
+@jit()
+def _image(scene: Any, point: jax.Array) -> jax.Array:
+    return scene(point)
+
+
+def _points(side: int, dims: int, key: int) -> jax.Array:
+    """Return a random point in each pixel."""
+    rng = np.random.default_rng(key)
+    y, x = np.mgrid[:side, :side]
+    inside = rng.random((side, side, dims))
+    inside[..., :2] = (inside[..., :2] + np.stack([x, y], axis=-1)) / side
+    return jnp.asarray(inside, jnp.float32)
+
+
+def _measured(scene: tracing.AnalyticVisibility, size: Size) -> Case:
+    """Render both ways by turns."""
+    both = scene.estimator, scene
+    sums = np.zeros((2, 2, size.side, size.side, 3))
+    seconds: list[list[float]] = [[], []]
+    for turn in range(size.turns + 1):
+        for way, one in enumerate(both):
+            points = jax.block_until_ready(_points(size.side, len(one.needs), turn))
+            start = time.perf_counter()
+            values = jax.block_until_ready(_image(one, points))
+            seconds[way].append(time.perf_counter() - start)
+            sums[way] += np.stack([np.asarray(values, np.float64) ** power for power in (1, 2)])
+    turns = size.turns + 1
+    variances = (sums[:, 1] - sums[:, 0] ** 2 / turns) / (turns - 1)
+    return Case(
+        (variances[0].mean(axis=-1), variances[1].mean(axis=-1)),
+        (float(np.median(seconds[0][1:])), float(np.median(seconds[1][1:]))),
+        (seconds[0][0], seconds[1][0]),
+        _seen(scene.estimator, size.side),
+    )
+
+
+def _seen(scene: tracing.Estimator, side: int) -> NDArray[np.int64]:
+    """Return how many primitives rays through the middles of pixels find at many times."""
+    y, x = (jnp.asarray((np.mgrid[:side, :side] + 0.5) / side, jnp.float32)).reshape(2, -1)
+    found = [_numbers(scene, x, y, jnp.full_like(x, t)) for t in (np.arange(TIMES) + 0.5) / TIMES]
+    ordered = np.sort(np.stack(found), axis=0)
+    return (1 + np.sum(ordered[1:] != ordered[:-1], axis=0)).reshape(side, side)
+
+
+@jit()
+def _numbers(scene: tracing.Estimator, x: jax.Array, y: jax.Array, at: jax.Array) -> jax.Array:
+    sight = scene.camera.rays(x, y, at, ())
+    origin, direction = (jnp.stack(vector, axis=-1) for vector in (sight.origin, sight.direction))
+    return tracing.nearest_hit(scene.world, origin, direction, at).shape
+
+
+def _drawn(measured: Mapping[str, Any]) -> Figure:
+    figure = Figure(figsize=(10, 3.9), layout="constrained")
+    figure.suptitle("Visibility in time, computed against sampled: the part that is blurred")
+    shown = {name: measured[name] for name in (BOX, ALL) if measured[name]}
+    axes = figure.subplots(1, len(shown) + 1)
+    for panel, (name, cases) in zip(axes, shown.items(), strict=False):
+        numbers = [int(k) for k in cases]
+        for key, marker, color in (("at equal samples", "s--", "C1"), ("at equal time", "o-", "C0")):
+            gain = [case[RATIO]["blurred part"][key] for case in cases.values()]
+            panel.loglog(numbers, gain, marker, color=color, label=f"ratio {key}", ms=4)
+        panel.axhline(1, color="k", lw=0.8)
+        panel.axhline(ASKED, color="0.4", lw=0.8, ls=":", label=f"{ASKED:g} times smaller")
+        scene, _, what = name.partition(", by ")
+        panel.set(title=scene, xlabel=what, ylabel=RATIO)
+        _ticks(panel, numbers)
+    cases = measured[ALL]
+    for k, (name, color) in enumerate((("sampled", "C2"), ("analytic", "C3"))):
+        axes[-1].loglog(
+            [int(n) for n in cases],
+            [case["microseconds a sample"][k] for case in cases.values()],
+            "o-",
+            color=color,
+            label=f"time, {name}",
+            ms=4,
+        )
+    axes[-1].set(title="moving triangles", xlabel="their number", ylabel="microseconds a sample")
+    _ticks(axes[-1], [int(n) for n in cases])
+    first, last = axes[0].get_legend_handles_labels(), axes[-1].get_legend_handles_labels()
+    figure.legend(first[0] + last[0], first[1] + last[1], loc="outside lower center", ncols=5)
+    return figure
+
+
+def _ticks(axes: Axes, numbers: list[int]) -> None:
+    axes.set_xticks(numbers, [str(n) for n in numbers])
+    axes.minorticks_off()
+    axes.grid(alpha=0.3)

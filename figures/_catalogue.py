@@ -34,6 +34,9 @@ CATALOGUE = {
     "thesis-3.3": Entry(
         "figures.thesis_3_3", "Predictions of the middle of the shutter, Fig. 3.3 and 3.4", our_scene=True
     ),
+    "thesis-3.3.4": Entry(
+        "figures.thesis_3_3_4", "Error and bias of predicted images over samples", our_scene=True
+    ),
     "thesis-3.5": Entry(
         "figures.thesis_3_5", "The same times in all pixels, times of their own, even noise", our_scene=True
     ),

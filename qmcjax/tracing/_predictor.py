@@ -40,7 +40,8 @@ def predictor_corrector(
     Images of the first and last interval are sampled. Of two that are known the one in the middle is
     predicted: pixels move with what is nearest in them, triangles between them are drawn with a z-buffer, and
     the colours of both predictions are averaged; all else of a pixel (x, y) is taken from the first if
-    x xor y is even, else from the second [1]_. A few samples then tell where that failed.
+    x xor y is even, else from the second [1]_. Where one of them draws nothing, the other is taken. A few
+    samples then tell where that failed.
 
     The result is biased: what moves without its surface, as shadows and reflections do, is not predicted, and
     errors below the contrast stay. Noise of sampled images goes into all that are predicted from them.

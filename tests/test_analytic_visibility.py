@@ -213,12 +213,29 @@ def test_wrong_arguments():
     with pytest.raises(ValueError, match="point must have shape"):
         tracing.analytic_visibility(scene)(jnp.zeros((2, 4)))
     for visibility, error in (("exact", ValueError), (1, TypeError)):
-        for make in (scenes.moving_triangles, scenes.cornell_box):
+        for make in (scenes.moving_triangles, scenes.cornell_box, scenes.helicopter):
             with pytest.raises(error, match="visibility must be one of"):
                 make(visibility=visibility)
     for count, error in ((0, ValueError), (4097, ValueError), (2.0, TypeError)):
         with pytest.raises(error, match="count must be an integer in"):
             scenes.moving_triangles(count)
+
+
+@pytest.mark.slow
+def test_linear_segments_of_the_helicopter_are_near_its_curves():
+    straight = scenes.helicopter(visibility="analytic").estimator.estimator.world.objects
+    curved = scenes.helicopter().estimator.world.objects
+    times = jnp.asarray(np.random.default_rng(1).uniform(size=4096))
+    tip = {0: [-4.25, 1.5, 1.0], -3: [3.3, 0.0, 0.31], -2: [3.3, 0.0, 0.31]}
+    for item, point in tip.items():
+        (a, s), (b, t) = straight[item].motion(times), curved[item].motion(times)
+        apart = np.linalg.norm(
+            a @ np.array(point, np.float32) + s - b @ np.array(point, np.float32) - t, axis=1
+        )
+        assert 1e-4 < apart.max() < 0.02
+    with pytest.raises(ValueError, match="turns must be at most 100 either way, got -101"):
+        scenes.helicopter(turns=-101.0, visibility="analytic")
+    assert len(scenes.helicopter(turns=0.0, visibility="analytic").needs) == 3
 
 
 BLOCKS, BATCH = 8, 2**15
@@ -249,6 +266,11 @@ def test_images_have_the_mean_of_sampled_visibility():
     """Triangles and their shadows at the camera's light; spheres, mirrors and shadows; paths of light."""
     check_means(scenes.moving_triangles(visibility="analytic").estimator)
     check_means(scenes.cornell_box(visibility="analytic").estimator)
+
+
+@pytest.mark.slow
+def test_rotors_have_the_mean_of_sampled_visibility():
+    check_means(scenes.helicopter(visibility="analytic").estimator, batches=1)
 
 
 @pytest.mark.slow

@@ -1,12 +1,15 @@
 """A helicopter with two rotors on one mast, above a pattern that moves."""
 
+import math
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from qmcjax import tracing
-from qmcjax.core.parameters import numbers
-from qmcjax.scenes.traced._base import Traced
+from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
+from qmcjax.scenes.traced._base import Traced, seen_in_time
 from qmcjax.scenes.traced._models import hull, loft
 from qmcjax.scenes.traced._motions import Carried, Drift, Spin
 from qmcjax.tracing import motion
@@ -27,8 +30,31 @@ STATIONS = [
 LOWER, UPPER = 1.15, 1.7
 """Heights of the rotors."""
 
+PODS = (
+    ([-0.75, 0.55, -0.42], [-0.75, 0.55, 0.42], [-0.65, -0.22, -1.2], [-0.65, -0.22, 1.2]),
+    ([1.5, 0, 0], [1.5, 0, 0], [1.2, 0, 0], [1.2, 0, 0]),
+    (0.22, 0.22, 0.15, 0.15),
+)
+MAST = ([0.0, 0.5, 0.0], [0.0, UPPER - 0.4, 0.0], 0.07)
+"""Cylinders: base, axis, radius."""
 
-def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25) -> Traced:
+CANOPY = ([[1.05, 0.36, 0.0], [1.65, 0.16, 0.0]], [0.42, 0.36])
+HUB = 0.16
+
+GREEN, DARK = (0.3, 0.36, 0.2), (0.03, 0.03, 0.035)
+
+
+FLIGHT, SPIN = 4, 36
+"""Linear segments of the flight, and of each turn of a rotor."""
+
+MOST = 100
+"""Turns that are straightened."""
+
+SIDES = 24
+"""Of the prisms that stand for cylinders where visibility is exact in time."""
+
+
+def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str = "sampled") -> Traced:
     """Return a flying helicopter whose two rotors turn about one mast, in opposite directions.
 
     The ground is still, but the checkerboard on it moves, not linearly in time. Only the direct light of a
@@ -41,6 +67,11 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25) -> Traced:
         time.
     turns : float, optional
         Of each rotor between the times 0 and 1.
+    visibility : str, optional
+        "sampled": by a coordinate for time; "analytic": exactly, see
+        :func:`qmcjax.tracing.analytic_visibility`. Then all points move on linear segments, 36 for each turn
+        of a rotor, which are nowhere farther than 0.02 from the curves, and prisms of 24 sides stand for
+        cylinders.
 
     Returns
     -------
@@ -51,7 +82,7 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25) -> Traced:
     TypeError
         If an argument has another type.
     ValueError
-        If ``turns`` is not finite, or ``shutter`` out of range.
+        If ``turns`` is not finite, or more than 100 either way with "analytic", or ``shutter`` out of range.
 
     References
     ----------
@@ -64,17 +95,98 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25) -> Traced:
     """
     turns = numbers("turns", turns)
     flight = motion.affine(_attitude(), _route())
-    dark = tracing.diffuse((0.03, 0.03, 0.035))
-    objects = [
-        tracing.group(_hull(), motion=flight, material=tracing.diffuse((0.3, 0.36, 0.2))),
-        tracing.group(_canopy(), motion=flight, material=tracing.glossy(0.5, 0.15, (0.02, 0.03, 0.05))),
-        _rotor(flight, LOWER, turns, 0.05, dark),
-        _rotor(flight, UPPER, -turns, 0.0, dark),
-        _ground(),
-    ]
+    if checks.choice("visibility", visibility, ("sampled", "analytic")) == "analytic":
+        require("turns", turns, lambda t: abs(t) <= MOST, f"at most {MOST} either way")
+        objects = _straight_parts(flight, turns)
+    else:
+        objects = _parts(flight, turns)
     sun = tracing.point_light((-5.0, 32.0, 8.0), np.multiply(4300.0, (1.0, 0.95, 0.85)))
     camera = tracing.camera((5.5, 7.2, 8.6), (-0.3, 2.2, 0.0), fov=42.0, shutter=shutter)
-    return Traced("helicopter", tracing.direct_light(tracing.world(objects, [sun]), camera))
+    estimator = tracing.direct_light(tracing.world([*objects, _ground()], [sun]), camera)
+    return Traced("helicopter", seen_in_time(estimator, visibility))
+
+
+def _materials() -> tuple[Any, Any, Any]:
+    """Return those of hull, canopy and rotors."""
+    return tracing.diffuse(GREEN), tracing.glossy(0.5, 0.15, (0.02, 0.03, 0.05)), tracing.diffuse(DARK)
+
+
+def _parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
+    """Return hull, canopy and rotors on curves."""
+    green, glass, dark = _materials()
+    hub = tracing.sphere([0.0, 0.0, 0.0], HUB)
+    return [
+        tracing.group(
+            [*_hull(), tracing.cylinder(*PODS), tracing.cylinder(*MAST)], motion=flight, material=green
+        ),
+        tracing.group([tracing.sphere(*CANOPY)], motion=flight, material=glass),
+        *(
+            tracing.group([_blades(signed), hub], motion=Carried(flight, spin), material=dark)
+            for _, signed, spin in _rotors(turns)
+        ),
+    ]
+
+
+def _straight_parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
+    """Return the same on linear segments: spheres need not turn, and cylinders are prisms."""
+    green, glass, dark = _materials()
+    times = np.linspace(0, 1, FLIGHT + 1)
+    often = np.linspace(0, 1, max(FLIGHT, math.ceil(SPIN * abs(float(turns)))) + 1)
+    rods = np.concatenate([_prism(*rod) for rod in (*zip(*PODS, strict=True), MAST)])
+    balls = [
+        *((centre, radius, glass) for centre, radius in zip(*CANOPY, strict=True)),
+        *(([0.0, height, 0.0], HUB, dark) for height in (LOWER, UPPER)),
+    ]
+    return [
+        tracing.group(
+            [*_hull(), tracing.triangles(rods)], motion=motion.straightened(flight, times), material=green
+        ),
+        *(_ball(flight, times, *ball) for ball in balls),
+        *(
+            tracing.group(
+                [_blades(signed)], motion=motion.straightened(Carried(flight, spin), often), material=dark
+            )
+            for _, signed, spin in _rotors(turns)
+        ),
+    ]
+
+
+def _ball(flight: motion.Affine, times: Any, centre: Any, radius: float, material: Any) -> tracing.Object:
+    """Return a sphere that slides along with the flight."""
+    matrix, translation = flight(jnp.asarray(times))
+    path = np.asarray(matrix, np.float64) @ np.array(centre) + np.asarray(translation, np.float64)
+    slide = motion.affine(None, motion.linear_segments(times, path))
+    return tracing.sphere([0.0, 0.0, 0.0], radius, motion=slide, material=material)
+
+
+def _prism(base: Any, axis: Any, radius: float) -> Any:
+    """Return the triangles of a prism in a cylinder along x, y or z, shape (4 SIDES, 3, 3)."""
+    base, axis = np.asarray(base, np.float64), np.asarray(axis, np.float64)
+    along = axis / np.linalg.norm(axis)
+    side = np.roll(along, 1)
+    angle = 2 * np.pi * np.arange(SIDES)[:, None] / SIDES
+    ring = radius * (np.cos(angle) * side + np.sin(angle) * np.cross(along, side))
+    return loft(np.stack([base + ring, base + axis + ring]), base, base + axis)
+
+
+def _rotors(turns: Any) -> list[tuple[float, Any, motion.Affine]]:
+    """Return height, turns with their sign, and the motion on the mast of both rotors."""
+    return [
+        (
+            height,
+            signed,
+            motion.affine(Spin(np.array([0.0, 1.0, 0.0]), np.array(start), signed), [0.0, height, 0.0]),
+        )
+        for height, signed, start in ((LOWER, turns, 0.05), (UPPER, -turns, 0.0))
+    ]
+
+
+def _blades(turns: Any) -> tracing.Object:
+    """Return four blades, each a rectangle that is pitched about its length."""
+    angle = 2 * np.pi * np.arange(4) / 4
+    along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
+    across = np.stack([np.sin(angle), 0 * angle + 0.12 * np.sign(turns), np.cos(angle)], axis=-1)
+    return tracing.rectangle(0.2 * along - 0.31 * across, 3.1 * along, 0.62 * across)
 
 
 def _attitude() -> Spin:
@@ -98,29 +210,7 @@ def _hull() -> list[tracing.Object]:
     ]
     edges_u = [[0.55, 0, 0], [0.55, 0, 0], [0.55, 0, 0], [0.8, 0, 0], [0.75, 0, 0]]
     edges_v = [[0, 0, 2.0], [-0.12, 0.85, 0], [-0.12, 0.85, 0], [-0.4, 1.0, 0], [0, 0, 2.9]]
-    pods = [[-0.75, 0.55, -0.42], [-0.75, 0.55, 0.42], [-0.65, -0.22, -1.2], [-0.65, -0.22, 1.2]]
-    lengths = [[1.5, 0, 0], [1.5, 0, 0], [1.2, 0, 0], [1.2, 0, 0]]
-    return [
-        tracing.triangles(skin),
-        tracing.rectangle(corners, edges_u, edges_v),
-        tracing.cylinder(pods, lengths, [0.22, 0.22, 0.15, 0.15]),
-        tracing.cylinder([0.0, 0.5, 0.0], [0.0, UPPER - 0.4, 0.0], 0.07),
-    ]
-
-
-def _canopy() -> list[tracing.Object]:
-    return [tracing.sphere([[1.05, 0.36, 0.0], [1.65, 0.16, 0.0]], [0.42, 0.36])]
-
-
-def _rotor(flight: Any, height: float, turns: Any, start: float, material: Any) -> tracing.Object:
-    """Return four blades, each a rectangle that is pitched about its length."""
-    angle = 2 * np.pi * np.arange(4) / 4
-    along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
-    across = np.stack([np.sin(angle), 0 * angle + 0.12 * np.sign(turns), np.cos(angle)], axis=-1)
-    blades = tracing.rectangle(0.2 * along - 0.31 * across, 3.1 * along, 0.62 * across)
-    spin = motion.affine(Spin(np.array([0.0, 1.0, 0.0]), np.array(start), turns), [0.0, height, 0.0])
-    hub = tracing.sphere([0.0, 0.0, 0.0], 0.16)
-    return tracing.group([blades, hub], motion=Carried(flight, spin), material=material)
+    return [tracing.triangles(skin), tracing.rectangle(corners, edges_u, edges_v)]
 
 
 def _ground() -> tracing.Object:

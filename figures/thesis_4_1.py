@@ -48,10 +48,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "pixels with more": float(np.mean(change > 0)),
         }
         panels += [
-            Panel(
-                f"{name}: before\\nmean {before.mean():.2f}, white {white:.0f} nodes", before, (0.0, white)
-            ),
-            Panel(f"{name}: after\\nmean {after.mean():.2f}, white {white:.0f} nodes", after, (0.0, white)),
+            Panel(f"{name}: before\nmean {before.mean():.2f}, white {white:.0f} nodes", before, (0.0, white)),
+            Panel(f"{name}: after\nmean {after.mean():.2f}, white {white:.0f} nodes", after, (0.0, white)),
             Panel(
                 f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
                 f"black -{most:.0f}, white +{most:.0f}",

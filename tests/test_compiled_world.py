@@ -167,6 +167,7 @@ def test_all_pieces_are_done_once_and_errors_are_told():
         _threads.shared(lambda piece: 1 // piece, [2, 0, 1])
 
 
+@pytest.mark.slow
 def test_trees_are_taken_over_only_by_the_same_numbers():
     """In one program; also with vertices of NaN, which hit nothing."""
     rng = np.random.default_rng(8)

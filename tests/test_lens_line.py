@@ -114,6 +114,7 @@ def covered(height):
     return 1 - (np.arccos(height) - height * np.sqrt(1 - height**2)) / np.pi
 
 
+@pytest.mark.slow
 def test_an_edge_out_of_focus_is_the_area_of_a_segment():
     """The error falls with the number of lines to none; each line is exact, by either density."""
     x = np.linspace(0.3, 0.7, 33, dtype=np.float32)

@@ -174,6 +174,7 @@ def test_an_instant_between_intervals_counts_once():
     np.testing.assert_allclose(got, 1 / np.pi, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_mirrors_keep_no_photons():
     mirror = tracing.rectangle([-1, 0, -1], [2, 0, 0], [0, 0, 2], material=tracing.mirror(0.5))
     ceiling = tracing.plane([0, 2, 0], [0, -1, 0], material=tracing.diffuse(0.5))

@@ -188,7 +188,7 @@ def check_configurations(count, name, key):
     return error
 
 
-@pytest.mark.parametrize("name", DTYPES)
+@pytest.mark.parametrize("name", ["float32", pytest.param("float64", marks=pytest.mark.slow)])
 def test_random_and_degenerate_triangles(name):
     check_configurations(BATCH, name, 1)
 
@@ -323,6 +323,7 @@ def test_trees_find_what_loops_find():
     assert (np.asarray(whole.shape) >= 0).sum(axis=1).max() >= 3
 
 
+@pytest.mark.slow
 def test_depths_cross():
     """Of two triangles that pass through one another, each is seen as long as it is in front."""
     flat = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 2, 0]])

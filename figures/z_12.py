@@ -9,10 +9,10 @@ from figures import _diffusion, _images, _padded, plot
 from figures._schema import Claims
 from qmcjax import orders, samplers, scenes, sequences
 
-SIDE = {"draft": 64, "paper": 128}
-SPP = {"draft": 2, "paper": 2}
+SIDE = 64
+SPP = 2
 """Of the insets."""
-LARGEST = {"draft": 6, "paper": 12}
+LARGEST = {"draft": 6, "paper": 10}
 """Binary logarithm of the largest number of samples of the graphs."""
 REFERENCE_SPP = {"draft": 1024, "paper": 65536}
 
@@ -74,7 +74,7 @@ def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render insets with all variants, and measure their errors over the number of samples."""
-    side, scene = SIDE[quality], scenes.occluder()
+    side, scene = SIDE, scenes.occluder()
     exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
     progress(0.3)
     counts = [2**k for k in range(LARGEST[quality] + 1)]
@@ -84,11 +84,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for name, sampler in ways(len(scene.needs), side, spp).items():
             image = _images.image(scene, sampler, side, spp)
             measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact)
-            if spp == SPP[quality]:
+            if spp == SPP:
                 insets[name] = image
         progress(0.3 + 0.7 * done / len(counts))
-    figure = _sheet(insets | {"reference": exact.image}, counts, measured, SPP[quality])
-    note = NOTE.format(side=side, spp=SPP[quality], origin=exact.origin, most=counts[-1])
+    figure = _sheet(insets | {"reference": exact.image}, counts, measured, SPP)
+    note = NOTE.format(side=side, spp=SPP, origin=exact.origin, most=counts[-1])
     return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}
 
 

@@ -62,7 +62,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
     ]
     board = tracing.checker((0.8, 0.8, 0.78), (0.12, 0.12, 0.14), scale=0.5)
     objects.append(tracing.plane([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], material=tracing.diffuse(board)))
-    world = tracing.world(objects, [tracing.point_light(EYE, (420.0, 420.0, 420.0))])
+    world = tracing.world(objects, [tracing.point_light(EYE, (140.0, 140.0, 140.0))])
     camera = tracing.camera(EYE, (0.0, 0.4, 0.0), fov=38.0, shutter=shutter)
     return Traced("moving_triangles", seen_in_time(tracing.direct_light(world, camera), visibility))
 

@@ -61,8 +61,8 @@ def predictor_corrector(
     key : int or JAX key
         Of the random samples.
     contrast : float, optional
-        In [0, 1]: a prediction p fails where samples of mean e say that |p - e| > contrast (p + e) in one of
-        its colours.
+        In [0, 1]: a prediction p fails where samples of mean e say that abs(p - e) > contrast (p + e) in
+        one of its colours.
 
     Returns
     -------

@@ -20,7 +20,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._camera import Camera, Sight
-from qmcjax.tracing._estimator import Estimator, guarded, moving, stilled
+from qmcjax.tracing._estimator import Estimator, guarded, moving, named, stilled
 from qmcjax.tracing._flat import Box, Rectangle
 from qmcjax.tracing._found import in_dtype
 from qmcjax.tracing._lights import Environment
@@ -142,16 +142,12 @@ class LensLine:
 
     def __call__(self, point: Array) -> Array:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
-        needs, scene = self.needs, self.scene
-        if point.shape[-1:] != (len(needs),):
-            raise ValueError(f"point must have shape (..., {len(needs)}) for {needs}, got {point.shape}")
-        flat = point.reshape(-1, len(needs))
-        coordinates = {name: flat[:, j] for j, name in enumerate(needs)}
+        coordinates, scene = named(point, self.needs), self.scene
         world, camera = (scene.world, scene.camera) if scene.smooth else guarded(scene.world, scene.camera)
-        world = _still(in_dtype(world, point.dtype), camera, flat[0, 0])
+        world = _still(in_dtype(world, point.dtype), camera, point)
         line = jnp.asarray(self.line).astype(point.dtype)
         view = camera.view(coordinates["x"], coordinates["y"])
-        zero = jnp.zeros_like(flat[:, 0])
+        zero = jnp.zeros_like(coordinates["x"])
         origin = each(lambda a: zero + a, view.origin)
         sheared, start, way = jax.lax.stop_gradient(
             (_sheared(world, camera, line, zero[0]), origin, view.seen)
@@ -258,7 +254,8 @@ def lens_line(
     """
     if not isinstance(scene, Estimator):
         raise TypeError(
-            f"scene must be made by qmcjax.tracing.direct_light or path_tracing, got {checks.shown(scene)}"
+            "scene must be made by qmcjax.tracing.direct_light, path_tracing or bidirectional, got "
+            f"{checks.shown(scene)}"
         )
     check_lens(scene.world, scene.camera)
     count = checks.integer("intervals", intervals, 1, 256)

@@ -98,7 +98,11 @@ def positive(name: str, value: Any) -> Any:
     return value
 
 
-def seen_in_time(estimator: Any, visibility: Any) -> Any:
-    """Return what is rendered of a scene, with visibility in time "sampled" or "analytic", or raise."""
-    checks.choice("visibility", visibility, ("sampled", "analytic"))
-    return tracing.analytic_visibility(estimator) if visibility == "analytic" else estimator
+def is_analytic(visibility: Any) -> bool:
+    """Tell whether visibility in time is "analytic", not "sampled", or raise."""
+    return checks.choice("visibility", visibility, ("sampled", "analytic")) == "analytic"
+
+
+def seen_in_time(estimator: Any, analytic: bool) -> Any:
+    """Return what is rendered of a scene, with visibility in time exact or sampled."""
+    return tracing.analytic_visibility(estimator) if analytic else estimator

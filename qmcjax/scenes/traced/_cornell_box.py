@@ -7,7 +7,7 @@ import numpy as np
 from qmcjax import tracing
 from qmcjax.core import checks
 from qmcjax.core.parameters import require
-from qmcjax.scenes.traced._base import Traced, positive, seen_in_time
+from qmcjax.scenes.traced._base import Traced, is_analytic, positive, seen_in_time
 from qmcjax.tracing import motion
 
 WHITE, RED, GREEN = (0.73, 0.73, 0.73), (0.63, 0.065, 0.05), (0.14, 0.45, 0.091)
@@ -78,9 +78,9 @@ def cornell_box(
     size = None if light is None else positive("light", light)
     if size is not None:
         require("light", size, lambda side: side < 2, "below 2")
-    straight = checks.choice("visibility", visibility, ("sampled", "analytic")) == "analytic"
+    analytic = is_analytic(visibility)
     gliding, jumping = (
-        motion.affine(None, _straight(path, segments) if straight else path)
+        motion.affine(None, _straight(path, segments) if analytic else path)
         for path, segments in ((_gliding(), 4), (_jumping(), 16))
     )
     objects = [_walls(), *_sides()]
@@ -102,7 +102,7 @@ def cornell_box(
         estimator: Any = tracing.direct_light(world, camera, mirrors=1 if mirror else 0)
     else:
         estimator = tracing.path_tracing(world, camera, bounces)
-    return Traced("cornell_box", seen_in_time(estimator, visibility))
+    return Traced("cornell_box", seen_in_time(estimator, analytic))
 
 
 def _walls() -> tracing.Object:

@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from qmcjax import tracing
-from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.scenes.traced._base import Traced, seen_in_time
+from qmcjax.scenes.traced._base import Traced, is_analytic, seen_in_time
 from qmcjax.scenes.traced._models import hull, loft
 from qmcjax.scenes.traced._motions import Carried, Drift, Spin
 from qmcjax.tracing import motion
@@ -95,7 +94,8 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
     """
     turns = numbers("turns", turns)
     flight = motion.affine(_attitude(), _route())
-    if checks.choice("visibility", visibility, ("sampled", "analytic")) == "analytic":
+    analytic = is_analytic(visibility)
+    if analytic:
         require("turns", turns, lambda t: abs(t) <= MOST, f"at most {MOST} either way")
         objects = _straight_parts(flight, turns)
     else:
@@ -103,7 +103,7 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
     sun = tracing.point_light((-5.0, 32.0, 8.0), np.multiply(4300.0, (1.0, 0.95, 0.85)))
     camera = tracing.camera((5.5, 7.2, 8.6), (-0.3, 2.2, 0.0), fov=42.0, shutter=shutter)
     estimator = tracing.direct_light(tracing.world([*objects, _ground()], [sun]), camera)
-    return Traced("helicopter", seen_in_time(estimator, visibility))
+    return Traced("helicopter", seen_in_time(estimator, analytic))
 
 
 def _materials() -> tuple[Any, Any, Any]:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from qmcjax import tracing
 from qmcjax.core import checks
-from qmcjax.scenes.traced._base import Traced, seen_in_time
+from qmcjax.scenes.traced._base import Traced, is_analytic, seen_in_time
 
 COLOURS = ((0.85, 0.2, 0.12), (0.1, 0.32, 0.75), (0.95, 0.68, 0.08), (0.1, 0.55, 0.3))
 EYE = (0.0, 5.0, 4.0)
@@ -53,6 +53,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
     >>> moving_triangles(visibility="analytic").needs
     ('x', 'y', 'shading')
     """
+    analytic = is_analytic(visibility)
     opened, closed = _flights(checks.integer("count", count, 1, 4096))
     kinds = len(COLOURS)
     objects = [
@@ -64,7 +65,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
     objects.append(tracing.plane([0.0, 0.0, 0.0], [0.0, 1.0, 0.0], material=tracing.diffuse(board)))
     world = tracing.world(objects, [tracing.point_light(EYE, (140.0, 140.0, 140.0))])
     camera = tracing.camera(EYE, (0.0, 0.4, 0.0), fov=38.0, shutter=shutter)
-    return Traced("moving_triangles", seen_in_time(tracing.direct_light(world, camera), visibility))
+    return Traced("moving_triangles", seen_in_time(tracing.direct_light(world, camera), analytic))
 
 
 def _flights(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

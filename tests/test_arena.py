@@ -54,7 +54,9 @@ def test_a_page_and_a_table(folder, capsys):
     # Each file that the page names is there.
     named = re.findall(r'(?:src|href)="([^"#][^"]*)"', page)
     named += [
-        f"{scene}.{file}" for scene in ("disc", "ball") for file in re.findall(r'": "([\w.-]+\.png)"', page)
+        f"{scene}.{file}"
+        for scene in ("disc", "ball")
+        for file in re.findall(r'": "([\w.-]+\.(?:png|webp))"', page)
     ][:3]
     assert all((folder / "out/compare" / name).is_file() for name in named if not name.startswith("data:"))
     images = [json.loads(text) for text in re.findall(r'application/json">(.*?)</script>', page)]

@@ -499,7 +499,7 @@ def test_images_that_are_handed_out_lie_beside_the_picture(tmp_path):
     status, _, stderr = project.run()
     assert status == 1 and "TypeError: images must be a mapping of names to arrays" in stderr
     ends = ["reference", "z-4-spp.difference", "z-4-spp", "z-4-spp.spectrum"]
-    pictures = ["one.png", *(f"one.{end}.png" for end in ends)]
+    pictures = ["one.png", *(f"one.{end}.webp" for end in ends)]
     assert project.files() == sorted(["index.html", "numbers.json", *pictures])
     assert [item["name"] for item in project.numbers()["one"]["images"]["items"]] == ["reference", "Z"]
     assert project.run("one")[1].startswith("one: up to date\n")

@@ -81,7 +81,12 @@ def test_it_opens_fast_and_reads_only_files_that_are_there(visit):
 
 
 def test_it_weighs_less_than_40_megabytes(address):
-    files = [address, *address.parent.glob("*.png"), address.parent / _store.NUMBERS]
+    files = [
+        address,
+        *address.parent.glob("*.png"),
+        *address.parent.glob("*.webp"),
+        address.parent / _store.NUMBERS,
+    ]
     assert sum(file.stat().st_size for file in files) < 40e6
 
 
@@ -170,7 +175,7 @@ def test_what_is_under_the_pointer_is_magnified_in_both(visit):
     assert "difference" in lenses.first.evaluate("lens => lens.style.backgroundImage")
     assert "difference" in viewer.locator(".over").get_attribute("src")
     viewer.get_by_label("Left of the split").select_option("exact reference")
-    assert viewer.locator(".over").get_attribute("src") == "thesis-6.1.exact-reference.png"
+    assert viewer.locator(".over").get_attribute("src") == "thesis-6.1.exact-reference.webp"
 
 
 def test_all_samplers_follow_the_slider(visit):

@@ -1,4 +1,4 @@
-"""Images that figures hand out, as WebPs without loss: each with its difference from the first and the spectrum of that."""
+"""Images that figures hand out, as lossless WebPs: each with its difference from the first and its spectrum."""
 
 import io
 import re

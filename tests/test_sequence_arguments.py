@@ -12,6 +12,7 @@ from qmcjax import orders, samplers, scenes, sequences
 RIGHT = {
     "a": 3,
     "base": 7,
+    "candidates": 2,
     "component": 0,
     "dims": 2,
     "f": sequences.halton(2),

@@ -31,6 +31,7 @@ from qmcjax.sequences._inversion import net_by_frames as net_by_frames
 from qmcjax.sequences._latin_hypercube import latin_hypercube as latin_hypercube
 from qmcjax.sequences._lattice_sequence import lattice as lattice
 from qmcjax.sequences._linear_matrix_scramble import linear_matrix_scramble as linear_matrix_scramble
+from qmcjax.sequences._net_by_net import net_by_net as net_by_net
 from qmcjax.sequences._nets import Net as Net
 from qmcjax.sequences._nets import hammersley_net as hammersley_net
 from qmcjax.sequences._nets import larcher_pillichshammer_net as larcher_pillichshammer_net
@@ -45,6 +46,7 @@ from qmcjax.sequences._owen import owen as owen
 from qmcjax.sequences._owen_exact import owen_exact as owen_exact
 from qmcjax.sequences._plug_in import as_sequence as as_sequence
 from qmcjax.sequences._plug_in import function as function
+from qmcjax.sequences._pmj02 import pmj02 as pmj02
 from qmcjax.sequences._random import jittered as jittered
 from qmcjax.sequences._random import uniform as uniform
 from qmcjax.sequences._rank1_lattice import korobov as korobov

@@ -47,12 +47,12 @@ class LatinHypercube(WordFirst):
         jitter = hash_word(hash_word(index ^ seeds[0]) + seeds[1])
         stratum = permuted(index, self.n, seeds[2:])
         with jax.enable_x64(True):
-            first = _first_fraction(stratum.astype(jnp.uint64), self.n)
-            count = _first_fraction(stratum.astype(jnp.uint64) + np.uint64(1), self.n) - first
+            first = first_fraction(stratum.astype(jnp.uint64), self.n)
+            count = first_fraction(stratum.astype(jnp.uint64) + np.uint64(1), self.n) - first
             return (first + (count * jitter.astype(jnp.uint64) >> np.uint64(32))).astype(jnp.uint32)
 
 
-def _first_fraction(stratum: Array, n: int) -> Array:
+def first_fraction(stratum: Array, n: int) -> Array:
     """Return the smallest 32-bit fraction that is not below stratum / n."""
     return ((stratum << np.uint64(32)) + np.uint64(n - 1)) // np.uint64(n)
 

@@ -50,12 +50,12 @@ def _scramble(reversed_bits: Array, seeds: Array) -> Array:
     # Not unrolled: beyond two coordinates the compiler would compute the hashes again and again.
     def flip(k: Array, scrambled: Array) -> Array:
         unit = jnp.uint32(1) << k
-        return scrambled ^ (_random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
+        return scrambled ^ (random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
 
     return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, reversed_bits)
 
 
-def _random_word(value: Array, seeds: Array) -> Array:
+def random_word(value: Array, seeds: Array) -> Array:
     """Hash a value to a word: two keyed rounds, fed forward, so that words may coincide."""
     mixed = hash_word(value ^ seeds[..., 0])
     return hash_word(mixed + seeds[..., 1]) ^ mixed

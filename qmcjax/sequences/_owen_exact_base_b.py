@@ -39,16 +39,16 @@ class OwenExactDigits(ScrambledDigits):
         def scramble(k: Array, carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
             rest, unit, leading = carry
             upper = quotient(rest, base)
-            node = _node(first - rest * unit, seeds)
-            scrambled = _permuted(rest - upper * word(base), node, k, base, seeds)
+            node = node_of(first - rest * unit, seeds)
+            scrambled = permuted(rest - upper * word(base), node, k, base, seeds)
             return upper, unit * word(base), leading * word(base) + scrambled
 
         start = (first, jnp.asarray(word(1 + 0 * base)), jnp.zeros_like(first))
         leading = jax.lax.fori_loop(np.uint32(0), np.uint32(count - 1), scramble, start)[2]
-        node = _node(first, seeds)
-        scrambled = _permuted(last, node, jnp.uint32(count - 1), base, seeds)
+        node = node_of(first, seeds)
+        scrambled = permuted(last, node, jnp.uint32(count - 1), base, seeds)
         # Behind the last digit all are 0: their images belong to this node's child, and to no other point.
-        tail = _random_word(node, jnp.uint32(count), last, seeds)
+        tail = random_word_of(node, jnp.uint32(count), last, seeds)
         return cell_fraction(leading, scrambled, tail, base, dtype)
 
 
@@ -62,11 +62,11 @@ def _without_last(numbers: list[Array], base: Base) -> tuple[Array, Array]:
     return first, last
 
 
-def _node(prefix: Array, seeds: Array) -> Array:
+def node_of(prefix: Array, seeds: Array) -> Array:
     return hash_word(prefix ^ seeds[..., 0])
 
 
-def _random_word(node: Array, depth: Array, which: Array, seeds: Array) -> Array:
+def random_word_of(node: Array, depth: Array, which: Array, seeds: Array) -> Array:
     """Return one of 2**16 random words of a node: prefixes that differ in zeros behind differ in depth.
 
     Two keyed rounds, fed forward, so that words may coincide.
@@ -75,7 +75,7 @@ def _random_word(node: Array, depth: Array, which: Array, seeds: Array) -> Array
     return hash_word(node + seeds[..., 1] + number * np.uint32(0x9E3779B9)) ^ node
 
 
-def _permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
+def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
     """Return where a uniform random permutation moves the digit: Fisher and Yates' swaps, from the top."""
     top = np.max(base)
     together = 1
@@ -84,7 +84,7 @@ def _permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array)
     above = word(base - 1)
 
     def swap(which: Array, position: Array) -> Array:
-        random = _random_word(node, depth, which, seeds)
+        random = random_word_of(node, depth, which, seeds)
         for k in range(together):
             # In a group with larger bases, swaps of 0 with itself remain.
             size = above - jnp.minimum(which * np.uint32(together) + np.uint32(k), above) + np.uint32(1)

@@ -71,18 +71,18 @@ class PrimeDigital(DigitSequence):
             return self.bases
         return tuple(
             self.base if not np.any(np.triu(matrix, 1)) and np.all(np.diagonal(matrix)) else None
-            for matrix in map(self._matrix, range(self.dims))
+            for matrix in map(self.matrix, range(self.dims))
         )
 
     def index_digits(self, component: int, count: int) -> None:
         """Return None if the component's matrix is the identity, or being traced."""
         if isinstance(self.tables, Tracer):
             return
-        matrix = self._matrix(component)
+        matrix = self.matrix(component)
         if np.any(matrix != np.eye(len(matrix))):
             super().index_digits(component, count)
 
-    def _matrix(self, component: int) -> NDArray[np.uint32]:
+    def matrix(self, component: int) -> NDArray[np.uint32]:
         """Return a generator matrix: column k has the digits of point base**k."""
         powers = np.uint32(self.base) ** np.arange(digit_count(self.base), dtype=np.uint32)
         return np.asarray(_digits_of(self, jnp.asarray(powers), jnp.uint32(component)))

@@ -1,4 +1,4 @@
-"""Images that figures hand out, as lossless WebPs: each with its difference from the first and its spectrum."""
+"""Images that figures hand out, as lossless WebPs, each with its difference from the first and spectrum."""
 
 import io
 import re

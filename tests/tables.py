@@ -112,6 +112,7 @@ ORDERS = {
     "scrambled_morton, hash": partial(orders.scrambled_morton, key=7),
     "scrambled_morton, multiplicative": partial(orders.scrambled_morton, key=7, variant="multiplicative"),
     "scrambled_morton, tree": partial(orders.scrambled_morton, key=7, variant="tree"),
+    "optimized": partial(orders.optimized, spp=4, key=7),
 }
 
 NETS = {
@@ -255,6 +256,7 @@ SAMPLERS = Table(
         ),
         "ranked": lambda: samplers.ranked(3, key=3),
         "randomized, contiguous, owen": lambda: samplers.randomized(owen_pass, key=3),
+        "optimized": lambda: samplers.optimized(SIDE, SIDE, SPP, key=3, dims=3),
         "z, hash": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
         "z, tree": lambda: samplers.z(
             SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)

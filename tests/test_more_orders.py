@@ -24,6 +24,7 @@ each_variant = pytest.mark.parametrize("make", VARIANTS.values(), ids=VARIANTS.k
 HIERARCHICAL = {"accordion": orders.accordion, "moore": orders.moore} | {
     name: partial(make, key=3) for name, make in VARIANTS.items()
 }
+HIERARCHICAL["optimized"] = partial(orders.optimized, spp=1, key=3)
 GOLDEN_RATIO = (1 + 5**0.5) / 2
 
 

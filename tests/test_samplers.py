@@ -77,6 +77,7 @@ def in_pairs(sampler, x, y):
     "dither, vectors",
     "ranked",
     "interleaved, positions",
+    "optimized",
     "z, tree",
 )
 def test_loops_over_samples_take_the_same_points(sampler):

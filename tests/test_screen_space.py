@@ -337,6 +337,7 @@ AT_8192 = {
     "full_screen, halton": lambda: (samplers.full_screen(sequences.halton(2), 8192, 8192), 26),
     "segments": lambda: (samplers.segments(HUGE, sequences.faure(3), 1), 64),
     "partitioned": lambda: (samplers.partitioned(HUGE, sequences.linear_matrix_scramble(SOBOL, 1)), 64),
+    "optimized": lambda: (samplers.optimized(8192, 8192, 1024, 1), 1024),
     "z": lambda: (samplers.z(8192, 8192, 1024, 1), 1024),
     "z, joint": lambda: (samplers.z(8192, 8192, 1024, 1, sequence=SOBOL), 1024),
 }
@@ -399,6 +400,7 @@ OF_DIMS = {
     "shifted": lambda d: samplers.shifted(SMALL, sequences.halton(d), sequences.lattice(d)),
     "randomized": lambda d: samplers.randomized(contiguous_pass(d), 1),
     "dither": lambda d: samplers.dither(np.zeros((4, 4)), sequences.halton(d)),
+    "optimized": lambda d: samplers.optimized(8, 8, 8, 1, dims=d),
     "z": lambda d: samplers.z(8, 8, 8, 1, dims=d),
     "z, tree": lambda d: samplers.z(8, 8, 8, 1, "tree", dims=d),
     "z, joint": lambda d: samplers.z(8, 8, 8, 1, sequence=sequences.sobol(d)),
@@ -412,7 +414,7 @@ def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     """Operations in the lowered program; and no array in it has 32 coordinates of the 7 points."""
     where = (jnp.asarray(first(7)),) * 3
     # A pass draws the seeds of all dimensions, once for all points; of a family of orders a member is taken.
-    more = {"randomized": 4, "z": 1, "z, tree": 2, "z, counts": 1}.get(name, 0)
+    more = {"randomized": 4, "optimized": 5, "z": 1, "z, tree": 2, "z, counts": 1}.get(name, 0)
 
     def operations(sampler):
         program = jax.jit(lambda sampler, *where: sampler(*where, dims=(0, 1))).lower(sampler, *where)
@@ -475,6 +477,7 @@ STRATIFIED = {
         for variant in ("plain", "hash", "multiplicative", "tree", "art")
     },
     "z, joint": lambda: (samplers.z(SIDE, SIDE, 8, 1, sequence=SOBOL), (0, 1), True),
+    "optimized": lambda: (samplers.optimized(SIDE, SIDE, 8, 1), (0, 1), True),
     "independent, owen": lambda: (samplers.independent(LARCHER, 1), (0, 1), False),
     "independent, xor": lambda: (samplers.independent(SOBOL, 1, "xor"), (0, 1), False),
     "screen": lambda: (samplers.full_screen(sequences.permutation_net(11), SIDE, SIDE), (0, 1), False),
@@ -573,11 +576,12 @@ CONSISTENT = {
     "randomized": lambda _: samplers.randomized(owen_pass, 1),
     "uniform": lambda _: samplers.independent(sequences.uniform(2, 1), 1),
     "contiguous": lambda spp: samplers.contiguous(EIGHT, sequences.sobol(2), spp),
+    "optimized": lambda spp: samplers.optimized(8, 8, spp, 1),
     "z": lambda spp: samplers.z(8, 8, spp, 1),
 }
 
 
-ANY_COUNT = [name for name in CONSISTENT if name not in ("contiguous", "z")]
+ANY_COUNT = [name for name in CONSISTENT if name not in ("contiguous", "optimized", "z")]
 
 
 @jax.jit
@@ -626,6 +630,7 @@ MAKERS = {
     "screen": partial(samplers.full_screen, sequences.sobol(2)),
     "full_screen, halton": partial(samplers.full_screen, sequences.halton(2)),
     "padded_replications": lambda w, h: samplers.padded_replications(sequences.sobol(2), w, h, 1),
+    "optimized": lambda w, h: samplers.optimized(w, h, 1, 1),
     "z": lambda w, h: samplers.z(w, h, 1, 1),
     "render": lambda w, h: qj.render(scenes.checkerboard(), samplers.independent(SOBOL, 1), w, h, 1),
 }

@@ -42,6 +42,7 @@ CALLS = {
         samplers.padded_replications,
         {"net": sequences.hammersley_net(6), "width": 8, "height": 8, "offsets": 1},
     ),
+    "optimized": (samplers.optimized, {"width": 8, "height": 8, "spp": 4, "key": 1, "dims": 2}),
     "z": (samplers.z, {"width": 8, "height": 8, "spp": 4, "key": 1, "variant": "hash"}),
     "z, dims": (lambda dims: samplers.z(8, 8, 4, 1, dims=dims), {"dims": 2}),
     "z, constituents": (
@@ -64,6 +65,7 @@ CALLS = {
     "scrambled_morton": (orders.scrambled_morton, {"width": 8, "height": 8, "key": 1, "variant": "hash"}),
     "position": (ORDER.position, {"x": 1, "y": 1}),
     "pixel": (ORDER.pixel, {"position": 1}),
+    "optimized order": (orders.optimized, {"width": 8, "height": 8, "spp": 4, "key": 1}),
     "scrambled": (orders.scrambled_morton(8, 8, 1).scrambled, {"code": 1, "digits": 2}),
     "a sampler": (samplers.ranked(2, 1), {"x": 1, "y": 1, "sample": 1, "dims": (0,), "dtype": "float32"}),
     "check": (samplers.ranked(2, 1).check, {"width": 8, "height": 8, "spp": 4}),

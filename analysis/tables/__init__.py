@@ -10,6 +10,9 @@ import qmcjax
 SEQUENCES = Path(qmcjax.__file__).parent / "sequences" / "_data"
 """Where tables of sequences are kept."""
 
+ORDERS = Path(qmcjax.__file__).parent / "orders" / "_data"
+"""Where tables of orders are kept."""
+
 SAMPLERS = Path(qmcjax.__file__).parent / "samplers" / "_data"
 """Where tables of samplers are kept."""
 

@@ -47,6 +47,9 @@ RIVALS = {
     ),
     "ranked": Rival("ranked (Heitz)", lambda dims, w, h, spp, key: samplers.ranked(min(dims, 4), key)),
     "z": Rival("Z, hash", lambda dims, w, h, spp, key: samplers.z(w, h, spp, key, dims=dims + dims % 2)),
+    "optimized": Rival(
+        "optimised orders", lambda dims, w, h, spp, key: samplers.optimized(w, h, spp, key, dims)
+    ),
     "hilbert": Rival(
         "Hilbert, Owen-Sobol'",
         lambda dims, w, h, spp, key: samplers.contiguous(orders.hilbert(w, h), _owen(dims, key), spp),

@@ -62,7 +62,7 @@ SAMPLERS: dict[str, Style] = {
     "Hilbert, partitioned": Style(VERMILLION, ">", ":"),
     "Moore, Halton (2,3)": Style(GREEN, "o"),
     "Peano, Halton (2,5)": Style(GREEN, "s", "--"),
-    "optimized": Style(GREEN, "*"),
+    "optimised orders": Style(GREEN, "*"),
 }
 """In the order of legends. One colour may stand for a family, colour and marker together for one sampler."""
 

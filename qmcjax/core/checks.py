@@ -59,6 +59,22 @@ def integer(name: str, value: Any, low: int, high: int) -> int:
     return number
 
 
+def power_of_two(name: str, value: Any, most: int) -> int:
+    """Return ``value`` as an int: a power of two, at most ``most``.
+
+    Raises
+    ------
+    TypeError
+        If it is no integer; a bool is none.
+    ValueError
+        If it is out of range, or no power of two.
+    """
+    number = integer(name, value, 1, most)
+    if number & (number - 1):
+        raise ValueError(f"{name} must be a power of two, got {number}")
+    return number
+
+
 def flag(name: str, value: Any) -> bool:
     """Return True or False, or raise a TypeError."""
     if not isinstance(value, bool | np.bool_):

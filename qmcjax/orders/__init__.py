@@ -11,6 +11,8 @@ from qmcjax.orders._hierarchy import ScrambledMorton as ScrambledMorton
 from qmcjax.orders._hilbert import hilbert as hilbert
 from qmcjax.orders._moore import moore as moore
 from qmcjax.orders._morton import morton as morton
+from qmcjax.orders._optimized import OptimizedOrder as OptimizedOrder
+from qmcjax.orders._optimized import optimized as optimized
 from qmcjax.orders._peano import PEANO_SIDE as PEANO_SIDE
 from qmcjax.orders._peano import peano as peano
 from qmcjax.orders._plug_in import as_order as as_order

@@ -11,6 +11,7 @@ from qmcjax.samplers._dither import dither as dither
 from qmcjax.samplers._full_screen import full_screen as full_screen
 from qmcjax.samplers._independent import independent as independent
 from qmcjax.samplers._interleaved import interleaved as interleaved
+from qmcjax.samplers._optimized import optimized as optimized
 from qmcjax.samplers._padded_replications import padded_replications as padded_replications
 from qmcjax.samplers._partitioned import partitioned as partitioned
 from qmcjax.samplers._plug_in import as_sampler as as_sampler

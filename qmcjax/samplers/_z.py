@@ -97,9 +97,7 @@ def z(
     [0.875 0.875]
     """
     width, height = checks.image_size(width, height)
-    spp = checks.integer("spp", spp, 1, MAX_SPP)
-    if spp & (spp - 1):
-        raise ValueError(f"spp must be a power of two, got {spp}")
+    spp = checks.power_of_two("spp", spp, MAX_SPP)
     if sum(given is not None for given in (dims, constituents, sequence)) > 1:
         raise ValueError(
             f"dims, constituents, sequence: at most one must be given, got dims={checks.shown(dims)}, "

@@ -1,0 +1,210 @@
+"""A Morton order whose quadrants were permuted by a search, so that errors are small after a filter."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.orders._base import SquareOrder
+from qmcjax.orders._hashed import Hashed
+
+
+@pytree
+@dataclass(frozen=True)
+class OptimizedOrder(SquareOrder):
+    """A tile that repeats, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
+
+    positions: Array
+    """uint16 (side, side): the order of the tile, [row, column]."""
+
+    symmetry: Array
+    """uint32 scalar below 8: bit 0 flips columns, bit 1 rows, bit 2 then exchanges both."""
+
+    corner: Array
+    """uint32 (2,): column and row of the tile where a smaller raster is cut out, multiples of its side."""
+
+    tiles: Hashed
+    """The order of the tiles of a larger raster."""
+
+    @property
+    def tile(self) -> int:
+        """Side of the part of the tile that repeats, or is the whole raster: a power of two."""
+        return min(self.positions.shape[0], 2**self.log_side)
+
+    def family(self, keys: Array) -> "OptimizedOrder":
+        """Return several orders as one object, for :meth:`member`.
+
+        Parameters
+        ----------
+        keys : jax.random.key Array, shape (n,)
+
+        Returns
+        -------
+        OptimizedOrder
+            Of n + 1 members: this order, and one for each key. Eight in sequence have different symmetries.
+        """
+        words = jax.vmap(lambda key: jax.random.bits(key, (2,), jnp.uint32))(keys)
+        corners = jnp.concatenate([self.corner[None], self._corners(words)])
+        turns = self.symmetry + jax.lax.iota(jnp.uint32, len(corners))
+        return replace(self, symmetry=turns & np.uint32(7), corner=corners, tiles=self.tiles.family(keys))
+
+    def member(self, number: int) -> "OptimizedOrder":
+        """Return one order of a :meth:`family`; member 0 is the one that it was made of."""
+        return replace(
+            self,
+            symmetry=self.symmetry[number],
+            corner=self.corner[number],
+            tiles=self.tiles.member(number),
+        )
+
+    def cell(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return the row and column of pixels in the tile.
+
+        Parameters
+        ----------
+        x, y : uint32 Array, of one shape
+
+        Returns
+        -------
+        row, column : uint32 Array
+            By which tables of the tile are looked up.
+        """
+        inside = np.uint32(self.tile - 1)
+        column, row = self._exchanged(self._flipped(x & inside, 0), self._flipped(y & inside, 1))
+        return row + self.corner[1], column + self.corner[0]
+
+    def _corners(self, words: Array) -> Array:
+        """Return where a raster smaller than the tile is cut out, by random words."""
+        return words & np.uint32(self.positions.shape[0] - self.tile)
+
+    def _flipped(self, coordinate: Array, bit: int) -> Array:
+        return coordinate ^ (((self.symmetry >> bit) & np.uint32(1)) * np.uint32(self.tile - 1))
+
+    def _exchanged(self, one: Array, other: Array) -> tuple[Array, Array]:
+        swap = ((self.symmetry >> 2) & np.uint32(1)) == 1
+        return jnp.where(swap, other, one), jnp.where(swap, one, other)
+
+    @property
+    def _log_tile(self) -> int:
+        return self.tile.bit_length() - 1
+
+    def _position(self, x: Array, y: Array) -> Array:
+        # The positions in a square are successive, those of its corner's quadrants the first digits.
+        position = self.positions.at[self.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
+        position = position & np.uint32(self.tile**2 - 1)
+        if self.tiles.length == 1:
+            return position
+        tile = self.tiles.position(x >> self._log_tile, y >> self._log_tile)
+        return (tile << (2 * self._log_tile)) | position
+
+    def _pixel(self, position: Array) -> tuple[Array, Array]:
+        part = jax.lax.dynamic_slice(self.positions, (self.corner[1], self.corner[0]), (self.tile, self.tile))
+        inside = np.uint32(self.tile**2 - 1)
+        places = jnp.argsort((part.astype(jnp.uint32) & inside).ravel()).astype(jnp.uint32)
+        place = places.at[position & inside].get(mode="promise_in_bounds")
+        one, other = self._exchanged(place & np.uint32(self.tile - 1), place >> self._log_tile)
+        x, y = self._flipped(one, 0), self._flipped(other, 1)
+        if self.tiles.length == 1:
+            return x, y
+        column, row = self.tiles.pixel(position >> (2 * self._log_tile))
+        return (column << self._log_tile) | x, (row << self._log_tile) | y
+
+
+MAX_COUNT = 2**31
+"""Most samples of a pixel: so many fit a shift in words of 32 bits."""
+
+
+@cache
+def _permutations() -> NDArray[np.uint8]:
+    """Return the table: for each number of samples those of all squares, from the tile down to 2 x 2 pixels.
+
+    Those of equal size are in rows, row by row. Bits 2 q and 2 q + 1 of a permutation are the digit of
+    quadrant q: upper left, upper right, lower left, lower right.
+    """
+    source = resources.files("qmcjax.orders") / "_data" / "optimized.npz"
+    with source.open("rb") as stream, np.load(stream) as table:
+        return table["permutations"]
+
+
+@cache
+def _positions(number: int) -> NDArray[np.uint16]:
+    """Return the positions of the pixels of a tile: the digits of all squares that they are in."""
+    permutations = _permutations()[number]
+    positions = np.zeros((1, 1), np.uint16)
+    done = 0
+    while done < permutations.size:
+        side = positions.shape[0]
+        of_squares = permutations[done : done + side**2].reshape(side, side)
+        done += side**2
+        finer = np.empty((2 * side, 2 * side), np.uint16)
+        for q in range(4):
+            finer[q >> 1 :: 2, q & 1 :: 2] = positions << 2 | of_squares >> 2 * q & 3
+        positions = finer
+    return positions
+
+
+def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedOrder:
+    """Make a Morton order whose quadrants are permuted so that neighbours have errors that cancel.
+
+    As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels a side keeps one contiguous
+    aligned run of positions. Permutations are not drawn but looked up: in a tile of 64 x 64 pixels they
+    were searched for the least error after a Gaussian filter of 1.5 pixels, when the pixel at position p
+    takes block p of ``spp`` points of an Owen-scrambled Sobol' sequence.
+
+    Parameters
+    ----------
+    width, height : int
+        In [1, 65536]. The curve fills the next square with a power of two as side.
+    spp : int
+        Samples of each pixel: a power of two. There are tables for 1 to 64; more take that of 64.
+    key : jax.random.key, or int in [0, 2**32)
+        Turns or flips the tile, permutes the tiles of a larger raster and cuts a smaller one out of the
+        tile. A new key compiles nothing anew.
+
+    Returns
+    -------
+    OptimizedOrder
+
+    Raises
+    ------
+    ValueError
+        If a size is out of range, ``spp`` is no power of two, or ``key`` is no key.
+
+    Notes
+    -----
+    The search was for the mean over all nested uniform scramblings of the sequence, hence for none of them.
+    That permutations are to be searched is our own idea; the papers draw them [1]_.
+
+    References
+    ----------
+    .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+       Hierarchical Ordering of Pixels", 2020, Sect. 3.2.
+
+    Examples
+    --------
+    >>> order = optimized(4, 4, spp=1, key=1)
+    >>> print(len({int(order.position(x, y)) // 4 for x in (0, 1) for y in (2, 3)}))
+    1
+    """
+    width, height = checks.image_size(width, height)
+    spp = checks.power_of_two("spp", spp, MAX_COUNT)
+    of_tile, of_tiles = jax.random.split(checks.prng_key("key", key))
+    words = jax.random.bits(of_tile, (3,), jnp.uint32)
+    positions = _positions(min(spp.bit_length(), len(_permutations())) - 1)
+    side = positions.shape[0]
+    order = OptimizedOrder(
+        width,
+        height,
+        jnp.asarray(positions),
+        words[0] & np.uint32(7),
+        words[1:],
+        Hashed(-(-width // side), -(-height // side), jax.random.bits(of_tiles, (), jnp.uint32)),
+    )
+    return replace(order, corner=order._corners(words[1:]))

@@ -21,6 +21,7 @@ POINT_SETS = {
     "Halton, Owen": lambda m: sequences.owen(sequences.halton(2), KEY),
     "Sobol'": lambda m: sequences.sobol(2),
     "Sobol', Owen": lambda m: sequences.owen(sequences.sobol(2), KEY),
+    "Sobol', ART-Owen": lambda m: sequences.art_owen(sequences.sobol(2), KEY),
     "Sobol', net by net": lambda m: sequences.net_by_net(sequences.sobol(2), 2**m, KEY),
     "pmj02": lambda m: sequences.pmj02(2**m, KEY),
     "pmj02, best of 100": lambda m: sequences.pmj02(2**m, KEY, candidates=100),

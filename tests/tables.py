@@ -79,6 +79,8 @@ SEQUENCES = Table(
         ),
         "owen_exact(sobol(2))": lambda: sequences.owen_exact(sequences.sobol(2), key=7),
         "owen_exact(sobol(9))": lambda: sequences.owen_exact(sequences.sobol(9), key=7),
+        "art_owen(sobol(2))": lambda: sequences.art_owen(sequences.sobol(2), key=7),
+        "art_owen(sobol(33))": lambda: sequences.art_owen(sequences.sobol(33), key=7),
         "rotate(sobol(9))": lambda: sequences.rotate(sequences.sobol(9), np.linspace(0.05, 0.95, 9)),
         "rotate(halton(12))": lambda: sequences.rotate(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
         "lattice(3)": lambda: sequences.lattice(3),
@@ -147,6 +149,8 @@ KINDS = (
     "linear_matrix_scramble(permutation_net(12))",
     "owen_exact(sobol(2))",
     "owen_exact(sobol(9))",
+    "art_owen(sobol(33))",
+    "art_owen(sobol(2))",
     "rotate(sobol(9))",
     "rotate(halton(12))",
     "lattice(3)",
@@ -215,6 +219,9 @@ SAMPLERS = Table(
         "full_screen, permutation": lambda: samplers.full_screen(sequences.permutation_net(12), SIDE, SIDE),
         "full_screen, xor": lambda: samplers.full_screen(
             sequences.digital_shift(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
+        ),
+        "full_screen, art": lambda: samplers.full_screen(
+            sequences.art_owen(sequences.sobol(3), key=3), SIDE, SIDE
         ),
         "full_screen, halton": lambda: samplers.full_screen(sequences.halton(3), SIDE, SIDE),
         "full_screen, halton, random": lambda: samplers.full_screen(

@@ -11,8 +11,9 @@ from scipy import stats
 from tables import first
 
 from qmcjax import orders
+from qmcjax.core.thue_morse import factors as art_factors
 from qmcjax.orders._hierarchy import _MATRICES, permuted, unpermuted
-from qmcjax.orders._lookup_tree import LookupTree, art_factors, art_production
+from qmcjax.orders._lookup_tree import LookupTree, art_production
 
 VARIANTS = {
     "hash": orders.scrambled_morton,

@@ -163,6 +163,8 @@ SCRAMBLED = {
     ),
     "jittered": lambda m: sequences.digital_shift(sequences.jittered(2 ** (m // 2), 2, key=7), key=8),
     "sobol": lambda m: sequences.digital_shift(sequences.sobol(2), key=9),
+    "art, net": lambda m: sequences.art_owen(sequences.larcher_pillichshammer_net(m), key=11),
+    "art, sobol": lambda m: sequences.art_owen(sequences.sobol(4), key=12),
     "matousek": lambda m: sequences.linear_matrix_scramble(sequences.larcher_pillichshammer(), key=10),
 }
 each_scrambled = pytest.mark.parametrize("make", SCRAMBLED.values(), ids=SCRAMBLED.keys())

@@ -15,9 +15,17 @@ from tables import again, first, is_net, some
 from analysis import squared_min_distance
 from qmcjax import sequences
 from qmcjax.core.bits import reverse
+from qmcjax.core.checks import prng_key
 from qmcjax.core.fractions import plus_modulo_1
+from qmcjax.sequences._art_owen import with_tables
 from qmcjax.sequences._linear_matrix_scramble import _triangular
 from qmcjax.sequences._sobol_matrix import _is_primitive
+
+
+def art_owen(seq, key):
+    """Return the scrambling with its small tables: there are thousands."""
+    return with_tables(seq, prng_key("key", key), 4)
+
 
 SCRAMBLINGS = {
     "xor": sequences.digital_shift,
@@ -25,7 +33,11 @@ SCRAMBLINGS = {
     "owen": sequences.owen,
     "owen_exact": sequences.owen_exact,
 }
-each_scrambling = pytest.mark.parametrize("scramble", SCRAMBLINGS.values(), ids=SCRAMBLINGS.keys())
+each_scrambling = pytest.mark.parametrize(
+    "scramble",
+    [*SCRAMBLINGS.values(), pytest.param(art_owen, marks=pytest.mark.slow)],
+    ids=[*SCRAMBLINGS, "art_owen"],
+)
 KEYS = jax.random.split(jax.random.key(5), 4000)
 
 
@@ -174,6 +186,14 @@ def test_coins_of_four_nodes_are_independent_but_for_linear_scrambling():
     """A linear function of two digits is determined by three of its values."""
     assert parity_bias(sequences.owen_exact) < 5
     assert parity_bias(sequences.linear_matrix_scramble) == pytest.approx(np.sqrt(len(KEYS)))
+
+
+@pytest.mark.slow
+def test_coins_of_art_owen_scrambling_are_independent_over_keys():
+    """Of any two nodes, of four neighbours, and of the nodes below two points that part."""
+    assert worst_correlation(art_owen) < 5
+    assert parity_bias(art_owen) < 5
+    assert tails_are_independent(art_owen)
 
 
 @pytest.mark.parametrize("depth", [8, 14, 16])
@@ -483,7 +503,7 @@ def test_bad_input_is_named(call, message):
     [
         *[
             (lambda wrap=wrap: wrap(HALTON, 0), "sequence must be a sequence in base 2 .* got halton")
-            for wrap in (sequences.digital_shift, sequences.linear_matrix_scramble)
+            for wrap in (sequences.digital_shift, sequences.linear_matrix_scramble, sequences.art_owen)
         ],
         (
             lambda: sequences.owen_exact(sequences.rotate(HALTON, [0.5, 0.5]), 0),

@@ -94,6 +94,7 @@ ANY = 2**32
 PADDED, IMAGE = (32, 32), (SIDE, SIDE, SPP)
 LIMITS = {
     "padded_replications": (*PADDED, ANY),
+    "full_screen, art": (*PADDED, ANY // 32**2),
     "full_screen, halton": (32, 81, ANY // (32 * 81)),
     "full_screen, halton, random": (32, 81, ANY // (32 * 81)),
     "segments, hilbert, halton": (*PADDED, ANY),

@@ -7,11 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core import thue_morse
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
-
-ART_CONTEXT = 20
-"""Letters of the Thue-Morse word before its own that a symbol of a row or column remembers."""
 
 
 @pytree
@@ -58,37 +56,13 @@ def random_production(letters: int, key: Array) -> Array:
     return scaled(jax.random.bits(key, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
 
 
-def art_factors() -> list[tuple[int, ...]]:
-    """Return the 64 factors of 21 letters of the Thue-Morse word, in the order of their first occurrence."""
-    word = [0]
-    while len(word) < 2**10:
-        word += [1 - letter for letter in word]
-    length = ART_CONTEXT + 1
-    return list(dict.fromkeys(tuple(word[i : i + length]) for i in range(len(word) - length + 1)))
-
-
 def art_production() -> Array:
     """Return a production in which no two equal letters come close at any level.
 
-    A letter is a pair of symbols, of its row and its column: factors u of the Thue-Morse word, which say the
-    letter at that row with those before it. Its substitution m, 0 -> 01, 1 -> 10, writes the next level: the
-    children of u are the factors m(u)[20:41] and m(u)[21:42] [1]_. The rows of a level are therefore
-    successive factors of the word, equal ones of which are 24 or more places apart.
-
-    References
-    ----------
-    .. [1] A. Ahmed, T. Niese, H. Huang, O. Deussen, "An Adaptive Point Sampler on a Regular Lattice", 2017:
-       the idea of tiles named by factors. The rule is our own.
+    A letter is a pair of symbols, of its row and its column (see :mod:`qmcjax.core.thue_morse`).
     """
-    factors = art_factors()
-    number = {factor: i for i, factor in enumerate(factors)}
-    symbols = np.empty((len(factors), 2), np.uint32)
-    for i, factor in enumerate(factors):
-        image = [half for letter in factor for half in (letter, 1 - letter)]
-        for half in range(2):
-            start = ART_CONTEXT + half
-            symbols[i, half] = number[tuple(image[start : start + ART_CONTEXT + 1])]
-    count = len(factors)
+    symbols = thue_morse.children()
+    count = len(symbols)
     # Axes: row symbol, column symbol, lower half, right half.
     pairs = symbols[:, None, :, None] * count + symbols[None, :, None, :]
     return jnp.asarray(pairs.reshape(count**2, 4).astype(np.uint16))

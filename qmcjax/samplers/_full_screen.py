@@ -73,9 +73,9 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
     ----------
     net : sequence in base 2, or Halton sequence
         One that can be inverted: a digital sequence, a net that has ``index_in_cell``, or
-        :func:`qmcjax.sequences.digital_shift` of one of these. With ``2**k`` the smallest power of two that
-        covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into every pixel, and a digital
-        (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, its digits
+        :func:`qmcjax.sequences.digital_shift` or ``art_owen`` of one of these. With ``2**k`` the smallest
+        power of two that covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into every pixel,
+        and a digital (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, its digits
         permuted or not, puts one of each ``2**a * 3**b`` points into every pixel of a raster that many pixels
         wide and high, the smallest that covers the image.
     width, height : int

@@ -6,6 +6,8 @@ below 2**32. Those with a size have a length and slices. Any object with ``dims`
 see :func:`as_sequence`.
 """
 
+from qmcjax.sequences._art_owen import ArtOwen as ArtOwen
+from qmcjax.sequences._art_owen import art_owen as art_owen
 from qmcjax.sequences._base import Sequence as Sequence
 from qmcjax.sequences._binary import BinarySequence as BinarySequence
 from qmcjax.sequences._binary import as_binary as as_binary

@@ -1,10 +1,11 @@
-"""From a cell of a raster to the indices of a net's points there, also after a digital shift.
+"""From a cell of a raster to the indices of a net's points there, also after a scrambling.
 
 Nets invert themselves; a digital sequence takes linear equations over F2. Each ``4**k`` consecutive points
 of a (0,2)-sequence put one point into every cell of a raster of ``2**k`` cells a side: a frame. The frame
 gives the upper bits of the index, the cell the lower ``2 k``.
 """
 
+import abc
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol, runtime_checkable
@@ -111,16 +112,12 @@ class NetByFrames:
         return start | selected(self.inverse, wrong)
 
 
-@pytree
 @dataclass(frozen=True)
-class Flipped:
-    """An invertible net after a digital shift: the leading digits of the shift permute the cells."""
+class Moved:
+    """An invertible net after a scrambling, whose leading digits permute the cells: subclasses undo that."""
 
     net: Invertible
-    shifts: Array
-    """uint32 (dims,): those of the shift."""
 
-    called = "digital_shift"
     reported = ("dims", "size")
 
     @property
@@ -133,19 +130,38 @@ class Flipped:
         """Number of points, None for frames."""
         return self.net.size
 
-    def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
-        return self.net.word(index, dim) ^ self.shifts[dim]
-
     def points_per_cell(self, log_side: int) -> int:
-        """Return how many points lie in each cell: as many as without the shift."""
+        """Return how many points lie in each cell: as many as without the scrambling."""
         return self.net.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of a cell's point: that of the net in the cell that is moved here."""
+        x, y = self.before(x, 0, log_side), self.before(y, 1, log_side)
+        return self.net.index_in_cell(x, y, log_side, sample)
+
+    @abc.abstractmethod
+    def before(self, place: Array, dim: int, log_side: int) -> Array:
+        """Return which column (dimension 0) or row (1) the scrambling moved to some places."""
+
+
+@pytree
+@dataclass(frozen=True)
+class Flipped(Moved):
+    """An invertible net after a digital shift."""
+
+    shifts: Array
+    """uint32 (dims,): those of the shift."""
+
+    called = "digital_shift"
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction."""
+        return self.net.word(index, dim) ^ self.shifts[dim]
+
+    def before(self, place: Array, dim: int, log_side: int) -> Array:
+        """Return the columns or rows that were moved to some places."""
         # In two steps, since a shift by 32 is not defined.
-        moved = self.shifts >> 1 >> (31 - log_side)
-        return self.net.index_in_cell(x ^ moved[0], y ^ moved[1], log_side, sample)
+        return place ^ (self.shifts[dim] >> 1 >> (31 - log_side))
 
 
 def net_by_frames_of(sequence: Any, matrices: Array, log_side: int) -> NetByFrames:

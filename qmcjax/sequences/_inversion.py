@@ -1,4 +1,4 @@
-"""From cells of a raster to points: of nets, of digital sequences by frames, of digital shifts of these."""
+"""From cells of a raster to points: of nets, of digital sequences by frames, scrambled or not."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ def inverted(net: Any, log_side: int) -> Invertible:
     Parameters
     ----------
     net : sequence in base 2
-        A digital sequence, a net that has ``index_in_cell``, or a digital shift of one of these.
+        A digital sequence, a net that has ``index_in_cell``, or ``digital_shift`` or ``art_owen`` of one.
     log_side : int
         Binary logarithm of the number of cells a side, in [0, 16].
 

@@ -65,7 +65,11 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
 
     Notes
     -----
-    In base 2, the hash is close to, but not, uniform over all nested permutations.
+    In base 2, the hash is close to, but not, uniform over all nested permutations. Tests over many keys see
+    what common hashes of this kind fail: no bias of a digit's flip, no empty interval, no dependence between
+    the flips at any two nodes, nor between two points behind the digit where they part. But of the
+    permutations of three digits half never come: the parity of the four flips of the third digit is that of
+    the two flips of the second, as for all such hashes. Where that matters, take :func:`owen_exact`.
 
     In base b, any two points are distributed as after nested uniform scrambling, up to the quality of a
     32-bit hash, and so variances of means are the same [3]_. Three points or more are not: the

@@ -1,0 +1,125 @@
+"""Empty buckets and bias of hashes that scramble: of the one in use none, of two common ones what is known.
+
+Words are bit-reversed, their first digit in bit 0. A coin is the flip of a digit after a prefix, over many
+seeds. All bounds are 5 standard deviations, the seeds are always the same.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax.core.bits import owen_hash
+
+SEEDS = jax.random.bits(jax.random.key(8), (2**16,), jnp.uint32)
+
+
+def laine_karras(word, seed):
+    """Return the hash of B. Burley, "Practical Hash-based Owen Scrambling", 2020, after Laine and Karras."""
+    word = word + seed
+    for factor in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
+        word = word ^ (word * np.uint32(factor))
+    return word
+
+
+def with_product(word, seed):
+    """Return an early hash of N. Vegdahl's, "Building a Better LK Hash", 2021: some buckets stay empty."""
+    word = word + (word << 2)
+    word = word ^ (word * np.uint32(0xFE9B5742))
+    return (word + seed) * (seed | np.uint32(1))
+
+
+HASHES = {"owen_hash": owen_hash, "laine_karras": laine_karras, "with_product": with_product}
+hashes = pytest.mark.parametrize("name", HASHES)
+PREFIX = 0x9D3C5A71
+WORDS = (0, 123, PREFIX, 2**32 - 1)
+DEPTHS = (0, 1, 2, 3, 5, 8, 12, 20, 29)
+TOP = [(prefix, depth) for depth in range(5) for prefix in range(2**depth)]
+NODES = [*TOP, *((PREFIX & (2**depth - 1), depth) for depth in range(5, 32))]
+
+
+def hashed(name, words) -> np.ndarray:
+    """Return the words after the hash, uint32 (words, seeds)."""
+    words = jnp.asarray(np.array(words, np.uint32))
+    return np.asarray(jax.jit(HASHES[name])(words[:, None], SEEDS[None]))
+
+
+def coins(name, nodes) -> np.ndarray:
+    """Return the flips at nodes (prefix, depth), uint32 (nodes, seeds)."""
+    prefix, depth = np.array(nodes, np.uint32).T
+    return ((hashed(name, prefix) ^ prefix[:, None]) >> depth[:, None]) & np.uint32(1)
+
+
+def below(depth, levels):
+    """Return the nodes of some levels from a prefix of so many digits on."""
+    prefix = PREFIX & (2**depth - 1)
+    return [(prefix | q << depth, depth + level) for level in range(levels) for q in range(2**level)]
+
+
+def numbered(digits):
+    """Return each column of binary digits as a number."""
+    return (digits.astype(np.int64) << np.arange(len(digits))[:, None]).sum(axis=0)
+
+
+def buckets(numbers, count):
+    """Return how many buckets are empty, and by how many deviations chi-squared is off its mean."""
+    found, expected = np.bincount(numbers, minlength=count), len(numbers) / count
+    statistic = ((found - expected) ** 2 / expected).sum()
+    return int((found == 0).sum()), abs(statistic - (count - 1)) / np.sqrt(2 * (count - 1))
+
+
+@hashes
+def test_eight_digits_of_a_point_are_uniform(name):
+    """M. Pharr's test, for four points, at four places."""
+    results = [
+        buckets(words >> np.uint32(shift) & np.uint32(255), 256)
+        for words in hashed(name, WORDS)
+        for shift in (0, 8, 16, 24)
+    ]
+    if name == "with_product":
+        assert max(empty for empty, _ in results) > 90
+    else:
+        assert all(empty == 0 and off < 5 for empty, off in results)
+
+
+@hashes
+def test_three_coins_of_a_node_and_its_children_are_uniform(name):
+    """At nine depths, jointly: all eight scramblings of two digits."""
+    results = [buckets(numbered(coins(name, below(depth, 2))), 8) for depth in DEPTHS]
+    if name == "owen_hash":
+        assert all(empty == 0 and off < 5 for empty, off in results)
+    else:
+        assert max(empty for empty, _ in results) == 4
+
+
+@hashes
+def test_coins_are_fair_and_those_of_any_two_nodes_independent(name):
+    """Of all nodes of five levels, and of one on each later level."""
+    signs = 1 - 2.0 * coins(name, NODES)
+    bias = np.abs(signs.mean(axis=1)).max() * np.sqrt(len(SEEDS))
+    correlation = np.abs(np.corrcoef(signs) - np.eye(len(NODES))).max() * np.sqrt(len(SEEDS))
+    assert (bias < 5, correlation < 5) == {
+        "owen_hash": (True, True),
+        "laine_karras": (True, False),
+        "with_product": (False, False),
+    }[name]
+
+
+@hashes
+def test_points_that_part_are_independent_in_the_next_five_digits(name):
+    results = []
+    for depth in (0, 3, 9, 20):
+        one, other = hashed(name, [PREFIX, PREFIX ^ 1 << depth])
+        results.append(buckets((one ^ other) >> np.uint32(depth + 1) & np.uint32(31), 32))
+    assert all(empty == 0 and off < 5 for empty, off in results) == (name == "owen_hash")
+
+
+@hashes
+def test_half_the_scramblings_of_three_digits_never_come(name):
+    """What sums and products cannot: four coins that have another parity than two of the level above."""
+    for depth in DEPTHS:
+        of_node = coins(name, below(depth, 3))
+        parity = of_node[3:].sum(axis=0) + of_node[1:3].sum(axis=0)
+        assert len(set((parity & np.uint32(1)).tolist())) == 1
+        empty, _ = buckets(numbered(of_node), 128)
+        assert empty >= 64

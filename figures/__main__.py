@@ -55,8 +55,8 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         _store.prepare(options.out)
     except OSError as error:
         parser.error(f"--out {str(options.out)!r} cannot be written: {error}")
-    # Drafts mostly wait for compilations, which take one core each; the times of others count.
-    jobs = options.jobs or (min(2, os.cpu_count() or 1) if options.quality == "draft" else 1)
+    # Figures mostly wait for compilations, which take one core each.
+    jobs = options.jobs or min(2, os.cpu_count() or 1)
     try:
         failed = update(names, catalogue, options.out, options.quality, jobs)
         shown = _show(options.out, catalogue, failed)
@@ -113,7 +113,7 @@ is missing or whose code or quality changed. Exit status: 0, 1 if a figure faile
         "--jobs",
         type=_jobs,
         metavar="N",
-        help="figures made at a time (default: 2 drafts, or 1 in paper quality, whose times count)",
+        help="figures made at a time (default: 2); in paper quality those that measure time run alone",
     )
     return parser
 

@@ -8,6 +8,8 @@ class Entry(NamedTuple):
     title: str
     our_scene: bool = False
     """Whether the scene stands in for the paper's own, which is not to be had."""
+    timed: bool = False
+    """Whether it measures time: in paper quality nothing runs beside it."""
 
 
 CATALOGUE = {
@@ -30,6 +32,7 @@ CATALOGUE = {
         "figures.thesis_3_2_1",
         "Visibility in time computed, against sampled, at equal time",
         our_scene=True,
+        timed=True,
     ),
     "thesis-3.3": Entry(
         "figures.thesis_3_3", "Predictions of the middle of the shutter, Fig. 3.3 and 3.4", our_scene=True
@@ -47,17 +50,28 @@ CATALOGUE = {
     ),
     "thesis-3.9": Entry("figures.thesis_3_9", "Points and lines on the lens, Fig. 3.8 to 3.10"),
     "thesis-4.1": Entry(
-        "figures.thesis_4_1", "Nodes that rays visit, before and after the optimisation", our_scene=True
+        "figures.thesis_4_1",
+        "Nodes that rays visit, before and after the optimisation",
+        our_scene=True,
+        timed=True,
     ),
     "thesis-4.2": Entry("figures.thesis_4_2", "Clusters of two means and their boxes, Fig. 4.2 and 4.3"),
     "thesis-table-4.1": Entry("figures.thesis_table_4_1", "Binary trees over m leaves, by enumeration"),
     "thesis-table-4.2": Entry(
-        "figures.thesis_table_4_2", "Trees before and after the optimisation of subtrees", our_scene=True
+        "figures.thesis_table_4_2",
+        "Trees before and after the optimisation of subtrees",
+        our_scene=True,
+        timed=True,
     ),
     "thesis-table-4.3": Entry(
-        "figures.thesis_table_4_3", "Several optimisations of the upper levels, and of all", our_scene=True
+        "figures.thesis_table_4_3",
+        "Several optimisations of the upper levels, and of all",
+        our_scene=True,
+        timed=True,
     ),
-    "thesis-3.11": Entry("figures.thesis_3_11", "Depth of field by lines on the lens", our_scene=True),
+    "thesis-3.11": Entry(
+        "figures.thesis_3_11", "Depth of field by lines on the lens", our_scene=True, timed=True
+    ),
     "thesis-5.2": Entry("figures.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
     "thesis-5.3": Entry("figures.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.4": Entry("figures.thesis_5_4", "Initial direction numbers of the Sobol' sequence"),
@@ -85,27 +99,43 @@ CATALOGUE = {
     "thesis-6.6": Entry("figures.thesis_6_6", "Convergence on the Cornell box", our_scene=True),
     "thesis-6.7": Entry("figures.thesis_6_7", "The helicopter at 64 samples per pixel", our_scene=True),
     "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter", our_scene=True),
-    "tree-builders": Entry("figures.tree_builders", "Trees by other ways than the surface area heuristic"),
-    "trees-in-motion": Entry("figures.trees_in_motion", "Trees over moving triangles, in four ways"),
-    "point-speed": Entry("figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch"),
-    "path-speed": Entry("figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba"),
-    "ray-speed": Entry("figures.ray_speed", "Rays a second by each way to search, against Embree"),
-    "benchmark": Entry("figures.benchmark", "Run time against error, by sampler and by other programs"),
+    "tree-builders": Entry(
+        "figures.tree_builders", "Trees by other ways than the surface area heuristic", timed=True
+    ),
+    "trees-in-motion": Entry(
+        "figures.trees_in_motion", "Trees over moving triangles, in four ways", timed=True
+    ),
+    "point-speed": Entry(
+        "figures.point_speed", "Coordinates a second, against scipy, QMCPy and torch", timed=True
+    ),
+    "path-speed": Entry(
+        "figures.path_speed", "Paths a second of diffuse scenes, against Mitsuba", timed=True
+    ),
+    "ray-speed": Entry(
+        "figures.ray_speed", "Rays a second by each way to search, against Embree", timed=True
+    ),
+    "benchmark": Entry(
+        "figures.benchmark", "Run time against error, by sampler and by other programs", timed=True
+    ),
     "benchmark-traced": Entry(
-        "figures.benchmark_traced", "Run time against error of ray-traced scenes, beside Mitsuba"
+        "figures.benchmark_traced", "Run time against error of ray-traced scenes, beside Mitsuba", timed=True
     ),
     "spp-slider": Entry("figures.spp_slider", "One scene by eight samplers, from 1 to 256 samples per pixel"),
     "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
-    "skipping": Entry("figures.skipping", "Pixels that are constant are not sampled"),
+    "skipping": Entry("figures.skipping", "Pixels that are constant are not sampled", timed=True),
     "passes": Entry("figures.passes", "Passes in each pixel until its error is small"),
     "edges": Entry("figures.edges", "Derivatives by samples on an edge alone"),
-    "skipping-traced": Entry("figures.skipping_traced", "What is not computed of ray-traced scenes"),
+    "skipping-traced": Entry(
+        "figures.skipping_traced", "What is not computed of ray-traced scenes", timed=True
+    ),
     "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
     "ray-stability": Entry("figures.ray_stability", "Where rays in single precision hold and break"),
     "measures": Entry("figures.measures", "All measures of all sequences"),
-    "measure-speed": Entry("figures.measure_speed", "Speed of the measures, beside peers and with gradients"),
+    "measure-speed": Entry(
+        "figures.measure_speed", "Speed of the measures, beside peers and with gradients", timed=True
+    ),
     "measure-cost": Entry(
-        "figures.measure_cost", "Time and memory of the measures over the number of points"
+        "figures.measure_cost", "Time and memory of the measures over the number of points", timed=True
     ),
     "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
     "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),
@@ -133,7 +163,9 @@ CATALOGUE = {
     ),
     "z-11": Entry("figures.z_11", "Convergence on rendered scenes", our_scene=True),
     "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet", our_scene=True),
-    "z-table-1": Entry("figures.z_table_1", "Run times of images by sampler, Table 1", our_scene=True),
+    "z-table-1": Entry(
+        "figures.z_table_1", "Run times of images by sampler, Table 1", our_scene=True, timed=True
+    ),
     "screen-space-1": Entry("figures.screen_space_1", "All screen-space methods at 1 sample a pixel"),
     "screen-space-4": Entry("figures.screen_space_4", "All screen-space methods at 4 samples a pixel"),
     "screen-space-16": Entry("figures.screen_space_16", "All screen-space methods at 16 samples a pixel"),

@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -13,7 +13,7 @@ from figures._worker import Failed, Message, Progress, Task, serve
 
 
 def run(tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Message], None, None]:
-    """Yield what the workers report, ``jobs`` tasks at a time, and kill them when closed.
+    """Yield what the workers report, ``jobs`` tasks at a time if they may, and kill them when closed.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def run(tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Message], Non
     busy: dict[Connection, Task] = {}
     try:
         while waiting or busy:
-            while waiting and len(busy) < jobs:
+            while waiting and len(busy) < jobs and not _disturbs(waiting[0], busy.values()):
                 idle = next((connection for connection in workers if connection not in busy), None)
                 if idle is None:
                     idle, process = _start(context)
@@ -61,6 +61,10 @@ def run(tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Message], Non
             process.kill()
         for process in workers.values():
             process.join()
+
+
+def _disturbs(task: Task, running: Collection[Task]) -> bool:
+    return bool(running) and any(each.alone for each in (task, *running))
 
 
 def _start(context: SpawnContext) -> tuple[Connection, SpawnProcess]:

@@ -34,7 +34,7 @@ def update(
     quality : str
         ``"draft"`` or ``"paper"``, handed to the figures.
     jobs : int
-        How many figures to make at a time.
+        How many figures to make at a time; in paper quality those that measure time run alone, at the end.
 
     Returns
     -------
@@ -48,7 +48,9 @@ def update(
         if _is_whole(folder, name, known.get(name, {}), fingerprints[name]):
             _say(f"{name}: up to date")
         else:
-            tasks.append(Task(name, catalogue[name].module, quality))
+            alone = quality == "paper" and catalogue[name].timed
+            tasks.append(Task(name, catalogue[name].module, quality, alone))
+    tasks.sort(key=lambda task: task.alone)  # At the end, that jobs need not wait for each other in between.
 
     failed: list[str] = []
     running: dict[str, float] = {}

@@ -25,6 +25,8 @@ class Task(NamedTuple):
     name: str
     module: str
     quality: str
+    alone: bool = False
+    """Whether no other task may run beside it."""
 
 
 class Progress(NamedTuple):

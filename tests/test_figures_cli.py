@@ -15,13 +15,14 @@ from pathlib import Path
 import pytest
 
 from figures import __main__ as command_line
-from figures import _store
+from figures import _store, _update
 from figures.__main__ import main
 from figures._catalogue import CATALOGUE, Entry
 from figures._fingerprint import fingerprint, sources
+from figures._runner import run
 from figures._schema import check_numbers
 from figures._update import _finish
-from figures._worker import Done, Task
+from figures._worker import Done, Progress, Task
 
 ROOT = Path(__file__).parents[1]
 HEAVY = {"jax", "numpy", "scipy", "matplotlib"}
@@ -320,7 +321,7 @@ def test_workers_end_with_a_killed_command(tmp_path):
     assert not alive((tmp_path / "started").read_text())
 
 
-def test_two_drafts_are_made_at_a_time_but_one_figure_in_paper_quality(tmp_path, monkeypatch):
+def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypatch):
     asked = []
 
     def update(names, catalogue, folder, quality, jobs):
@@ -332,7 +333,7 @@ def test_two_drafts_are_made_at_a_time_but_one_figure_in_paper_quality(tmp_path,
     out = ["--out", str(tmp_path / "out")]
     for options in ([], ["--quality", "paper"], ["--jobs", "3"], ["--quality", "paper", "--jobs", "4"]):
         assert command_line.main([*out, *options]) == 0
-    assert asked == [("draft", 2), ("paper", 1), ("draft", 3), ("paper", 4)]
+    assert asked == [("draft", 2), ("paper", 2), ("draft", 3), ("paper", 4)]
 
 
 def test_jobs_run_side_by_side(tmp_path):
@@ -354,6 +355,52 @@ def make(quality, progress):
     project = Project(tmp_path, one=meeting, two=meeting)
     assert project.run("--jobs", "2")[0] == 0
     assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
+
+
+def test_tasks_that_are_to_be_alone_run_alone(tmp_path, monkeypatch):
+    """However many jobs there are; the others run side by side."""
+    spans = tmp_path / "spans"
+    spans.mkdir()
+    (tmp_path / "waits.py").write_text(
+        "import time\nfrom pathlib import Path\n"
+        "def make(quality, progress):\n"
+        "    start = time.monotonic()\n"
+        "    time.sleep(0.5)\n"
+        f"    (Path({str(spans)!r}) / quality).write_text(f'{{start}} {{time.monotonic()}}')\n"
+        "    raise ValueError('done')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    tasks = [Task(name, "waits", name, alone=name in "cd") for name in "abcdef"]
+    messages = [message for _, message in run(tasks, jobs=2) if not isinstance(message, Progress)]
+    assert all("ValueError: done" in message.trace for message in messages)
+    times = {each.name: tuple(map(float, each.read_text().split())) for each in spans.iterdir()}
+    together = {
+        (a, b)
+        for a in times
+        for b in times
+        if a < b and times[a][0] < times[b][1] and times[b][0] < times[a][1]
+    }
+    assert together == {("a", "b"), ("e", "f")}
+
+
+def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp_path, monkeypatch):
+    for name, entry in CATALOGUE.items():
+        ours = (path for key, path in sources(entry.module).items() if key.startswith("figures"))
+        clock = any(
+            "perf_counter" in path.read_text(encoding="utf-8") for path in ours if path.suffix == ".py"
+        )
+        assert entry.timed == clock, name
+
+    asked = []
+
+    def no_run(tasks, jobs):
+        asked.append([(task.name, task.alone) for task in tasks])
+        yield from ()
+
+    monkeypatch.setattr(_update, "run", no_run)
+    for quality in ("draft", "paper"):
+        _update.update(["ray-speed", "z-2"], CATALOGUE, tmp_path, quality, 2)
+    assert asked == [[("ray-speed", False), ("z-2", False)], [("z-2", False), ("ray-speed", True)]]
 
 
 def test_progress_moves_within_a_figure_on_a_terminal(tmp_path):

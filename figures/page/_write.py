@@ -67,13 +67,13 @@ def page(
     figures = {
         name: Shown(
             name,
-            title,
+            entry.title,
             entries[name],
             [finding for finding in assessed.findings if finding.claim.figure == name],
-            our_scene,
+            entry.our_scene,
             name in failed,
         )
-        for name, (_, title, our_scene) in catalogue.items()
+        for name, entry in catalogue.items()
         if name in entries
     }
     missing = [name for name in catalogue if name not in entries]

@@ -43,7 +43,7 @@ AROUND = 4
 SPARSE = 0.25
 """Weight of the first samples if there are 2, 8, 32, ... times as many in all; 1 if it is a power of 4."""
 
-HOT, COLD = 1.5, 0.02
+HOT, COLD = 0.6, 0.01
 """First and last temperature, as parts of the variance of the mean of a pixel."""
 
 TRIALS = 1500
@@ -146,7 +146,7 @@ def anneal_order(covariance, pairs, numbers, trials, hot, cold, seed):
     for trial in range(trials):
         temperature = hot * (cold / hot) ** (trial / trials)
         half = 1
-        while 4 * half <= side and np.random.random() < 0.2:
+        while 4 * half <= side and np.random.random() < 0.12:
             half *= 2
         left = np.random.randint(side // (2 * half)) * 2 * half
         top = np.random.randint(side // (2 * half)) * 2 * half

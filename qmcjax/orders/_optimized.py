@@ -24,45 +24,41 @@ class OptimizedOrder(SquareOrder):
     positions: Array
     """uint16 (side, side): the order of the tile, [row, column]."""
 
-    symmetry: Array
-    """uint32 scalar below 8: bit 0 flips columns, bit 1 rows, bit 2 then exchanges both."""
-
-    corner: Array
-    """uint32 (2,): column and row of the tile where a smaller raster is cut out, multiples of its side."""
-
-    tiles: Hashed
-    """The order of the tiles of a larger raster."""
+    words: Array
+    """uint32 (4,): its symmetry, column and row where a smaller raster is cut out, seed for a larger one."""
 
     @property
     def tile(self) -> int:
         """Side of the part of the tile that repeats, or is the whole raster: a power of two."""
         return min(self.positions.shape[0], 2**self.log_side)
 
-    def family(self, keys: Array) -> "OptimizedOrder":
+    def family(self, key: Array, count: int) -> "OptimizedOrder":
         """Return several orders as one object, for :meth:`member`.
 
         Parameters
         ----------
-        keys : jax.random.key Array, shape (n,)
+        key : jax.random.key
+        count : int
+            At least 1.
 
         Returns
         -------
         OptimizedOrder
-            Of n + 1 members: this order, and one for each key. Eight in sequence have different symmetries.
+            This order, and ``count - 1`` others. Eight in sequence have different symmetries.
         """
-        words = jax.vmap(lambda key: jax.random.bits(key, (2,), jnp.uint32))(keys)
-        corners = jnp.concatenate([self.corner[None], self._corners(words)])
-        turns = self.symmetry + jax.lax.iota(jnp.uint32, len(corners))
-        return replace(self, symmetry=turns & np.uint32(7), corner=corners, tiles=self.tiles.family(keys))
+        others = jax.random.bits(key, (count - 1, 4), jnp.uint32)
+        return replace(self, words=jnp.concatenate([self.words[None], others]))
 
     def member(self, number: int) -> "OptimizedOrder":
         """Return one order of a :meth:`family`; member 0 is the one that it was made of."""
-        return replace(
-            self,
-            symmetry=self.symmetry[number],
-            corner=self.corner[number],
-            tiles=self.tiles.member(number),
-        )
+        turned = self.words[0, 0] + np.uint32(number)
+        return replace(self, words=self.words[number].at[0].set(turned))
+
+    @property
+    def _tiles(self) -> Hashed:
+        """The order of the tiles of a larger raster."""
+        side = self.positions.shape[0]
+        return Hashed(-(-self.width // side), -(-self.height // side), self.words[3])
 
     def cell(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Return the row and column of pixels in the tile.
@@ -78,18 +74,21 @@ class OptimizedOrder(SquareOrder):
         """
         inside = np.uint32(self.tile - 1)
         column, row = self._exchanged(self._flipped(x & inside, 0), self._flipped(y & inside, 1))
-        return row + self.corner[1], column + self.corner[0]
+        left, top = self._corner
+        return row + top, column + left
 
-    def _corners(self, words: Array) -> Array:
-        """Return where a raster smaller than the tile is cut out, by random words."""
-        return words & np.uint32(self.positions.shape[0] - self.tile)
+    @property
+    def _corner(self) -> tuple[Array, Array]:
+        """Column and row of the tile where a smaller raster is cut out: multiples of its side."""
+        places = np.uint32(self.positions.shape[0] - self.tile)
+        return self.words[1] & places, self.words[2] & places
 
-    def _flipped(self, coordinate: Array, bit: int) -> Array:
-        return coordinate ^ (((self.symmetry >> bit) & np.uint32(1)) * np.uint32(self.tile - 1))
+    def _flipped(self, coordinate: Array, axis: int) -> Array:
+        return coordinate ^ (((self.words[0] >> axis) & np.uint32(1)) * np.uint32(self.tile - 1))
 
     def _exchanged(self, one: Array, other: Array) -> tuple[Array, Array]:
-        swap = ((self.symmetry >> 2) & np.uint32(1)) == 1
-        return jnp.where(swap, other, one), jnp.where(swap, one, other)
+        exchange = ((self.words[0] >> 2) & np.uint32(1)) == 1
+        return jnp.where(exchange, other, one), jnp.where(exchange, one, other)
 
     @property
     def _log_tile(self) -> int:
@@ -99,21 +98,22 @@ class OptimizedOrder(SquareOrder):
         # The positions in a square are successive, those of its corner's quadrants the first digits.
         position = self.positions.at[self.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         position = position & np.uint32(self.tile**2 - 1)
-        if self.tiles.length == 1:
+        if self._tiles.length == 1:
             return position
-        tile = self.tiles.position(x >> self._log_tile, y >> self._log_tile)
+        tile = self._tiles.position(x >> self._log_tile, y >> self._log_tile)
         return (tile << (2 * self._log_tile)) | position
 
     def _pixel(self, position: Array) -> tuple[Array, Array]:
-        part = jax.lax.dynamic_slice(self.positions, (self.corner[1], self.corner[0]), (self.tile, self.tile))
+        left, top = self._corner
+        part = jax.lax.dynamic_slice(self.positions, (top, left), (self.tile, self.tile))
         inside = np.uint32(self.tile**2 - 1)
         places = jnp.argsort((part.astype(jnp.uint32) & inside).ravel()).astype(jnp.uint32)
         place = places.at[position & inside].get(mode="promise_in_bounds")
         one, other = self._exchanged(place & np.uint32(self.tile - 1), place >> self._log_tile)
         x, y = self._flipped(one, 0), self._flipped(other, 1)
-        if self.tiles.length == 1:
+        if self._tiles.length == 1:
             return x, y
-        column, row = self.tiles.pixel(position >> (2 * self._log_tile))
+        column, row = self._tiles.pixel(position >> (2 * self._log_tile))
         return (column << self._log_tile) | x, (row << self._log_tile) | y
 
 
@@ -195,16 +195,6 @@ def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedO
     """
     width, height = checks.image_size(width, height)
     spp = checks.power_of_two("spp", spp, MAX_COUNT)
-    of_tile, of_tiles = jax.random.split(checks.prng_key("key", key))
-    words = jax.random.bits(of_tile, (3,), jnp.uint32)
+    words = jax.random.bits(checks.prng_key("key", key), (4,), jnp.uint32)
     positions = _positions(min(spp.bit_length(), len(_permutations())) - 1)
-    side = positions.shape[0]
-    order = OptimizedOrder(
-        width,
-        height,
-        jnp.asarray(positions),
-        words[0] & np.uint32(7),
-        words[1:],
-        Hashed(-(-width // side), -(-height // side), jax.random.bits(of_tiles, (), jnp.uint32)),
-    )
-    return replace(order, corner=order._corners(words[1:]))
+    return OptimizedOrder(width, height, jnp.asarray(positions), words)

@@ -37,10 +37,7 @@ class Optimized(Sampler):
     """uint8 (side, side): numbers of the first samples of the pixels of the tile."""
 
     seeds: Array
-    """uint32 (pairs, 2): of the scramblings of coordinates."""
-
-    shuffles: Array
-    """uint32 (pairs,): seeds of the orders of the samples."""
+    """uint32 (pairs, 3): of the scramblings of both coordinates, and of the orders of the samples."""
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
@@ -62,7 +59,7 @@ class Optimized(Sampler):
         return self.spp.bit_length() - 1
 
     def _pair(self, number: int) -> Owen:
-        return Owen(sobol(2), self.seeds[number])
+        return Owen(sobol(2), self.seeds[number, :2])
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return for each pair that is wanted the pixels' positions, first samples and shuffles."""
@@ -72,7 +69,7 @@ class Optimized(Sampler):
         order = self.orders.member(pair)
         position = order.position(x, y)
         rank = self.ranks.at[order.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
-        seed = hash_word(position ^ self.shuffles[pair])
+        seed = hash_word(position ^ self.seeds[pair, 2])
         return position, rank ^ self._shuffled(jnp.zeros_like(seed), seed), seed
 
     def _shuffled(self, sample: Array, seed: Array) -> Array:
@@ -167,14 +164,12 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
     width, height = checks.image_size(width, height)
     spp = checks.power_of_two("spp", spp, MAX_SPP)
     dims = checks.integer("dims", dims, 1, MAX_DIMS)
-    of_order, of_orders, of_seeds, of_shuffles = jax.random.split(checks.prng_key("key", key), 4)
+    of_order, of_orders, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
     pairs = (dims + 1) // 2
-    order = orders.optimized(width, height, spp, of_order)
     return Optimized(
-        order.family(jax.random.split(of_orders, pairs - 1)),
+        orders.optimized(width, height, spp, of_order).family(of_orders, pairs),
         jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1]),
-        jax.random.bits(of_seeds, (pairs, 2), jnp.uint32),
-        jax.random.bits(of_shuffles, (pairs,), jnp.uint32),
+        jax.random.bits(of_seeds, (pairs, 3), jnp.uint32),
         width,
         height,
         spp,

@@ -1,0 +1,70 @@
+"""Classes of random integrands of two coordinates, the same in every pixel, and errors relative to theirs."""
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+import analysis
+from qmcjax import samplers
+
+CLASSES = ("half-planes", "discs", "bumps", "waves")
+COUNT = 6
+"""Integrands of a class."""
+
+_rng = np.random.default_rng(1)
+_ANGLE = _rng.uniform(0, 2 * np.pi, COUNT)
+_NORMAL = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)])
+_OFFSET = np.sum(_rng.random((COUNT, 2)) * _NORMAL.T, axis=1)
+_CENTRE, _RADIUS = _rng.random((2, 2, COUNT)), _rng.uniform(0.1, 0.6, COUNT)
+_WAVE = np.stack([np.cos(_rng.uniform(0, 2 * np.pi, COUNT)), _rng.uniform(0.3, 1.3, COUNT)])
+
+GRID = 512
+"""Points a side, whose means are taken for the integrals."""
+
+
+def values(point: Array) -> Array:
+    """Return the values of all integrands, shape (rows, columns, 4 * COUNT), class by class."""
+    x, y = point[..., 0, None], point[..., 1, None]
+
+    def row(parameter: NDArray[np.float64]) -> NDArray:
+        return parameter.astype(point.dtype)[None, None]
+
+    def square(centre: NDArray[np.float64]) -> Array:
+        return (x - row(centre[0])) ** 2 + (y - row(centre[1])) ** 2
+
+    planes = x * row(_NORMAL[0]) + y * row(_NORMAL[1]) < row(_OFFSET)
+    discs = square(_CENTRE[0]) < row(_RADIUS**2)
+    bumps = jnp.exp(-8.0 * square(_CENTRE[1]))
+    waves = jnp.cos(2.0 * x * row(_WAVE[0])) * y ** row(_WAVE[1])
+    return jnp.concatenate([planes.astype(x.dtype), discs.astype(x.dtype), bumps, waves], axis=-1)
+
+
+@cache
+def _moments() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    middle = (np.arange(GRID) + 0.5) / GRID
+    point = np.stack(np.meshgrid(middle, middle), axis=-1).astype(np.float32)
+    compiled = jax.jit(values)
+    found = np.concatenate([compiled(part) for part in np.split(point, 4)]).astype(np.float64)
+    return found.mean(axis=(0, 1)), found.std(axis=(0, 1))
+
+
+def errors(sampler: samplers.Sampler, side: int, spp: int, dims: tuple[int, int] = (0, 1)) -> NDArray:
+    """Return errors of all integrands in standard deviations of theirs, shape (side, side, 4 * COUNT)."""
+    mean, deviation = _moments()
+    found = np.asarray(analysis.pixel_means(values, sampler, side, side, spp, dims), np.float64)
+    return (found - mean) / deviation
+
+
+def measures(found: NDArray) -> dict[str, dict[str, float]]:
+    """Return RMS and filtered errors of each class, over its integrands."""
+    return {
+        name: {
+            "RMS error": float(np.sqrt(np.mean(np.square(part)))),
+            "filtered error": analysis.filtered_error(part, np.zeros_like(part)),
+        }
+        for name, part in zip(CLASSES, np.split(found, len(CLASSES), axis=2), strict=True)
+    }

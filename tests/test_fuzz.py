@@ -136,6 +136,7 @@ def right_of_functions():
         "analysis.optimize_points.measure": [analysis.periodic_discrepancy],
         "analysis.mean_spectrum.make": [lambda key: np.ones(2)],
         "analysis.search_net.m": [1, 2],
+        "analysis.search_discrepancy.start": [None],
     }
 
 
@@ -182,6 +183,7 @@ def right_of_names():
         "repeats": [1],
         "steps": [1],
         "budget_s": [0.01],
+        "seconds": [0.01],
         "regions": [5],
         "points": [POINTS],
         "points_or_matrices": [POINTS],

@@ -82,6 +82,7 @@ GOOD = {
     "radial_anisotropy": dict(spectrum=IMAGE),
     "radial_average": dict(spectrum=IMAGE),
     "riesz_energy": dict(points=POINTS, exponent=1.0, torus=True),
+    "search_discrepancy": dict(n=2, seconds=0.01, key=0, dims=2, steps=1, start=np.eye(2) / 2),
     "search_matrices": dict(targets={2: 1}, dims=2, seed=0, steps=1, budget_s=1.0),
     "search_net": dict(m=1, dims=2, minimum_squared_distance=1, budget_s=1.0),
     "soft_min_distance": dict(points=POINTS, exponent=1.0, torus=True),

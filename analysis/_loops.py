@@ -1,0 +1,24 @@
+"""Loops that Numba compiles where it is installed, and Python runs where not."""
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any
+
+__all__ = ["compiled"]
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile at the first call, and keep the result on disk where there is a place for it.
+
+    Sums keep their order. That there is no NaN and that zeros have no sign is assumed: then least and
+    greatest elements are found several at a time.
+    """
+    if find_spec("numba") is None:
+        return function
+    import numba  # pyright: ignore[reportMissingImports]
+
+    options = {"error_model": "numpy", "fastmath": {"nnan", "nsz"}}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # No folder for it can be written.
+        return numba.njit(**options)(function)

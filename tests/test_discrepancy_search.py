@@ -1,0 +1,161 @@
+"""The search for small star discrepancies."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+import analysis
+from analysis._discrepancy_search import _Ranked
+from analysis._field_lattices import random_lattice, section
+
+slow = pytest.mark.slow
+
+
+def least_level(ranks):
+    """Return the least star discrepancy for ranks, shape (dims, n), by linear programs and bisection.
+
+    With logarithms of coordinates, all boxes are written down, those that end at 1 as well.
+    """
+    dims, n = ranks.shape
+    boxes = np.indices((n + 1,) * dims).reshape(dims, -1).T
+    inside = (ranks[None] < boxes[:, :, None]).all(axis=1).sum(axis=1) / n
+    # Rows of the matrix: an open box that ends at the coordinates of these ranks, n being 1.
+    volume = np.zeros((len(boxes), dims, n + 1))
+    for a in range(dims):
+        volume[np.arange(len(boxes)), a, boxes[:, a]] = 1
+    volume = volume[:, :, :n].reshape(len(boxes), -1)
+    touched = (boxes < n).all(axis=1)
+    shifted = np.ravel_multi_index((boxes[touched] + 1).T, (n + 1,) * dims)
+    steps = np.zeros((dims, n - 1, dims, n))
+    for a in range(dims):
+        for i in range(n - 1):
+            steps[a, i, a, i], steps[a, i, a, i + 1] = 1, -1
+    steps = steps.reshape(-1, dims * n)
+
+    def feasible(level):
+        least = inside[shifted] - level
+        matrix = np.concatenate([volume, -volume[touched][least > 0], steps])
+        right = np.concatenate([np.log(inside + level), -np.log(least[least > 0]), np.zeros(len(steps))])
+        return linprog(np.zeros(dims * n), matrix, right, bounds=(-50, 0), method="highs").success
+
+    low, high = 0.0, 1.0
+    while high - low > 1e-5:
+        middle = (low + high) / 2
+        low, high = (low, middle) if feasible(middle) else (middle, high)
+    return high
+
+
+def ranks_of(points):
+    return np.argsort(np.argsort(points, axis=0), axis=0).T
+
+
+@pytest.mark.parametrize("key", range(3))
+def test_best_coordinates_in_the_plane_are_those_of_linear_programs(key):
+    points = np.random.default_rng(key).random((7, 2))
+    ranked = _Ranked(points, analysis.star_discrepancy(points))
+    ranked.lower(0.1, 1e-7, 100)
+    assert analysis.star_discrepancy(ranked.points()) == pytest.approx(ranked.level, abs=1e-6)
+    assert ranked.level == pytest.approx(least_level(ranks_of(points)), abs=2e-5)
+
+
+def test_swaps_are_made_if_and_only_if_the_level_can_be_kept():
+    n = 6
+    points = np.random.default_rng(5).random((n, 2))
+    ranked = _Ranked(points, analysis.star_discrepancy(points))
+    ranked.lower(0.1, 1e-4, 100)
+    ranked.level *= 1.002
+    made = []
+    for swap in range(2 * n - 2):
+        trial = ranked.copy()
+        trial.walk(np.array([(swap + 0.5) / (2 * n - 2)]))
+        x, y, of_x, of_y = trial.state
+        wanted = ranked.state[2].copy()
+        if swap < n - 1:
+            wanted[[swap, swap + 1]] = wanted[[swap + 1, swap]]
+        else:
+            of = ranked.state[3][[swap - n + 1, swap - n + 2]]
+            wanted[of] = wanted[of[::-1]]
+        made.append(bool((of_x == wanted).all()))
+        assert made[-1] == (least_level(np.stack([np.arange(n), wanted])) <= ranked.level)
+        assert (of_y[of_x] == np.arange(n)).all()
+        assert (np.diff(x) >= 0).all()
+        assert (np.diff(y) >= 0).all()
+        assert analysis.star_discrepancy(trial.points()) <= ranked.level + 1e-12
+    assert 0 < sum(made) < len(made)
+
+
+def test_lattices_of_the_field():
+    """In units of the density, products of differences are norms of integers over the root of 5."""
+    rng = np.random.default_rng(1)
+    lattice = random_lattice(60, 2, rng)
+    points = section(lattice)
+    assert abs(len(points) - 60) < 6
+    differences = (points[:, None] - points)[~np.eye(len(points), dtype=bool)]
+    norms = np.prod(differences, axis=1) * lattice.density * np.sqrt(5)
+    np.testing.assert_allclose(norms, np.round(norms), atol=1e-9)
+    assert np.abs(norms).min() > 0.5
+
+
+def test_search_is_a_function_of_its_arguments_and_can_go_on():
+    first, again = (analysis.search_discrepancy(12, None, key=3, steps=60) for _ in range(2))
+    assert (first.points == again.points).all()
+    assert first.discrepancy == analysis.star_discrepancy(first.points) == again.discrepancy
+    assert first.points.dtype == np.float64
+    assert first.steps == 60
+    further = analysis.search_discrepancy(12, None, key=4, steps=60, start=first.points)
+    assert further.discrepancy <= first.discrepancy
+
+
+def test_what_cannot_be_improved_is_kept():
+    """Published optimum of five points: 1/5 (Clement, Doerr, Klamroth, Paquete)."""
+    best = analysis.search_discrepancy(5, None, key=1, steps=40)
+    assert best.discrepancy == pytest.approx(0.2, abs=1e-9)
+    assert analysis.search_discrepancy(5, None, key=2, steps=5, start=best.points).discrepancy <= 0.2 + 1e-9
+
+
+@slow
+@pytest.mark.parametrize(
+    ("n", "optimum"), [(2, 0.3660), (4, 0.2500), (8, 0.1328), (10, 0.1111), (13, 0.0889)]
+)
+def test_proven_optima_in_the_plane(n, optimum):
+    """Table of arXiv 2311.17463; to four digits, and nothing is below them."""
+    found = analysis.search_discrepancy(n, None, key=1, steps=3000).discrepancy
+    assert optimum - 6e-5 < found < 1.01 * optimum
+
+
+@slow
+@pytest.mark.parametrize("key", range(2))
+def test_coordinates_in_space_are_close_to_those_of_linear_programs(key):
+    points = np.random.default_rng(key).random((6, 3))
+    ranked = _Ranked(points, analysis.star_discrepancy(points))
+    ranked.lower(0.1, 1e-7, 100)
+    assert analysis.star_discrepancy(ranked.points()) <= ranked.level + 1e-9
+    best = least_level(ranks_of(points))
+    assert best - 2e-5 <= ranked.level < 1.15 * best
+
+
+@slow
+def test_search_in_space():
+    found = analysis.search_discrepancy(16, None, key=1, dims=3, steps=600)
+    assert found.discrepancy == analysis.star_discrepancy(found.points)
+    assert found.discrepancy < 0.125
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (dict(seconds=None), "seconds must be a number where steps is None"),
+        (dict(seconds=0.0), "seconds must be positive"),
+        (dict(steps=0), "steps must be"),
+        (dict(n=1), "n must be"),
+        (dict(n=4097), "n must be"),
+        (dict(n=513, dims=3), "n must be"),
+        (dict(dims=4), "dims must be"),
+        (dict(start=np.zeros((3, 2))), "start must have shape"),
+        (dict(start=np.zeros((5, 2))), r"start must have shape \(4, 2\), got \(5, 2\)"),
+        (dict(start=np.ones((4, 2))), r"start must be in \[0, 1\)"),
+    ],
+)
+def test_wrong_values(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        analysis.search_discrepancy(**(dict(n=4, seconds=1.0, key=1) | arguments))

@@ -138,7 +138,9 @@ CATALOGUE = {
         "figures.measure_cost", "Time and memory of the measures over the number of points", timed=True
     ),
     "optimized-orders": Entry(
-        "figures.optimized_orders", "Orders with searched permutations beside the samplers of the papers"
+        "figures.optimized_orders",
+        "Orders with searched permutations beside the samplers of the papers",
+        timed=True,
     ),
     "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
     "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),

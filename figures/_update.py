@@ -29,8 +29,8 @@ def update(
         Keys of ``catalogue``.
     catalogue : mapping of str to Entry
     folder : Path
-        Exists; gets ``<name>.png``, ``numbers.json``, ``<name>.csv`` of figures that have a table, and
-        ``<name>.<image>.png`` of those that hand out images.
+        Exists; gets ``<name>.png`` and ``<name>.webp``, ``numbers.json``, ``<name>.csv`` of figures that
+        have a table, and ``<name>.<image>.webp`` of those that hand out images.
     quality : str
         ``"draft"`` or ``"paper"``, handed to the figures.
     jobs : int
@@ -93,8 +93,8 @@ def _finish(folder: Path, task: Task, message: Done | Failed, title: str, finger
     } | ({} if images is None else {"images": images})
     try:
         _store.write(_picture(folder, task.name), message.png)
-        for end, png in message.files:
-            _store.write(folder / f"{task.name}.{end}", png)
+        for end, file in message.files:
+            _store.write(folder / f"{task.name}.{end}", file)
         if "table" in numbers:
             _store.write(folder / f"{task.name}.csv", _store.as_csv(numbers["table"]))
         _store.record(folder, task.name, entry, _warn)
@@ -117,6 +117,7 @@ def _is_whole(folder: Path, name: str, entry: Mapping[str, Any], fingerprint: st
     return (
         entry.get("fingerprint") == fingerprint
         and _picture(folder, name).is_file()
+        and (folder / f"{name}.webp").is_file()
         and all((folder / file).is_file() for file in _store.image_files(name, entry))
     )
 

@@ -174,7 +174,7 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
         stdout,
     )
     assert project.calls() == ["one", "two"]
-    assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "one.webp", "two.png", "two.webp"]
     first = project.numbers()
     assert list(first) == ["one", "two"]
     parts = ["title", "quality", "fingerprint", "seconds", "date", "machine", "numbers"]
@@ -266,7 +266,7 @@ def test_a_failure_is_told_and_stops_nothing_else(tmp_path):
     summary = re.fullmatch("6 of 7 figures failed: (.*)", stderr.splitlines()[-1])
     assert summary
     assert set(summary[1].split(", ")) == {"broken", "syntax", "infinite", "wrong", "dead", "blocked"}
-    assert project.files() == ["blocked.png", "index.html", "numbers.json", "one.png"]
+    assert project.files() == ["blocked.png", "index.html", "numbers.json", "one.png", "one.webp"]
     assert "Failed in the last run: blocked, broken, dead" in (project.out / "index.html").read_text()
     assert list(project.numbers()) == ["one"]
 
@@ -298,7 +298,7 @@ def test_interrupt_keeps_what_is_finished(tmp_path):
     assert process.returncode == 130
     assert stderr == "interrupted: what was finished stays in out\n"
     assert not alive((tmp_path / "started").read_text())
-    assert project.files() == ["numbers.json", "one.png"]
+    assert project.files() == ["numbers.json", "one.png", "one.webp"]
     assert list(project.numbers()) == ["one"]
 
     (tmp_path / "slow").unlink()
@@ -307,7 +307,7 @@ def test_interrupt_keeps_what_is_finished(tmp_path):
     assert status == 0
     assert project.calls() == ["one"], "two calls one's make, one itself was up to date"
     assert re.match(r"one: up to date\ntwo: \d", stdout)
-    assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "one.webp", "two.png", "two.webp"]
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -354,7 +354,7 @@ def make(quality, progress):
 """
     project = Project(tmp_path, one=meeting, two=meeting)
     assert project.run("--jobs", "2")[0] == 0
-    assert project.files() == ["index.html", "numbers.json", "one.png", "two.png"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "one.webp", "two.png", "two.webp"]
 
 
 def test_tasks_that_are_to_be_alone_run_alone(tmp_path, monkeypatch):
@@ -546,7 +546,7 @@ def test_images_that_are_handed_out_lie_beside_the_picture(tmp_path):
     status, _, stderr = project.run()
     assert status == 1 and "TypeError: images must be a mapping of names to arrays" in stderr
     ends = ["reference", "z-4-spp.difference", "z-4-spp", "z-4-spp.spectrum"]
-    pictures = ["one.png", *(f"one.{end}.webp" for end in ends)]
+    pictures = ["one.png", "one.webp", *(f"one.{end}.webp" for end in ends)]
     assert project.files() == sorted(["index.html", "numbers.json", *pictures])
     assert [item["name"] for item in project.numbers()["one"]["images"]["items"]] == ["reference", "Z"]
     assert project.run("one")[1].startswith("one: up to date\n")

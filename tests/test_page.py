@@ -103,6 +103,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "numbers.json").write_text(json.dumps(entries))
     for name in ("z-9", "own", "z-9.r", "z-9.i", "z-9.d", "z-9.s"):
         png(tmp_path / f"{name}.png")
+        png(tmp_path / f"{name}.webp")
     return tmp_path
 
 

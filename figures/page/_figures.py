@@ -55,7 +55,7 @@ CLAIM = """
 PICTURE = """
 <figure class="picture zoomable wide">
 <div class="scroll" tabindex="0" role="region" aria-label="Picture of $name, to scroll">
-<img class="whole" src="$file" width="$width" height="$height" alt="$alt" loading="lazy"></div>
+<img class="whole" src="$name.webp" width="$width" height="$height" alt="$alt" loading="lazy"></div>
 <figcaption><span class="zoom"></span> <a href="$file">$file</a>, $width x $height pixels</figcaption>
 </figure>
 """
@@ -196,7 +196,7 @@ def picture(folder: Path, figure: Shown) -> Markup:
     """Return a figure's picture at whole zoom, or that it is not there."""
     file = f"{figure.name}.png"
     size = png_size(folder / file)
-    if size is None:
+    if size is None or not (folder / f"{figure.name}.webp").is_file():
         return fill('<p class="warning">$file is missing.</p>', file=file)
     return fill(PICTURE, name=figure.name, file=file, width=size[0], height=size[1], alt=described(figure))
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-
 ROOT = Path(__file__).parents[1]
 FIGURES = ("hilbert-1", "spp-slider", "thesis-6.1")
 OPTIONS = (

@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures._schema import check_numbers
@@ -19,6 +20,11 @@ from figures._schema import check_numbers
 DPI = 150
 PROGRESS_INTERVAL = 0.05
 """Seconds: a figure may report its progress more often than a terminal can show it."""
+
+
+MAPS = 30_000
+"""Programs are forgotten above it. Each that is compiled has maps of memory, of which Linux allows a
+process 65,530; LLVM ends the process where there are no more."""
 
 
 class Task(NamedTuple):
@@ -62,6 +68,7 @@ def serve(connection: Connection) -> None:
     with suppress(EOFError, OSError):  # nobody is left to hear about it
         while True:
             connection.send(_answer(connection.recv(), connection))
+            _forget_programs()
 
 
 def _answer(task: Task, connection: Connection) -> Done | Failed:
@@ -118,6 +125,12 @@ def _drawn(picture: Any) -> tuple[bytes, bytes]:
     pixels.save(png, format="png", optimize=True, dpi=(DPI, DPI))
     pixels.save(webp, format="webp", lossless=True)
     return png.getvalue(), webp.getvalue()
+
+
+def _forget_programs() -> None:
+    jax, maps = sys.modules.get("jax"), Path("/proc/self/maps")
+    if jax and maps.exists() and maps.read_bytes().count(b"\n") > MAPS:
+        jax.clear_caches()
 
 
 def _device() -> str | None:

@@ -12,10 +12,11 @@ import termios
 import time
 from pathlib import Path
 
+import jax
 import pytest
 
 from figures import __main__ as command_line
-from figures import _store, _update
+from figures import _store, _update, _worker
 from figures.__main__ import main
 from figures._catalogue import CATALOGUE, Entry
 from figures._fingerprint import fingerprint, sources
@@ -381,6 +382,16 @@ def test_tasks_that_are_to_be_alone_run_alone(tmp_path, monkeypatch):
         if a < b and times[a][0] < times[b][1] and times[b][0] < times[a][1]
     }
     assert together == {("a", "b"), ("e", "f")}
+
+
+def test_programs_are_forgotten_before_a_process_has_too_many(monkeypatch):
+    program = jax.jit(lambda x: x + 1)
+    program(1.0)
+    _worker._forget_programs()
+    assert program._cache_size() == 1
+    monkeypatch.setattr(_worker, "MAPS", 0)
+    _worker._forget_programs()
+    assert program._cache_size() == 0
 
 
 def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp_path, monkeypatch):

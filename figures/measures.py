@@ -28,6 +28,7 @@ POINT_SETS = {
     "Sobol', xor": lambda m: sequences.digital_shift(sequences.sobol(2), KEY),
     "Larcher-Pillichshammer": lambda m: sequences.larcher_pillichshammer(),
     "Faure, base 3": lambda m: sequences.faure(2, 3),
+    "base 3, quad-optimized": lambda m: sequences.quad_optimized(2),
     "optimized sequence": lambda m: sequences.optimized_sequence(),
     "lattice sequence": lambda m: sequences.lattice(2),
     "Hammersley net": sequences.hammersley_net,

@@ -54,6 +54,7 @@ SEQUENCES = Table(
         "faure(10)": lambda: sequences.faure(10),
         "faure(2, modified)": lambda: sequences.faure(2, modified=1),
         "faure(5, modified)": lambda: sequences.faure(5, 7, modified=0),
+        "quad_optimized(6)": lambda: sequences.quad_optimized(6),
         "uniform(3)": lambda: sequences.uniform(3, key=7),
         "jittered(40)": lambda: sequences.jittered(40, 2, key=7),
         "jittered(64)": lambda: sequences.jittered(64, 2, key=7),

@@ -22,6 +22,7 @@ BASE_B = {
     "halton, random",
     "faure(10)",
     "faure(5, modified)",
+    "quad_optimized(6)",
     "rotate(halton(12))",
     "korobov(2000)",
     "rank1_lattice(1700, 3)",

@@ -49,6 +49,7 @@ from qmcjax.sequences._owen_exact import owen_exact as owen_exact
 from qmcjax.sequences._plug_in import as_sequence as as_sequence
 from qmcjax.sequences._plug_in import function as function
 from qmcjax.sequences._pmj02 import pmj02 as pmj02
+from qmcjax.sequences._quad_optimized import quad_optimized as quad_optimized
 from qmcjax.sequences._random import jittered as jittered
 from qmcjax.sequences._random import uniform as uniform
 from qmcjax.sequences._rank1_lattice import korobov as korobov

@@ -31,7 +31,9 @@ class PrimeDigital(DigitSequence):
     tables: Array
     """uint32 (dims, words, entries): the tables of all spans of digits, one after the other."""
 
-    called = "faure"
+    called: str = field(default="faure", metadata={"static": True})
+    """What makes such a sequence."""
+
     reported = ("dims", "base")
 
     @property
@@ -122,7 +124,7 @@ def _digits_of(sequence: PrimeDigital, index: Array, dim: Array) -> Array:
     return jnp.stack(sequence._digits(index, dim))
 
 
-def prime_digital(matrices: np.ndarray, base: int) -> PrimeDigital:
+def prime_digital(matrices: np.ndarray, base: int, called: str = "faure") -> PrimeDigital:
     """Make the digital sequence of matrices over F_q, int64 (dims, K, K), for the K digits of an index."""
     width, per_word = _fields(base)
     dims, count, _ = matrices.shape
@@ -138,7 +140,7 @@ def prime_digital(matrices: np.ndarray, base: int) -> PrimeDigital:
             packed[:, k // per_word] |= product[:, k].astype(np.uint32) << np.uint32(k % per_word * width)
         tables.append(packed)
         first += span
-    return PrimeDigital((base,) * dims, jnp.asarray(np.concatenate(tables, axis=-1)))
+    return PrimeDigital((base,) * dims, jnp.asarray(np.concatenate(tables, axis=-1)), called)
 
 
 def _fields(base: int) -> tuple[int, int]:

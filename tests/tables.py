@@ -67,7 +67,12 @@ SEQUENCES = Table(
         "owen(sobol(9))": lambda: sequences.owen(sequences.sobol(9), key=7),
         "owen(permutation_net(12))": lambda: sequences.owen(sequences.permutation_net(12), key=7),
         "optimized_net(12)": lambda: sequences.optimized_net(12),
+        "sobol_of": lambda: sequences.sobol_of([(0b111, [1, 3]), (0b1011, [1, 1, 7])]),
+        "one_two(6)": lambda: sequences.one_two(6),
+        "sz(4)": lambda: sequences.sz(4),
+        "sz(16)": lambda: sequences.sz(16),
         "optimized_sequence": sequences.optimized_sequence,
+        "cascaded_net(12)": lambda: sequences.cascaded_net(12, 4),
         "sobol_net_3d(12)": lambda: sequences.sobol_net_3d(12),
         "larcher_pillichshammer_net_3d(12)": lambda: sequences.larcher_pillichshammer_net_3d(12),
         "permutation_net_3d(11)": lambda: sequences.permutation_net_3d(11),
@@ -86,6 +91,8 @@ SEQUENCES = Table(
         "rotate(halton(12))": lambda: sequences.rotate(sequences.halton(12), np.linspace(0.05, 0.95, 12)),
         "lattice(3)": lambda: sequences.lattice(3),
         "lattice(20)": lambda: sequences.lattice(20),
+        "kronecker(3)": lambda: sequences.kronecker([2**0.5 % 1, 3**0.5 % 1, 5**0.5 % 1]),
+        "roberts(2)": sequences.roberts,
         "korobov(2000)": lambda: sequences.korobov(2000, 3, 747),
         "rank1_lattice(4096)": lambda: sequences.rank1_lattice(4096),
         "rank1_lattice(1700, 3)": lambda: sequences.rank1_lattice(1700, 3),
@@ -128,6 +135,7 @@ NETS = {
 
 # One of each kind: the types of an object and of its sequence, and on which side of FEW its coordinates are.
 KINDS = (
+    "cascaded_net(12)",
     "optimized_sequence",
     "halton, random",
     "sobol(9)",
@@ -156,6 +164,7 @@ KINDS = (
     "rotate(halton(12))",
     "lattice(3)",
     "lattice(20)",
+    "roberts(2)",
     "rank1_lattice(1700, 3)",
     "rank1_lattice(4096)",
     "latin_hypercube(2**32)",

@@ -19,7 +19,7 @@ from qmcjax.core.checks import prng_key
 from qmcjax.core.fractions import plus_modulo_1
 from qmcjax.sequences._art_owen import with_tables
 from qmcjax.sequences._linear_matrix_scramble import _triangular
-from qmcjax.sequences._sobol_matrix import _is_primitive
+from qmcjax.sequences._sobol_matrix import _is_irreducible
 
 
 def art_owen(seq, key):
@@ -447,10 +447,10 @@ def test_sobol_matrix_of_the_largest_degree_is_its_initial_numbers():
     assert np.asarray(matrix).tolist() == [m << (32 - k) for k, m in enumerate(initial, start=1)]
 
 
-def test_primitive_polynomials_are_counted():
-    """phi(2**s - 1) / s of each degree s."""
-    counts = [sum(map(_is_primitive, range(2**s, 2 ** (s + 1)))) for s in range(1, 10)]
-    assert counts == [1, 1, 2, 2, 6, 6, 18, 16, 48]
+def test_irreducible_polynomials_are_counted():
+    """By Moebius' inversion, those of degree s: sum over d | s of mu(d) 2**(s / d), over s; without x."""
+    counts = [sum(map(_is_irreducible, range(2**s, 2 ** (s + 1)))) for s in range(1, 11)]
+    assert counts == [1, 1, 2, 3, 6, 9, 18, 30, 56, 99]
 
 
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
@@ -480,11 +480,11 @@ SOBOL, HALTON = sequences.sobol(2), sequences.halton(2)
         (lambda: sequences.rotate(SOBOL, [0.5, 1.0]), r"offset_or_key must be in \[0, 1\), got 1.0"),
         (lambda: sequences.rotate(HALTON, [-0.25, 0.0]), r"offset_or_key must be in \[0, 1\), got -0.25"),
         (lambda: sequences.rotate(SOBOL, [np.nan, 0.0]), r"offset_or_key must be in \[0, 1\), got nan"),
-        (lambda: sequences.sobol_matrix(0b101, [1, 1]), "polynomial must be primitive over F2, got 0b101"),
-        (lambda: sequences.sobol_matrix(0b10, [1]), "polynomial must be primitive over F2, got 0b10"),
+        (lambda: sequences.sobol_matrix(0b101, [1, 1]), "polynomial must be irreducible .* got 0b101"),
+        (lambda: sequences.sobol_matrix(0b10, [1]), "polynomial must be irreducible .* not x, got 0b10"),
         (
-            lambda: sequences.sobol_matrix(0b11111, [1, 1, 1, 1]),
-            "polynomial must be primitive .* got 0b11111",
+            lambda: sequences.sobol_matrix(0b10101, [1, 1, 1, 1]),
+            "polynomial must be irreducible .* got 0b10101",
         ),
         (lambda: sequences.sobol_matrix(1, []), "polynomial must be an integer .* got 1"),
         (lambda: sequences.sobol_matrix(0b111, [1]), r"initial must be 2 integers, .* got \[1\]"),

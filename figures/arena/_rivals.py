@@ -33,6 +33,11 @@ RIVALS = {
         "rank-1 lattice",
         lambda dims, w, h, spp, key: samplers.independent(sequences.lattice(dims), key, "shift"),
     ),
+    "sz": Rival("SZ, Owen", lambda dims, w, h, spp, key: samplers.independent(sequences.sz(dims), key)),
+    "r2": Rival(
+        "R2, rotated",
+        lambda dims, w, h, spp, key: samplers.independent(sequences.roberts(dims), key, "shift"),
+    ),
     "sobol": Rival(
         "Sobol', full screen",
         lambda dims, w, h, spp, key: samplers.full_screen(

@@ -26,6 +26,8 @@ SAMPLERS: dict[str, Style] = {
     "rank-1 lattice": Style(PURPLE, "s"),
     "(0,2), xor": Style(ORANGE, "^", ":"),
     "(0,2), Owen": Style(ORANGE, "o"),
+    "SZ, Owen": Style(SKY, "*"),
+    "R2, rotated": Style(PURPLE, "P", "--"),
     "Sobol' net": Style(ORANGE, "D"),
     "modified Sobol' net": Style(GREEN, "d"),
     # One set over the screen.

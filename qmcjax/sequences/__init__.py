@@ -14,6 +14,8 @@ from qmcjax.sequences._binary import as_binary as as_binary
 from qmcjax.sequences._blocks import Blocks as Blocks
 from qmcjax.sequences._blue_noise import lloyd as lloyd
 from qmcjax.sequences._blue_noise import poisson_disk as poisson_disk
+from qmcjax.sequences._cascaded import DigitalNet as DigitalNet
+from qmcjax.sequences._cascaded import cascaded_net as cascaded_net
 from qmcjax.sequences._cells import Invertible as Invertible
 from qmcjax.sequences._components import components as components
 from qmcjax.sequences._digit_scramble import digit_scramble as digit_scramble
@@ -22,6 +24,9 @@ from qmcjax.sequences._digital import digital as digital
 from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichshammer
 from qmcjax.sequences._digital import sobol as sobol
 from qmcjax.sequences._digital_shift import digital_shift as digital_shift
+from qmcjax.sequences._direction_numbers import direction_numbers_text as direction_numbers_text
+from qmcjax.sequences._direction_numbers import read_direction_numbers as read_direction_numbers
+from qmcjax.sequences._direction_numbers import sobol_of as sobol_of
 from qmcjax.sequences._faure import faure as faure
 from qmcjax.sequences._fraction import Fraction as Fraction
 from qmcjax.sequences._gray import gray as gray
@@ -30,6 +35,8 @@ from qmcjax.sequences._halton import halton as halton
 from qmcjax.sequences._halton import van_der_corput as van_der_corput
 from qmcjax.sequences._inversion import inverted as inverted
 from qmcjax.sequences._inversion import net_by_frames as net_by_frames
+from qmcjax.sequences._kronecker import kronecker as kronecker
+from qmcjax.sequences._kronecker import roberts as roberts
 from qmcjax.sequences._latin_hypercube import latin_hypercube as latin_hypercube
 from qmcjax.sequences._lattice_sequence import lattice as lattice
 from qmcjax.sequences._linear_matrix_scramble import linear_matrix_scramble as linear_matrix_scramble
@@ -42,6 +49,7 @@ from qmcjax.sequences._nets import permutation_net_in_row as permutation_net_in_
 from qmcjax.sequences._nets_3d import larcher_pillichshammer_net_3d as larcher_pillichshammer_net_3d
 from qmcjax.sequences._nets_3d import permutation_net_3d as permutation_net_3d
 from qmcjax.sequences._nets_3d import sobol_net_3d as sobol_net_3d
+from qmcjax.sequences._one_two import one_two as one_two
 from qmcjax.sequences._optimized_net import optimized_net as optimized_net
 from qmcjax.sequences._owen import Owen as Owen
 from qmcjax.sequences._owen import owen as owen
@@ -58,5 +66,7 @@ from qmcjax.sequences._replacement import replace_component as replace_component
 from qmcjax.sequences._rotation import rotate as rotate
 from qmcjax.sequences._searched import optimized_net_3d as optimized_net_3d
 from qmcjax.sequences._searched import optimized_sequence as optimized_sequence
+from qmcjax.sequences._sobol_matrix import DirectionNumbers as DirectionNumbers
 from qmcjax.sequences._sobol_matrix import sobol_matrix as sobol_matrix
+from qmcjax.sequences._sz import sz as sz
 from qmcjax.sequences._tabulated import tabulated as tabulated

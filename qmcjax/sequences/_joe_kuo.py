@@ -5,26 +5,19 @@ from importlib import resources
 
 import numpy as np
 
+from qmcjax.sequences._sobol_matrix import DirectionNumbers, columns_of
+
 
 def matrices_of(dims: int) -> np.ndarray:
     """Return the matrices of components 1 to dims - 1 (component 0 is the identity), by Eq. 5.13."""
     polynomials, initial = _table(dims)
-    polynomials = polynomials.astype(np.uint64)
-    degrees = np.array([int(p).bit_length() - 1 for p in polynomials])
-    matrices = np.zeros((dims - 1, 32), np.uint32)
-    for degree in np.unique(degrees):
-        rows = degrees == degree
-        numbers = np.zeros((rows.sum(), 32), np.uint64)
-        numbers[:, :degree] = initial[rows, :degree]
-        for k in range(degree, 32):
-            oldest = numbers[:, k - degree]
-            number = oldest ^ (oldest << np.uint64(degree))
-            for i in range(1, degree):
-                coefficient = (polynomials[rows] >> np.uint64(degree - i)) & np.uint64(1)
-                number = number ^ (coefficient * (numbers[:, k - i] << np.uint64(i)))
-            numbers[:, k] = number
-        matrices[rows] = numbers << np.arange(31, -1, -1, dtype=np.uint64)
-    return matrices
+    degrees = [int(p).bit_length() - 1 for p in polynomials]
+    return columns_of(
+        [
+            DirectionNumbers(int(p), tuple(numbers[:degree]))
+            for p, numbers, degree in zip(polynomials, initial.tolist(), degrees, strict=True)
+        ]
+    )
 
 
 @lru_cache

@@ -1,11 +1,16 @@
-"""The generator matrix of a Sobol' component from a primitive polynomial."""
+"""The generator matrix of a Sobol' component from an irreducible polynomial."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, finite_field
 
 
 def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
@@ -14,8 +19,8 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     Parameters
     ----------
     polynomial : int
-        A primitive polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i:
-        x**3 + x + 1 is 0b1011.
+        An irreducible polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i:
+        x**3 + x + 1 is 0b1011. Sobol' takes primitive ones, for which t is known as well.
     initial : int ArrayLike, shape (s,)
         m_1, ..., m_s: m_k is odd and less than 2**k.
 
@@ -28,7 +33,7 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        If ``polynomial`` is not primitive, or ``initial`` has another length, or a number in it is
+        If ``polynomial`` is not irreducible or x, or ``initial`` has another length, or a number in it is
         even or too large.
 
     References
@@ -43,65 +48,99 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     >>> print(bool((sobol_matrix(0b111, [1, 3]) == sequences.sobol(3).matrices[2]).all()))
     True
     """
+    numbers = checked_numbers(polynomial, initial)
+    return jnp.asarray(columns_of([numbers])[0])
+
+
+class DirectionNumbers(NamedTuple):
+    """What a component of a Sobol' sequence is made of."""
+
+    polynomial: int
+    """An irreducible polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i."""
+
+    initial: tuple[int, ...]
+    """The odd numbers m_1, ..., m_s: m_k is less than 2**k."""
+
+
+def checked_numbers(polynomial: Any, initial: Any) -> DirectionNumbers:
+    """Return direction numbers, or raise an error that names ``polynomial`` or ``initial``."""
     polynomial = checks.integer("polynomial", polynomial, 2, 2**33 - 1)
-    if not _is_primitive(polynomial):
-        raise ValueError(f"polynomial must be primitive over F2, got {polynomial:#b}")
+    if not _is_irreducible(polynomial):
+        raise ValueError(f"polynomial must be irreducible over F2, and not x, got {polynomial:#b}")
     degree = polynomial.bit_length() - 1
     wanted = f"{degree} integers, the degree's number"
     given = checks.known_array("initial", initial, np.integer, wanted)
     if given.shape != (degree,):
         raise ValueError(f"initial must be {wanted}, got {checks.shown(initial)}")
-    numbers = [int(number) for number in given]
+    numbers = tuple(int(number) for number in given)
     for k, number in enumerate(numbers, start=1):
         if number % 2 == 0 or not 0 < number < 2**k:
             raise ValueError(f"initial must be odd numbers m_k in (0, 2**k), got m_{k}={number}")
+    return DirectionNumbers(polynomial, numbers)
+
+
+def columns_of(numbers: Sequence[DirectionNumbers]) -> NDArray[np.uint32]:
+    """Return the matrices of components, uint32 (components, 32), by Eq. 5.13."""
+    degrees = np.array([len(initial) for _, initial in numbers])
+    matrices = np.zeros((len(numbers), 32), np.uint32)
+    for degree in np.unique(degrees):
+        rows = np.flatnonzero(degrees == degree).tolist()
+        polynomials = np.array([numbers[row].polynomial for row in rows], np.uint64)
+        initial = np.array([numbers[row].initial for row in rows], np.uint64)
+        matrices[rows] = _columns_of_degree(polynomials, initial)
+    return matrices
+
+
+def _columns_of_degree(polynomials: NDArray[np.uint64], initial: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    components, degree = initial.shape
+    numbers = np.zeros((components, 32), np.uint64)
+    numbers[:, :degree] = initial
     for k in range(degree, 32):
-        number = numbers[k - degree]
-        for i in range(1, degree + 1):
-            if polynomial >> (degree - i) & 1:
-                number ^= numbers[k - i] << i
-        numbers.append(number)
-    return jnp.asarray([number << (31 - k) for k, number in enumerate(numbers)], jnp.uint32)
+        oldest = numbers[:, k - degree]
+        number = oldest ^ (oldest << np.uint64(degree))
+        for i in range(1, degree):
+            coefficient = (polynomials >> np.uint64(degree - i)) & np.uint64(1)
+            number = number ^ (coefficient * (numbers[:, k - i] << np.uint64(i)))
+        numbers[:, k] = number
+    return numbers << np.arange(31, -1, -1, dtype=np.uint64)
 
 
-def _is_primitive(polynomial: int) -> bool:
-    """Tell whether the powers of x modulo the polynomial have period 2**degree - 1 (Definition 10)."""
-    period = 2 ** (polynomial.bit_length() - 1) - 1
-    return _power_of_x(period, polynomial) == 1 and all(
-        _power_of_x(period // prime, polynomial) != 1 for prime in _prime_factors(period)
-    )
+@lru_cache(maxsize=2**16)
+def _is_irreducible(polynomial: int) -> bool:
+    """Tell whether there is no factor, and the constant coefficient is 1 (M. O. Rabin, 1980).
+
+    Modulo an irreducible polynomial of degree n, x**(2**n) is x, and x**(2**(n / p)) + x has no factor in
+    common with it for any prime p that divides n.
+    """
+    degree = polynomial.bit_length() - 1
+    if polynomial % 2 == 0:
+        return False
+    maximal = {degree // prime for prime in _prime_factors(degree)}
+    power = _reduced(0b10, polynomial)
+    for k in range(1, degree + 1):
+        power = _squared(power, polynomial)
+        if k in maximal and _common(polynomial, power ^ 0b10) != 1:
+            return False
+    return power == _reduced(0b10, polynomial)
 
 
-def _power_of_x(exponent: int, polynomial: int) -> int:
-    power, square = 1, _reduced(0b10, polynomial)
-    while exponent:
-        if exponent & 1:
-            power = _product(power, square, polynomial)
-        square = _product(square, square, polynomial)
-        exponent >>= 1
-    return power
-
-
-def _product(a: int, b: int, polynomial: int) -> int:
-    product = 0
-    for i in range(b.bit_length()):
-        if b >> i & 1:
-            product ^= a << i
-    return _reduced(product, polynomial)
+def _squared(value: int, polynomial: int) -> int:
+    """Square a polynomial: its coefficients move apart."""
+    return _reduced(int(f"{value:b}", 4), polynomial)
 
 
 def _reduced(value: int, polynomial: int) -> int:
-    while value.bit_length() >= polynomial.bit_length():
-        value ^= polynomial << (value.bit_length() - polynomial.bit_length())
+    while (beyond := value.bit_length() - polynomial.bit_length()) >= 0:
+        value ^= polynomial << beyond
     return value
 
 
-def _prime_factors(number: int) -> list[int]:
-    factors, candidate = [], 2
-    while candidate * candidate <= number:
-        if number % candidate:
-            candidate += 1
-        else:
-            factors.append(candidate)
-            number //= candidate
-    return [*factors, number] if number > 1 else factors
+def _common(a: int, b: int) -> int:
+    """Return the greatest common divisor of two polynomials."""
+    while b:
+        a, b = b, _reduced(a, b)
+    return a
+
+
+def _prime_factors(number: int) -> set[int]:
+    return {p for p in range(2, number + 1) if number % p == 0 and finite_field.is_prime(p)}

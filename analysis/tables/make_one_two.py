@@ -1,0 +1,183 @@
+"""Search direction numbers with which pairs of Sobol' components are (1,2)-sequences.
+
+``python -m analysis.tables.make_one_two`` writes ``one_two.txt`` (minutes).
+
+The polynomials of a pair are p and q = p**2 + p + 1 (N. Bonneel et al., "Sobol' Sequences with
+Guaranteed-Quality 2D Projections", 2025). Let L_r be the series, in 1/x, of row r of the matrix of p, of
+degree s: x**(-k - 1) stands for column k. The recurrence of direction numbers (Eq. 5.13 of the thesis) says
+p L_r = L_(r - s), so
+
+    L_(j s + i) = h_i / p**(j + 1) for i < s,
+
+where h_i is a polynomial of degree s - 1 - i. Any h_i will do, and nothing else is free. The rows of q are
+written in terms of those of p. Then t is at most 1 if for all a and b the first b of them, in columns a to
+a + b, have rank b. For random h_i, those of q are drawn one after the other, and the first that fits the
+rows before is kept, with a step back where none does. Of several pairs found that way the one is taken that
+goes best with those before: by the sum of t, over several m, of the four dimensions of the last two pairs
+and of each dimension with each one before.
+"""
+
+import random
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis import t_value
+from analysis.tables import SEQUENCES
+from qmcjax.sequences import DirectionNumbers, direction_numbers_text, sobol_of
+
+SIZE = 32
+DEGREES = 7
+"""Largest degree of p."""
+TRIES = 20_000
+FOUND = 8
+"""Pairs that the best is taken of."""
+SIZES = (4, 7, 10, 13)
+
+
+def product(a: int, b: int) -> int:
+    """Multiply polynomials over F2."""
+    result = 0
+    for k in range(b.bit_length()):
+        if b >> k & 1:
+            result ^= a << k
+    return result
+
+
+def quadratic(p: int) -> int:
+    """Return p**2 + p + 1."""
+    return product(p, p) ^ p ^ 1
+
+
+def is_irreducible(polynomial: int) -> bool:
+    """Tell whether no polynomial of at most half the degree divides one."""
+    degree = polynomial.bit_length() - 1
+    return all(_remainder(polynomial, divisor) for divisor in range(2, 2 ** (degree // 2 + 1)))
+
+
+def _remainder(a: int, b: int) -> int:
+    while (beyond := a.bit_length() - b.bit_length()) >= 0:
+        a ^= b << beyond
+    return a
+
+
+def rows_of(numerators: list[int], polynomial: int, count: int) -> list[int]:
+    """Return rows of a matrix, bit k for column k: ``numerators`` over rising powers of the polynomial."""
+    rows, power = [], polynomial
+    while len(rows) < count:
+        rows += [_series(numerator, power) for numerator in numerators]
+        power = product(power, polynomial)
+    return rows[:count]
+
+
+def _series(numerator: int, denominator: int) -> int:
+    degree, series = denominator.bit_length() - 1, 0
+    for k in range(SIZE):
+        numerator <<= 1
+        if numerator >> degree & 1:
+            numerator ^= denominator
+            series |= 1 << k
+    return series
+
+
+def in_terms_of(basis: list[int], row: int) -> int:
+    """Return which rows of a unit upper triangular matrix add up to a row."""
+    selected = 0
+    for k in range(SIZE):
+        if row >> k & 1:
+            row ^= basis[k]
+            selected |= 1 << k
+    return selected
+
+
+def fits(rows: list[int]) -> bool:
+    """Tell whether in any len(rows) + 1 consecutive columns the rows are independent."""
+    for first in range(SIZE - len(rows)):
+        reduced: list[int] = []
+        for row in rows:
+            row = row >> first & ((2 << len(rows)) - 1)
+            for other in reduced:
+                row = min(row, row ^ other)
+            if not row:
+                return False
+            reduced.append(row)
+    return True
+
+
+def initial(rows: list[int], degree: int) -> tuple[int, ...]:
+    """Return m_1, ..., m_s of a matrix."""
+    return tuple(sum((rows[r] >> k & 1) << (k - r) for r in range(k + 1)) for k in range(degree))
+
+
+def pair(p: int, draw: random.Random) -> tuple[DirectionNumbers, DirectionNumbers]:
+    """Return random direction numbers of p and p**2 + p + 1 that make a (1,2)-sequence."""
+    degree, q = p.bit_length() - 1, quadratic(p)
+    while True:
+        numerators = [1 << k | draw.getrandbits(k + 1) >> 1 for k in range(degree - 1, -1, -1)]
+        basis = rows_of(numerators, p, SIZE)
+        fitting = _fitting(basis, q, draw)
+        rows = rows_of(fitting, q, SIZE - 1) if fitting else []
+        terms = [in_terms_of(basis, row) for row in rows]
+        if rows and all(fits(terms[:b]) for b in range(2 * degree + 1, SIZE)):
+            return DirectionNumbers(p, initial(basis, degree)), DirectionNumbers(q, initial(rows, 2 * degree))
+
+
+def _fitting(basis: list[int], q: int, draw: random.Random) -> list[int]:
+    """Return numerators for which the first rows of q fit, or none after many tries."""
+    count, tries = q.bit_length() - 1, 0
+    monomials = [in_terms_of(basis, _series(1 << k, q)) for k in range(count)]
+
+    def extended(numerators: list[int], rows: list[int]) -> list[int]:
+        nonlocal tries
+        leading = count - 1 - len(numerators)
+        if leading < 0:
+            return numerators
+        for rest in draw.sample(range(2**leading), min(2**leading, 1000)):
+            tries += 1
+            if tries > TRIES:
+                break
+            numerator = 1 << leading | rest
+            row = 0
+            for k, monomial in enumerate(monomials):
+                row ^= monomial if numerator >> k & 1 else 0
+            if fits([*rows, row]) and (found := extended([*numerators, numerator], [*rows, row])):
+                return found
+        return []
+
+    return extended([], [])
+
+
+def cost(matrices: NDArray[np.uint32], most: float) -> float:
+    """Return the cost of the last pair, or of what came first and reached ``most``."""
+    last = len(matrices) - 2
+    sets = [tuple(range(last - 2, last + 2))]
+    sets += [(j, k) for j in range(last - 1, -1, -1) for k in (last, last + 1)]
+    total = 0
+    for dims in sets:
+        total += sum(t_value(matrices[list(dims)], m=m) for m in SIZES)
+        if total >= most:
+            break
+    return total
+
+
+def main(folder: Path = SEQUENCES) -> None:
+    """Write one_two.txt into a folder."""
+    draw = random.Random(1)
+    numbers = [DirectionNumbers(0b11, (1,))]
+    for p in range(0b101, 2 ** (DEGREES + 1), 2):
+        if not (is_irreducible(p) and is_irreducible(quadratic(p))):
+            continue
+        least, best = np.inf, ()
+        for _ in range(FOUND):
+            found = pair(p, draw)
+            costs = cost(np.asarray(sobol_of([*numbers, *found]).matrices), least)
+            if costs < least:
+                least, best = costs, found
+        numbers += best
+        print(f"{p:b}", least, flush=True)
+    (folder / "one_two.txt").write_text(direction_numbers_text(numbers))
+
+
+if __name__ == "__main__":
+    main()

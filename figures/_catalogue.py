@@ -142,6 +142,10 @@ CATALOGUE = {
         "Orders with searched permutations beside the samplers of the papers",
         timed=True,
     ),
+    "quadruples": Entry(
+        "figures.quadruples",
+        "Pairs and quadruples of coordinates: Sobol's, and searched matrices over F_3",
+    ),
     "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
     "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),
     "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),

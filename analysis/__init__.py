@@ -38,6 +38,8 @@ from analysis._nets import projection_t_values as projection_t_values
 from analysis._nets import t_value as t_value
 from analysis._optimize import OptimizedPoints as OptimizedPoints
 from analysis._optimize import optimize_points as optimize_points
+from analysis._optimize_scrambling import OptimizedScrambling as OptimizedScrambling
+from analysis._optimize_scrambling import optimize_scrambling as optimize_scrambling
 from analysis._perceived import perceived_error as perceived_error
 from analysis._pixel_means import pixel_means as pixel_means
 from analysis._point_spectrum import point_spectrum as point_spectrum

@@ -135,6 +135,8 @@ def right_of_functions():
         "analysis.convergence.reference": [(np.zeros((4, 4)), 0.0), None],
         "analysis.segment_counts.radius": [1],
         "analysis.optimize_points.measure": [analysis.periodic_discrepancy],
+        "analysis.optimize_scrambling.points": [[[0, 0], [1, 1]]],
+        "analysis.optimize_scrambling.measure": [lambda points: points.sum()],
         "analysis.mean_spectrum.make": [lambda key: np.ones(2)],
         "analysis.search_net.m": [1, 2],
         "analysis.search_discrepancy.start": [None],

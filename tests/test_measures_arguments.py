@@ -76,6 +76,7 @@ GOOD = {
     "nearest_distances": dict(points=POINTS, torus=True, shear=0.25),
     "nearest_statistics": dict(points=POINTS, torus=True, shear=0.25),
     "optimize_points": dict(points=POINTS, measure=analysis.periodic_discrepancy, steps=1, torus=True),
+    "optimize_scrambling": dict(points=[[0, 0], [1, 1]], measure=lambda points: points.sum(), steps=1, key=0),
     "perceived_error": dict(image=IMAGE, reference=0 * IMAGE, distance=1.0),
     "point_spectrum": dict(points=POINTS, resolution=4, method=None),
     "projection_t_values": dict(points_or_matrices=POINTS, base=2, m=None, size=2),

@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from analysis import _arguments
+from analysis._ranks_program import improved
 from analysis._star_discrepancy import star_discrepancy
 from qmcjax.core import checks
 
@@ -104,6 +105,14 @@ class _Ranked:
             if not self.reach(self.level * (1 - step), rounds):
                 step /= 2
 
+    def settle(self) -> None:
+        """Find the best coordinates for these ranks, in space; in the plane small steps reach them."""
+        if self.dims == 3:
+            ends, ranks, _ = self.state
+            better, level = improved(ends, ranks, self.level)
+            if level < self.level:
+                ends[:], self.level = better, level * _NO_LESS
+
     def walk(self, draws: NDArray[np.float64]) -> None:
         """Try to swap neighbouring ranks at this level."""
         from analysis import _ranks_plane, _ranks_space  # They may load Numba.
@@ -152,7 +161,7 @@ def search_discrepancy(
     Whether coordinates exist that reach a star discrepancy for given ranks is a system of constraints (see
     [1]_). In two dimensions these are differences of logarithms, so that the best coordinates for the ranks
     are found by bisection and the method of Bellman and Ford. In three dimensions they are found by moving
-    one coordinate at a time, which may miss some.
+    one coordinate at a time, which may miss some, and by linear programs from time to time.
 
     Ranks come from lattices of totally real number fields, drawn at random and improved by small changes.
     Then neighbouring ranks are swapped at random as long as a level of discrepancy can be kept, which is
@@ -222,12 +231,15 @@ class _Search:
 
     def run(self) -> None:
         """Anneal the best points and those of new lattices in turn, for longer and longer."""
+        self.best.lower(0.1, _LEAST[self.best.dims])
         lattices = _LATTICES
         while not self._over():
             self._anneal(self.best, lattices)
             self._anneal(self._scan(lattices), lattices)
             lattices += lattices // 2
-        self.best.lower(1e-4, 1e-10, 50)
+        if self.best.dims == 2:
+            self.best.lower(_LEAST[2], 1e-8, 50)
+        self.best.settle()
 
     def _over(self) -> bool:
         return self.steps >= self.most or time.monotonic() - self.began > self.seconds
@@ -260,16 +272,19 @@ class _Search:
                 self._keep(ranked)
         return found or self.best
 
-    def _anneal(self, ranked: _Ranked, lattices: int) -> None:
+    def _anneal(self, base: _Ranked, lattices: int) -> None:
         """Swap ranks while the level falls, again and again."""
         n = len(self.best.points())
-        stages = lattices // _LATTICES_A_STAGE[self.best.dims]
-        base, failures, heat, step = ranked, _PATIENCE, 0.0, 0.0
-        for _ in range(stages):
+        ranked, settled, failures, heat, step = base, None, _PATIENCE, 0.0, 0.0
+        for _ in range(lattices // _LATTICES_A_STAGE[self.best.dims]):
             if self._over():
                 break
             self.steps += 1
             if failures == _PATIENCE:
+                if settled is not base:
+                    base.settle()
+                    self._keep(base)
+                    settled = base
                 ranked = base.copy()
                 heat = np.exp(self.rng.uniform(*np.log(_HEATS)))
                 ranked.level *= 1 + heat

@@ -109,8 +109,9 @@ def test_search_is_a_function_of_its_arguments_and_can_go_on():
 def test_what_cannot_be_improved_is_kept():
     """Published optimum of five points: 1/5 (Clement, Doerr, Klamroth, Paquete)."""
     best = analysis.search_discrepancy(5, None, key=1, steps=40)
-    assert best.discrepancy == pytest.approx(0.2, abs=1e-9)
-    assert analysis.search_discrepancy(5, None, key=2, steps=5, start=best.points).discrepancy <= 0.2 + 1e-9
+    assert best.discrepancy == pytest.approx(0.2, abs=1e-6)
+    again = analysis.search_discrepancy(5, None, key=2, steps=5, start=best.points)
+    assert again.discrepancy <= best.discrepancy
 
 
 @slow
@@ -125,13 +126,16 @@ def test_proven_optima_in_the_plane(n, optimum):
 
 @slow
 @pytest.mark.parametrize("key", range(2))
-def test_coordinates_in_space_are_close_to_those_of_linear_programs(key):
+def test_coordinates_in_space_are_close_to_those_of_programs_with_all_boxes(key):
     points = np.random.default_rng(key).random((6, 3))
     ranked = _Ranked(points, analysis.star_discrepancy(points))
     ranked.lower(0.1, 1e-7, 100)
     assert analysis.star_discrepancy(ranked.points()) <= ranked.level + 1e-9
     best = least_level(ranks_of(points))
     assert best - 2e-5 <= ranked.level < 1.15 * best
+    ranked.settle()
+    assert analysis.star_discrepancy(ranked.points()) <= ranked.level
+    assert best - 2e-5 <= ranked.level < 1.005 * best
 
 
 @slow

@@ -126,6 +126,7 @@ def right_of_functions():
         "qmcjax.sequences.permutation_net_in_row.index": [1],
         "qmcjax.sequences.faure.base": [2, 3],
         "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]],
+        "qmcjax.sequences.record_net.n": [16],
         "analysis.point_spectrum.resolution": [4],
         "analysis.squared_min_distance.points": [[[0, 0], [1, 2]]],
         "analysis.squared_min_distance.shear": [0],

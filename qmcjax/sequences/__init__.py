@@ -62,6 +62,7 @@ from qmcjax.sequences._random import jittered as jittered
 from qmcjax.sequences._random import uniform as uniform
 from qmcjax.sequences._rank1_lattice import korobov as korobov
 from qmcjax.sequences._rank1_lattice import rank1_lattice as rank1_lattice
+from qmcjax.sequences._record_net import record_net as record_net
 from qmcjax.sequences._replacement import replace_component as replace_component
 from qmcjax.sequences._rotation import rotate as rotate
 from qmcjax.sequences._searched import optimized_net_3d as optimized_net_3d

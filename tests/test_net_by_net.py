@@ -96,6 +96,14 @@ def test_all_permutations_in_base_b_are_equally_likely(sequence, base):
         assert chi_squared(behind[:, dim], base**2) < 5
 
 
+@pytest.mark.parametrize("name", slow("sobol", "L times sobol", "halton"))
+def test_points_made_in_a_program_are_the_same(name):
+    """All of it, the sequence too."""
+    make, n = SCRAMBLED[name]
+    inside = jax.jit(lambda key: sequences.net_by_net(make(), n, key).table)(KEYS[0])
+    assert np.array_equal(inside, sequences.net_by_net(make(), n, KEYS[0]).table)
+
+
 @pytest.mark.slow
 def test_fewer_points_are_the_first():
     for sequence in (sequences.sobol(3), sequences.halton(3)):
@@ -147,7 +155,7 @@ def test_each_point_is_the_best_of_its_candidates(n):
     seeds = jax.random.bits(key, (3, 2), jnp.uint32)
     seeds = hash_word(seeds[:2, None] + (first(candidates) * np.uint32(0x9E3779B9))[None, :, None])
     random = np.asarray(random_word(jnp.asarray(first(n))[:, None, None], seeds[None]))
-    steps = to_earlier(np.asarray(sequence.matrices))
+    steps = np.asarray(to_earlier(sequence.matrices))
     for i in range(1, n):
         k = i.bit_length() - 1
         unit = np.uint32(2 ** (31 - k))
@@ -208,7 +216,7 @@ def nearest_pair(points):
             "sequence must have one of its first 2 points in each interval of length",
         ),
         (
-            lambda: jax.jit(lambda s: sequences.net_by_net(s, 4, 0).table)(sequences.sobol(2)),
+            lambda: jax.jit(lambda s: sequences.net_by_net(s, 4, 0).table)(sequences.faure(3)),
             ValueError,
             "sequence must be known before tracing",
         ),

@@ -36,8 +36,8 @@ def net_by_net(
     Parameters
     ----------
     sequence : Digital, RadicalInverses or PrimeDigital
-        Such as of ``sobol``, ``larcher_pillichshammer``, ``digital``, ``halton``, ``faure``; known before
-        tracing. Its first b**k points have one point in each interval of length b**-k in each coordinate.
+        Such as of ``sobol``, ``larcher_pillichshammer``, ``digital``, ``halton``, ``faure``. Its first b**k
+        points have one point in each interval of length b**-k in each coordinate.
     n : int
         In [1, 2**24], with ``n * dims`` at most 2**28 and n at most the largest power b**k <= 2**32 of each
         base. The points of a smaller n are the first of a larger one.
@@ -89,14 +89,13 @@ def net_by_net(
             f"sequence must be digital in base 2, or a Halton, Faure or van der Corput sequence, got "
             f"{checks.shown(sequence)}"
         )
-    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(sequence)):
-        raise ValueError("sequence must be known before tracing, got a tracer in it")
+    if isinstance(sequence, PrimeDigital) and isinstance(sequence.tables, Tracer):
+        raise ValueError("sequence must be known before tracing unless in base 2, got a tracer in it")
     n, candidates = checked_sizes(n, sequence.dims, candidates)
     if isinstance(sequence, Digital):
         if candidates > 1 and sequence.dims < 2:
             raise ValueError("sequence must have at least 2 dimensions for candidates > 1, got 1")
-        steps = jnp.asarray(to_earlier(np.asarray(sequence.matrices)))
-        return drawn(steps, checks.prng_key("key", key), n, candidates)
+        return drawn(to_earlier(sequence.matrices), checks.prng_key("key", key), n, candidates)
     if candidates > 1:
         raise ValueError(f"candidates must be 1 unless the sequence is digital in base 2, got {candidates}")
     seeds = _seeds(checks.prng_key("key", key), sequence.dims)
@@ -128,7 +127,7 @@ def _seeds(key: Array, dims: int) -> Array:
     return jax.random.bits(key, (dims, 2), jnp.uint32)
 
 
-def to_earlier(matrices: NDArray[np.uint32]) -> NDArray[np.uint32]:
+def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
     """Return the words whose xor takes indices from 2**k on to those of which they share the first k digits.
 
     Word k of a coordinate is column k of V in C V = L, with V upper and L lower triangular: the point of
@@ -141,22 +140,40 @@ def to_earlier(matrices: NDArray[np.uint32]) -> NDArray[np.uint32]:
 
     Returns
     -------
-    uint32 array, shape (dims, 32)
+    uint32 Array, shape (dims, 32)
+
+    Raises
+    ------
+    ValueError
+        If points are known not to be stratified.
     """
-    points, indices = matrices.copy(), np.zeros_like(matrices)
-    for k in range(32):
-        indices[:, k] = 1 << k
-        for row in range(k):
-            digit = -(points[:, k] >> np.uint32(31 - row) & np.uint32(1))
-            points[:, k] ^= digit & points[:, row]
-            indices[:, k] ^= digit & indices[:, row]
-        stratified = points[:, k] >> np.uint32(31 - k) & np.uint32(1) == 1
-        if not stratified.all():
+    points, indices = _eliminated(jnp.asarray(matrices))
+    if not isinstance(points, Tracer):
+        diagonal = np.asarray(points) >> np.arange(31, -1, -1, dtype=np.uint32) & np.uint32(1)
+        if not diagonal.all():
+            dim, k = np.argwhere(diagonal == 0)[0]
             raise ValueError(
                 f"sequence must have one of its first {2 ** (k + 1)} points in each interval of length "
-                f"2**-{k + 1}, got another one in coordinate {int(np.argmin(stratified))}"
+                f"2**-{k + 1}, got another one in coordinate {dim}"
             )
     return indices
+
+
+@jax.jit
+def _eliminated(matrices: Array) -> tuple[Array, Array]:
+    """Return the columns of L and of V."""
+
+    def column(k: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        def clear(row: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+            digit = np.uint32(0) - (state[0][:, k] >> (31 - row).astype(jnp.uint32) & np.uint32(1))
+            points, indices = (words.at[:, k].set(words[:, k] ^ (digit & words[:, row])) for words in state)
+            return points, indices
+
+        return jax.lax.fori_loop(0, k, clear, state)
+
+    unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
+    state = matrices, jnp.broadcast_to(unit[None], matrices.shape)
+    return jax.lax.fori_loop(0, 32, column, state)
 
 
 @partial(jax.jit, static_argnames="n")

@@ -84,7 +84,8 @@ def _steps() -> NDArray[np.uint32]:
         columns[:, 2 * k] = _reversed(polynomial)
         columns[:, 2 * k + 1] = _reversed(times_x), _reversed(times_x ^ polynomial)
         polynomial = (times_x ^ polynomial) << 1
-    return to_earlier(columns)
+    with jax.ensure_compile_time_eval():
+        return np.asarray(to_earlier(columns))
 
 
 def _reversed(word: int) -> int:

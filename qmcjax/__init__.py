@@ -7,13 +7,17 @@ Four nouns, each a pure function at random access and a JAX pytree:
 - a **sampler** maps a pixel and a sample to a point (:mod:`qmcjax.samplers`),
 - a **scene** maps a point to a value (:mod:`qmcjax.scenes`);
 
-:func:`qmcjax.render` puts them together, :func:`qmcjax.integrate` averages a function over a sequence alone.
+:func:`qmcjax.render` puts them together, :func:`qmcjax.integrate` averages a function over a sequence alone,
+:func:`qmcjax.recommend` says which sampler to take.
 """
 
 from qmcjax import orders as orders
 from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
 from qmcjax import sequences as sequences
+from qmcjax.choosing import ErrorRatio as ErrorRatio
+from qmcjax.choosing import Recommendation as Recommendation
+from qmcjax.choosing import recommend as recommend
 from qmcjax.core.pytrees import pytree as pytree
 from qmcjax.integrate import Estimate as Estimate
 from qmcjax.integrate import integrate as integrate

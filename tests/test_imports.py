@@ -11,6 +11,7 @@ ROOMS = (
     "analysis/tables",
     "figures",
     "qmcjax",
+    "qmcjax/choosing",
     "qmcjax/core",
     "qmcjax/orders",
     "qmcjax/rendering",

@@ -16,5 +16,8 @@ ORDERS = Path(qmcjax.__file__).parent / "orders" / "_data"
 SAMPLERS = Path(qmcjax.__file__).parent / "samplers" / "_data"
 """Where tables of samplers are kept."""
 
+CHOOSING = Path(qmcjax.__file__).parent / "choosing" / "_data"
+"""Where what was measured of samplers is kept."""
+
 TRACED = Path(qmcjax.__file__).parent / "scenes" / "traced" / "_data"
 """Where images of ray-traced scenes are kept."""

@@ -1,0 +1,157 @@
+"""Measure the errors of all samplers that there are to choose from: the table behind ``qmcjax.recommend``.
+
+Run once (some minutes on one core): ``python -m analysis.tables.make_recommendations``. Begun again, it keeps
+the rows of samplers that are there: delete those of one to measure it anew.
+
+A sampler's points are those of the most dimensions of a level; scenes of fewer take the first coordinates.
+All scenes of a level are evaluated at the same points, with 8 keys. Of each scene the root mean square of
+its errors over the keys is kept, as 1000 ln(error / error of random samples).
+"""
+
+import csv
+from collections.abc import Iterator
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from analysis import filtered_error
+from analysis.tables import CHOOSING
+from qmcjax import scenes
+from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS, Candidate, has_edges
+
+SIDE, KEYS = 128, 8
+BASE = "random"
+"""What errors are relative to."""
+
+SHIFTS = (0.37, 0.61, 0.43, 0.71, 0.29, 0.55, 0.67, 0.33)
+"""Where Genz's families have peaks, kinks and jumps: at no fractions that samples are aligned to."""
+
+SCENES: dict[int, dict[str, Any]] = {
+    2: {
+        "checkerboard": scenes.checkerboard(),
+        "flat checkerboard": scenes.flat_checkerboard(),
+        "step": scenes.step(),
+        "staircase": scenes.staircase(),
+        "line": scenes.line(),
+        "disc": scenes.disc(),
+        "triangle": scenes.triangle(),
+        "heaviside": scenes.heaviside(2, 0.931),
+        "zone plate": scenes.zone_plate(),
+        "gaussian": scenes.gaussian(),
+    },
+    4: {
+        "moving edge": scenes.moving_edge(),
+        "blinking disc": scenes.blinking_disc(on=(0.21, 0.73)),
+        "ball": scenes.ball(times=(0.57,)),
+        "defocused edge": scenes.defocused_edge(),
+        "soft shadow": scenes.soft_shadow(),
+        "heaviside 3": scenes.heaviside(3, 1.37),
+        "heaviside 4": scenes.heaviside(4, 1.91),
+        "path 1": scenes.path_toy(1, survival=None),
+    },
+    8: {
+        "heaviside 5": scenes.heaviside(5, 2.43),
+        "heaviside 6": scenes.heaviside(6, 2.87),
+        "heaviside 8": scenes.heaviside(8, 3.91),
+        "path 1, roulette": scenes.path_toy(1, survival=0.6),
+        "path 2": scenes.path_toy(2, survival=None),
+        "path 2, roulette": scenes.path_toy(2, survival=0.6),
+        "path 3": scenes.path_toy(3, survival=None),
+    },
+}
+"""By level; none is ray-traced."""
+
+for level, of_level in SCENES.items():
+    for family in ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous"):
+        for difficulty in (1.0, 3.0):
+            made = scenes.genz(family, level, difficulty, SHIFTS[:level])
+            of_level[f"genz {family} {level}, {difficulty:g}"] = made
+    of_level[f"genz discontinuous {level}"] = scenes.genz("discontinuous", level, 0.5, SHIFTS[:level])
+
+
+@partial(jax.jit, static_argnames="level")
+def points(sampler: Any, level: int, sample: Array) -> Array:
+    """Return one sample of each pixel, coordinates on the screen first: shape (SIDE, SIDE, level)."""
+    y, x = jnp.mgrid[:SIDE, :SIDE].astype(jnp.uint32)
+    point = sampler(x, y, jnp.full_like(x, sample), tuple(range(level)))
+    corner = jnp.stack([x, y], axis=-1).astype(point.dtype)
+    return jnp.concatenate([(point[..., :2] + corner) / SIDE, point[..., 2:]], axis=-1)
+
+
+@jax.jit
+def added(total: Array, point: Array) -> Array:
+    """Add the values of all scenes of a level, shape (scenes, SIDE, SIDE)."""
+    of_level = SCENES[point.shape[-1]].values()
+    return total + jnp.stack([scene(point[..., : len(scene.needs)]) for scene in of_level])
+
+
+def images(sampler: Any, level: int, spp: int) -> NDArray[np.float64]:
+    """Return images of all scenes of a level. Their program is compiled once, apart from the samplers'."""
+    total = jnp.zeros((len(SCENES[level]), SIDE, SIDE))
+    for sample in range(spp):
+        total = added(total, points(sampler, level, jnp.uint32(sample)))
+    return np.asarray(total, np.float64) / spp
+
+
+@cache
+def exact(level: int) -> list[NDArray[np.float64]]:
+    """Return what the images tend to."""
+    return [scene.reference(SIDE, SIDE)[0] for scene in SCENES[level].values()]
+
+
+def errors(candidate: Candidate, level: int, spp: int, keys: range) -> NDArray[np.float64]:
+    """Return the errors, shape (measures, scenes, keys)."""
+    found = np.empty((len(MEASURES), len(SCENES[level]), len(keys)))
+    for k, key in enumerate(keys):
+        drawn = images(candidate.make(level, SIDE, SIDE, spp, key), level, spp)
+        for j, (image, reference) in enumerate(zip(drawn, exact(level), strict=True)):
+            rms = np.sqrt(np.mean((image - reference) ** 2))
+            found[:, j, k] = rms, filtered_error(image, reference)
+    return found
+
+
+def logarithms(candidate: Candidate) -> dict[int, NDArray[np.float64]]:
+    """Return ln(error) by level, shape (scenes, measures, numbers of samples)."""
+    found = {}
+    for level in LEVELS:
+        if level <= candidate.most_dims:
+            of_spp = [errors(candidate, level, spp, range(KEYS)) for spp in SPPS]
+            found[level] = np.log(np.sqrt(np.mean(np.square(of_spp), axis=-1))).transpose(2, 1, 0)
+    return found
+
+
+def rows(name: str, base: dict[int, NDArray[np.float64]]) -> Iterator[list[str]]:
+    """Yield the rows of a sampler."""
+    for level, of_scenes in (base if name == BASE else logarithms(CANDIDATES[name])).items():
+        relative = np.rint(1000 * (of_scenes - base[level])).astype(int)
+        for (scene, made), numbers in zip(SCENES[level].items(), relative, strict=True):
+            kind = "edges" if has_edges(made) else "smooth"
+            yield [scene, kind, str(level), name, *map(str, numbers.ravel())]
+
+
+def main(folder: Path = CHOOSING) -> None:
+    """Write recommendations.csv into a folder, or go on with it."""
+    path = folder / "recommendations.csv"
+    numbers = [f"{measure} at {spp} spp" for measure in MEASURES for spp in SPPS]
+    table = [["scene", "kind", "level", "sampler", *numbers]]
+    if path.exists():
+        with path.open(encoding="utf-8", newline="") as stream:
+            table = [row for row in csv.reader(stream) if not row[0].startswith("#")]
+    base = logarithms(CANDIDATES[BASE])
+    done = {row[3] for row in table}
+    for name in [name for name in CANDIDATES if name not in done]:
+        table += rows(name, base)
+        with path.open("w", encoding="utf-8", newline="") as stream:
+            stream.write(f"# 1000 ln(error / error of {BASE}); {SIDE} x {SIDE} pixels; {KEYS} keys\n")
+            csv.writer(stream, lineterminator="\n").writerows(table)
+        print(name, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,12 @@
+"""Which sampler to take: candidates, what a benchmark has measured of them, and the choice."""
+
+from qmcjax.choosing._candidates import CANDIDATES as CANDIDATES
+from qmcjax.choosing._candidates import Candidate as Candidate
+from qmcjax.choosing._recommend import Recommendation as Recommendation
+from qmcjax.choosing._recommend import recommend as recommend
+from qmcjax.choosing._table import LEVELS as LEVELS
+from qmcjax.choosing._table import MEASURES as MEASURES
+from qmcjax.choosing._table import SPPS as SPPS
+from qmcjax.choosing._table import ErrorRatio as ErrorRatio
+from qmcjax.choosing._table import Measured as Measured
+from qmcjax.choosing._table import has_edges as has_edges

@@ -1,0 +1,126 @@
+"""What the benchmark has measured, and comparisons of two samplers in it."""
+
+import csv
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qmcjax import scenes
+from qmcjax.choosing._candidates import CANDIDATES
+
+__all__ = ["ErrorRatio", "Measured", "has_edges"]
+
+SPPS = (1, 4, 16, 64)
+LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
+"""By the most dimensions that scenes of a level have."""
+
+MEASURES = ("RMS error", "filtered error")
+
+NEGLIGIBLE = 1.02
+"""Where 95 in 100 intervals cannot exclude that errors differ by less, there is no difference."""
+
+
+class ErrorRatio(NamedTuple):
+    """How many times the error of another sampler has: the geometric mean over scenes."""
+
+    ratio: float
+    low: float
+    """Between this and ``high`` is the ratio in 95 of 100 cases."""
+    high: float
+
+    @property
+    def differs(self) -> bool:
+        """Whether the other has certainly more error, by 2 %."""
+        return self.low > NEGLIGIBLE
+
+    def __str__(self) -> str:
+        return f"{self.ratio:.2f} ({self.low:.2f} to {self.high:.2f})"
+
+
+class Row(NamedTuple):
+    """Of one scene and one sampler."""
+
+    scene: str
+    edges: bool
+    level: int
+    sampler: str
+    logarithms: NDArray[np.float64]
+    """ln(error / error of random samples), shape (measures, numbers of samples)."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Logarithms of errors on the scenes of one level, of one kind or both, at some samples per pixel."""
+
+    scenes: tuple[str, ...]
+    errors: Mapping[str, NDArray[np.float64]]
+    """By sampler, ln(error / error of random samples), shape (scenes,)."""
+
+    @staticmethod
+    def of(edges: bool | None, level: int, spp: int, filtered: bool) -> "Measured":
+        """Return what the table has, between its numbers of samples interpolated over their logarithms."""
+        chosen = [row for row in table() if row.level == level and edges in (None, row.edges)]
+        at, known = np.log(spp), np.log(SPPS)
+        errors = {
+            name: np.array(
+                [np.interp(at, known, row.logarithms[int(filtered)]) for row in chosen if row.sampler == name]
+            )
+            for name in dict.fromkeys(row.sampler for row in chosen)
+        }
+        return Measured(tuple(dict.fromkeys(row.scene for row in chosen)), errors)
+
+    def ranked(self, names: Iterable[str]) -> list[str]:
+        """Return those of these names that were measured, the one of the least mean first."""
+        return sorted((name for name in names if name in self.errors), key=lambda n: self.errors[n].mean())
+
+    def compare(self, other: str, to: str) -> ErrorRatio:
+        """Return how many times the error of one sampler another has.
+
+        The logarithms of the ratios of all scenes are taken as a sample of those of such scenes: their mean
+        has Student's interval. It holds the scatter of scenes and of keys, which are averaged in each scene.
+        """
+        from scipy.stats import t
+
+        difference = self.errors[other] - self.errors[to]
+        n = len(difference)
+        half = t.ppf(0.975, n - 1) * difference.std(ddof=1) / np.sqrt(n)
+        mean = difference.mean()
+        ratio, low, high = np.exp([mean, mean - half, mean + half])
+        return ErrorRatio(float(ratio), float(low), float(high))
+
+
+def has_edges(scene: Any) -> bool | None:
+    """Return whether the value of a scene jumps, or None if its type does not tell."""
+    if isinstance(scene, scenes.Genz):
+        return scene.family == "discontinuous"
+    if isinstance(scene, scenes.Gaussian | scenes.Product | scenes.Ramp | scenes.ZonePlate):
+        return False
+    jumps = scenes.BlinkingDisc | scenes.DefocusedEdge | scenes.MovingEdge | scenes.Ball
+    if isinstance(scene, jumps | scenes.SoftShadow | scenes.PathToy | scenes.Traced):
+        return True
+    return True if hasattr(scene, "boundary") else None
+
+
+@cache
+def table() -> tuple[Row, ...]:
+    """Read the table; see ``analysis/tables/make_recommendations.py``."""
+    source = resources.files("qmcjax.choosing") / "_data" / "recommendations.csv"
+    with source.open(encoding="utf-8") as stream:
+        lines = csv.reader(line for line in stream if not line.startswith("#"))
+        next(lines)
+        return tuple(
+            Row(
+                scene,
+                kind == "edges",
+                int(level),
+                sampler,
+                np.array(numbers, np.float64).reshape(len(MEASURES), len(SPPS)) / 1000,
+            )
+            for scene, kind, level, sampler, *numbers in lines
+            if sampler in CANDIDATES
+        )

@@ -12,7 +12,7 @@ import analysis
 from qmcjax import samplers
 
 CLASSES = ("half-planes", "discs", "bumps", "waves")
-COUNT = 6
+COUNT = 4
 """Integrands of a class."""
 
 _rng = np.random.default_rng(1)

@@ -15,7 +15,7 @@ from figures._image_grid import GAP, Panel, add_axes, image_grid
 from figures._integrand_classes import CLASSES
 from qmcjax import orders, samplers, sequences
 
-SIDE = {"draft": 64, "paper": 256}
+SIDE = {"draft": 64, "paper": 128}
 COUNTS = {"draft": (1, 4), "paper": (1, 4, 16, 64)}
 KEYS = {"draft": 1, "paper": 4}
 SHOWN_SPP = (1, 4)

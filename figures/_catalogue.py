@@ -131,6 +131,9 @@ CATALOGUE = {
     "stability": Entry("figures.stability", "Where single precision holds and where it breaks"),
     "ray-stability": Entry("figures.ray_stability", "Where rays in single precision hold and break"),
     "measures": Entry("figures.measures", "All measures of all sequences"),
+    "generators": Entry(
+        "figures.generators", "Generators of points: t, projections, discrepancy, convergence"
+    ),
     "measure-speed": Entry(
         "figures.measure_speed", "Speed of the measures, beside peers and with gradients", timed=True
     ),

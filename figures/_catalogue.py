@@ -145,6 +145,7 @@ CATALOGUE = {
         "Orders with searched permutations beside the samplers of the papers",
         timed=True,
     ),
+    "scramblings": Entry("figures.scramblings", "Ways to scramble Sobol's sequence: errors and distances"),
     "quadruples": Entry(
         "figures.quadruples",
         "Pairs and quadruples of coordinates: Sobol's, and searched matrices over F_3",

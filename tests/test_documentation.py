@@ -16,6 +16,7 @@ NOT_HANDED_ON = {
     "figures.arena": "for the command line",
     "figures.docs": "this",
     "figures.page": "for the runner",
+    "qmcjax.choosing": "handed on by qmcjax",
     "qmcjax.core": "of no use outside",
     "qmcjax.rendering": "handed on by qmcjax",
     "qmcjax.scenes.traced": "handed on by qmcjax.scenes, but for how references are stored",

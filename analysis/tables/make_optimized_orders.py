@@ -46,7 +46,7 @@ SPARSE = 0.25
 HOT, COLD = 0.6, 0.01
 """First and last temperature, as parts of the variance of the mean of a pixel."""
 
-TRIALS = 350
+TRIALS = 1500
 """Exchanges that are tried for each pixel, and as many other first samples."""
 
 

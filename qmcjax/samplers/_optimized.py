@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from qmcjax import orders
 from qmcjax.core import checks
-from qmcjax.core.bits import hash_word, owen_hash, reverse
+from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed
@@ -70,20 +70,25 @@ class Optimized(Sampler):
         position = order.position(x, y)
         rank = self.ranks.at[order.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         seed = hash_word(position ^ self.seeds[pair, 2])
-        return position, rank ^ self._shuffled(jnp.zeros_like(seed), seed), seed
+        return position, rank, seed
 
     def _shuffled(self, sample: Array, seed: Array) -> Array:
-        """Permute the numbers of samples, nested: the first 2**k are an aligned block of 2**k."""
-        if not self._digits:
-            return sample
-        unused = 32 - self._digits
-        return reverse(owen_hash(reverse(sample << unused), seed) << unused)
+        """Permute the numbers of samples, nested, and keep 0: the first 2**k stay the first.
+
+        Each digit that is set xors the digits below it with random ones, as those of Matousek's scrambling.
+        """
+        number = sample
+        for k in range(1, self._digits):
+            # Bits of their own, while the seed has any.
+            place = k * (k - 1) // 2 % 32
+            random = (seed >> place) | (seed << (32 - place) if place else seed)
+            number = number ^ (random & np.uint32(2**k - 1) & (np.uint32(0) - ((sample >> k) & np.uint32(1))))
+        return number
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return points of the pixels' blocks."""
         indices = {}
         for pair, (position, first, seed) in state.items():
-            # Sample 0 has the number of the rank, which the shuffle has in common with its own zero.
             indices[pair] = append(position, self._shuffled(sample, seed) ^ first, self._digits)
         return jnp.stack([self._coordinate(j // 2, j % 2, indices[j // 2], dtype) for j in dims], axis=-1)
 

@@ -414,7 +414,7 @@ def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     """Operations in the lowered program; and no array in it has 32 coordinates of the 7 points."""
     where = (jnp.asarray(first(7)),) * 3
     # A pass draws the seeds of all dimensions, once for all points; of a family of orders a member is taken.
-    more = {"randomized": 4, "optimized": 5, "z": 1, "z, tree": 2, "z, counts": 1}.get(name, 0)
+    more = {"randomized": 4, "optimized": 1, "z": 1, "z, tree": 2, "z, counts": 1}.get(name, 0)
 
     def operations(sampler):
         program = jax.jit(lambda sampler, *where: sampler(*where, dims=(0, 1))).lower(sampler, *where)

@@ -150,6 +150,9 @@ CATALOGUE = {
         "figures.quadruples",
         "Pairs and quadruples of coordinates: Sobol's, and searched matrices over F_3",
     ),
+    "discrepancy-records": Entry(
+        "figures.discrepancy_records", "Star discrepancy of searched sets beside published values"
+    ),
     "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
     "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),
     "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),

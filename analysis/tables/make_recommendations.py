@@ -147,6 +147,7 @@ def main(folder: Path = CHOOSING) -> None:
     done = {row[3] for row in table}
     for name in [name for name in CANDIDATES if name not in done]:
         table += rows(name, base)
+        table[1:] = sorted(table[1:], key=lambda row: list(CANDIDATES).index(row[3]))
         with path.open("w", encoding="utf-8", newline="") as stream:
             stream.write(f"# 1000 ln(error / error of {BASE}); {SIDE} x {SIDE} pixels; {KEYS} keys\n")
             csv.writer(stream, lineterminator="\n").writerows(table)

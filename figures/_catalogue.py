@@ -156,7 +156,7 @@ CATALOGUE = {
     "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
     "chooser": Entry("figures.chooser", "Which sampler to take, by scenes and samples per pixel"),
     "optimized-scrambling": Entry(
-        "figures.optimized_scrambling", "Scramblings of nets by gradients, beside annealing"
+        "figures.optimized_scrambling", "Scramblings of nets by gradients, beside annealing", timed=True
     ),
     "hilbert-1": Entry("figures.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"),
     "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),

@@ -61,7 +61,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     tasks = _tasks(m)
     for done, (name, task) in enumerate(tasks.items(), start=1):
         values, curves[name], found[name] = _searched(task, steps, keys)
-        measured[name] = values | {"seconds of a gradient / of a value": _ratio(task)}
+        measured[name] = values
         progress(done / len(tasks))
     same = [
         bool(analysis.t_value(found[name] / 2**m) == analysis.t_value(task.net / 2**m))
@@ -182,6 +182,7 @@ def _searched(task: Task, steps: int, keys: int) -> tuple[dict[str, Any], dict[s
         "unscrambled": value(task.net) / usual,
         "mean of random": usual,
         "values": budget,
+        "seconds of a gradient / of a value": _ratio(task, compiled),
     }
     curves = {}
     for method, of in runs.items():
@@ -236,12 +237,12 @@ def _annealed(
         yield now
 
 
-def _ratio(task: Task) -> float:
+def _ratio(task: Task, value: Callable[[Array], Array]) -> float:
     """Return how many times as long a value with its gradient takes: the least of several, warm."""
     least = []
     with jax.enable_x64(True):
         points = jnp.asarray((task.net + 0.5) / len(task.net))
-        for program in (jax.jit(task.measure), jax.jit(jax.value_and_grad(task.measure))):
+        for program in (value, jax.jit(jax.value_and_grad(task.measure))):
             seconds = []
             for _ in range(20):
                 start = time.perf_counter()

@@ -288,10 +288,10 @@ def _draw(
     axes.legend(loc="center left", bbox_to_anchor=(1.05, 0.5), frameon=False)
     across = int(figure.get_size_inches()[0] * figure.dpi)
     axes = add_axes(figure, GAP, GAP, across - 2 * GAP, height)
-    heads, widths = ["integrands"], [1.6]
+    heads, widths = ["integrands"], [1.5]
     for spp in best:
         heads += [spp, "of"]
-        widths += [0.55, 1.75]
+        widths += [0.86, 2.1]
     groups = [("filtered errors of optimised orders, as parts of those of others", 1, len(heads) - 1)]
     _tables.draw(axes, heads, _rows(best, compared, drawn, first), groups, widths)
     return figure

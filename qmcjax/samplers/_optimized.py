@@ -153,7 +153,9 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
     key nor an integrand. A single fixed scrambling allows smaller errors, but an order made for it is worse
     than this one under others. This is our own idea: the papers permute at random [1]_.
 
-    Errors of integrands of coordinates of different pairs are diffused less, see [1]_, Sect. 6.
+    Errors of integrands of several pairs are diffused less, as [1]_ says of all such orders. With several
+    samples a joint scrambled sequence along the order, by :func:`contiguous`, leaves less of these; with a
+    single one, :func:`ranked` does.
 
     References
     ----------

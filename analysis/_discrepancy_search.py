@@ -169,7 +169,7 @@ def search_discrepancy(
     time, other lattices follow. A step is one lattice, or 2 n swaps.
 
     Loops are compiled where Numba is installed (``pip install qmcjax[fast]``), after some seconds at the
-    first call. Without it the search is the same, and several hundred times slower.
+    first call. Without it the search is the same, and about a hundred times slower.
 
     References
     ----------

@@ -303,10 +303,10 @@ def _rows(best: Best, compared: Compared, drawn: dict[str, float], first: Ratios
         name: {spp: (of["filtered error"][name], best[spp][name][0]) for spp, of in compared.items()}
         for name in CLASSES
     }
-    rows["geometric mean"] = {
+    rows["all classes"] = {
         s: (_geometric(of["filtered error"].values()), "the best") for s, of in compared.items()
     }
-    rows["geometric mean "] = {spp: (ratio, "drawn permutations") for spp, ratio in drawn.items()}
+    rows["all classes "] = {spp: (ratio, "drawn permutations") for spp, ratio in drawn.items()}
     rows[f"the first of {next(iter(first)).split()[-1]}"] = {
         f"{name.split()[0]} spp": (_geometric(of.values()), "ours, made for them")
         for name, of in first.items()

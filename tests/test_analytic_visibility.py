@@ -94,6 +94,7 @@ def test_needs_have_no_time():
 SAMPLES = 5
 
 
+@pytest.mark.slow
 def test_means_over_shading_are_integrals():
     """Each interval has at least one sample, and the mean over their coordinate is exact."""
     light = (1.0, 0, 0), (2.0, -1.0, 3.0)

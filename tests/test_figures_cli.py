@@ -394,6 +394,7 @@ def test_programs_are_forgotten_before_a_process_has_too_many(monkeypatch):
     assert program._cache_size() == 0
 
 
+@pytest.mark.slow
 def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp_path, monkeypatch):
     for name, entry in CATALOGUE.items():
         ours = (path for key, path in sources(entry.module).items() if key.startswith("figures"))

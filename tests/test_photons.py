@@ -80,6 +80,7 @@ def test_uniform_irradiance(intervals):
     assert (found.irradiance(place, place / 2, time, radius) == 0).all()
 
 
+@pytest.mark.slow
 def test_intervals_are_the_limit_of_many_times():
     """The energy of one ray on the floor up to any time is that of as many photons as there are times."""
     world, rays, times = shadowed(), 2**10, 64

@@ -49,6 +49,7 @@ OTHERS = {
         [np.eye(3, dtype=int), np.array([[1, 1, 1], [0, 1, 0], [0, 0, 1]])]
     ),
     ("halton", "key"): None,
+    ("record_net", "n"): 16,
 }
 WRONG = {
     "scene": scenes.checkerboard(),

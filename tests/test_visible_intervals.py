@@ -134,9 +134,8 @@ def slopes(powers, time):
     return abs(np.take_along_axis(b + 2 * t * a, edge, axis=-1))[..., 0]
 
 
-@pytest.mark.parametrize(
-    ("name", "tolerance"), [("float32", 1e-6), pytest.param("float64", 1e-12, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("name", "tolerance"), [("float32", 1e-6), ("float64", 1e-12)])
+@pytest.mark.slow
 def test_single_triangles_are_covered_as_at_dense_times(name, tolerance):
     """Ends are exact to the tolerance, but where an edge only grazes the ray: see the slopes."""
     rng = np.random.default_rng(3)
@@ -287,6 +286,7 @@ def grid(side, speed, rng):
     return opened, closed, np.concatenate([corners[:, [0, 1, 2]], corners[:, [2, 3, 0]]])
 
 
+@pytest.mark.slow
 def test_no_gap_in_time_opens_between_triangles_that_share_edges():
     """Rays go through edges that two triangles share, half of them through vertices, at some time.
 

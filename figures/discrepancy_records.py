@@ -62,7 +62,8 @@ CONSTRUCTED: dict[int, dict[str, tuple[plot.Style, Callable[[int], NDArray[np.fl
 
 NOTE = (
     "All discrepancies of ours are exact (analysis.star_discrepancy), of the points as they are shipped, in "
-    "32-bit fractions; the published ones are as printed, those of 'permutations' as others cite them. Seconds are wall time of "
+    "32-bit fractions; the published ones are as printed, those of 'permutations' as others cite them. "
+    "Seconds are wall time of "
     "analysis.search_discrepancy with Numba on a core that it had to share with other work, so they are an "
     "upper bound; longer searches find better sets. Nets have sizes that are powers of 2; the points "
     "((i + 1/2)/n, multiples of the golden ratio) have any. For three dimensions we have no published values "

@@ -115,5 +115,7 @@ def _draw(found: dict[str, dict[str, list[float]]], counts: list[int], keys: int
             axes.set(title=NAMES[kind], ylabel="RMS error over that of exact Owen scrambling")
         else:
             axes.set(title="mean minimum distance on the torus", ylabel="distance times $\\sqrt{n}$")
-    panels[0].legend(frameon=False, loc="upper left")
+    figure.legend(
+        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(WAYS), frameon=False
+    )
     return figure

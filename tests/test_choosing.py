@@ -1,6 +1,7 @@
 """The choice of a sampler: what the table says, in words and numbers, and that a new measurement agrees."""
 
 import csv
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -182,3 +183,10 @@ def test_images_are_those_of_render():
     names = list(make_recommendations.SCENES[2])
     expected = qj.render(scenes.gaussian(), sampler, side, side, 4)
     np.testing.assert_allclose(drawn[names.index("gaussian")], expected, atol=1e-5)
+
+
+def test_images_that_are_too_large_for_a_net_are_told():
+    choice = replace(qj.recommend(2, 64), name="permutation")
+    assert choice.sampler(8192, 8192, key=1).dims == 2
+    with pytest.raises(ValueError, match=r"width and height must .* got 8193 x 16 at 64 spp, 2\*\*34"):
+        choice.sampler(8193, 16, key=1)

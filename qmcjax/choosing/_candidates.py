@@ -38,8 +38,13 @@ def _random(dims: int, width: int, height: int, spp: int, key: Any) -> samplers.
 
 
 def _permutation(dims: int, width: int, height: int, spp: int, key: Any) -> samplers.Sampler:
-    side = (max(width, height) - 1).bit_length()
-    net = sequences.permutation_net(2 * side + spp.bit_length() - 1)
+    digits = 2 * (max(width, height) - 1).bit_length() + spp.bit_length() - 1
+    if digits > 32:
+        raise ValueError(
+            "width and height must leave at most 2**32 samples to a permutation net over the next square, "
+            f"got {width} x {height} at {spp} spp, 2**{digits}"
+        )
+    net = sequences.permutation_net(digits)
     return samplers.full_screen(sequences.digital_shift(net, key), width, height)
 
 

@@ -44,6 +44,12 @@ class Recommendation:
         -------
         Sampler
             For ``spp`` samples per pixel and ``dims`` dimensions.
+
+        Raises
+        ------
+        ValueError
+            If an argument is out of range, or the sampler is a permutation net and the image needs more than
+            2**32 samples: then take one of the ``others``.
         """
         width, height = checks.image_size(width, height)
         return CANDIDATES[self.name].make(self.dims, width, height, self.spp, checks.prng_key("key", key))

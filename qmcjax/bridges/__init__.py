@@ -1,0 +1,18 @@
+"""Ways into other programs: plain Python, tables for shaders, files.
+
+``import qmcjax`` does not import them.
+"""
+
+from qmcjax.bridges._bake import bake as bake
+from qmcjax.bridges._bake import bake_mask as bake_mask
+from qmcjax.bridges._bake import bake_matrices as bake_matrices
+from qmcjax.bridges._bake import bake_order as bake_order
+from qmcjax.bridges._bake import bake_ranked as bake_ranked
+from qmcjax.bridges._engines import SequenceEngine as SequenceEngine
+from qmcjax.bridges._engines import tabulate as tabulate
+from qmcjax.bridges._images import read_image as read_image
+from qmcjax.bridges._images import write_image as write_image
+from qmcjax.bridges._plain import PlainSampler as PlainSampler
+from qmcjax.bridges._points import read_points as read_points
+from qmcjax.bridges._points import write_points as write_points
+from qmcjax.bridges._table import BakedTable as BakedTable

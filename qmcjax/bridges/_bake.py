@@ -1,0 +1,292 @@
+"""Tables of samplers, masks, keys and orders, for programs that look points up."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.bridges._pixel_points import pixel_points
+from qmcjax.bridges._strata import broken
+from qmcjax.bridges._table import BakedTable, stored
+from qmcjax.core import checks
+from qmcjax.orders import as_order
+from qmcjax.samplers import Ranked, as_sampler
+from qmcjax.sequences import BinarySequence
+
+MOST = 2**27
+"""Most coordinates of a table, which take 1 GiB in float64."""
+
+_BITS = (8, 16, 24, 32)
+_LONGEST = 300
+
+
+def bake(
+    sampler: Any, tile: tuple[int, int], spp: int, dims: tuple[int, ...] = (0, 1), bits: int = 16
+) -> BakedTable:
+    """Make a table of the points of a sampler, for shaders and other programs.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Or any object that is one. In base 2 the table has the exact leading bits of its points.
+    tile : tuple of int
+        Columns and rows of the pixels from (0, 0) on. Readers repeat them, beyond, as they are.
+    spp : int
+        Samples of each pixel, from 0 on.
+    dims : tuple of int
+        The coordinates.
+    bits : {8, 16, 24, 32}
+        Of each value: unsigned integers, and of 24 bits floats. See :class:`BakedTable` for what files can
+        have.
+
+    Returns
+    -------
+    BakedTable
+
+    Raises
+    ------
+    TypeError
+        If ``sampler`` is none, or a number no integer.
+    ValueError
+        If the sampler has no such pixels, samples or coordinates; or if ``bits`` is none of these, or too few
+        for the strata of a pixel's points.
+
+    Notes
+    -----
+    Coordinates are cut off, not rounded, so that each point stays in its elementary intervals down to a side
+    of ``2**-bits``: of spp = 2**m <= 2**bits samples all of them. For more samples, points of pixels are
+    counted in elementary intervals of volume 2**-m of the first and second of the coordinates, the third and
+    fourth, ..., before and after; if fewer intervals have a point, this is an error. All points of the tile
+    together are counted, too, and what is lost is said in ``about``: a net over the tile may be finer.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> sampler = samplers.independent(sequences.sobol(2), key=1)
+    >>> table = bake(sampler, tile=(64, 64), spp=4)
+    >>> print(table.values.dtype, table.values.shape)
+    uint16 (64, 64, 4, 2)
+    >>> print(table.values[5, 3, 1], sampler(3, 5, 1) * 2**16)
+    [17829 58301] [17829.71  58301.438]
+    """
+    sampler = as_sampler("sampler", sampler)
+    width, height = _size(tile)
+    spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
+    wanted = checks.dimensions(dims, sampler.dims)
+    bits = _checked_bits(bits)
+    sampler.check(width, height, spp)
+    if width * height * spp * len(wanted) > MOST:
+        raise ValueError(
+            f"tile, spp and dims must make at most {MOST} coordinates, got {width} x {height} pixels, {spp} "
+            f"samples and {len(wanted)} dimensions"
+        )
+    points = pixel_points(sampler.up_to(spp), (0, 0), (width, height), 0, spp, wanted, np.float64)
+    words = (points * 2.0**32).astype(np.uint32)
+    lost = broken(words.reshape(width * height, spp, -1), bits)
+    if lost is not None:
+        raise ValueError(f"bits must be more than {bits} for strata of {spp} samples: {lost}")
+    about = (
+        f"Points of a sampler, by qmcjax: {_described(sampler)}.",
+        f"Coordinates: {', '.join(map(str, wanted))} of the sampler's.",
+        _of_tile(words, bits),
+    )
+    return stored(words, bits, True, about)
+
+
+def _of_tile(words: NDArray[np.uint32], bits: int) -> str:
+    """Return what is to be said of the strata of all points together."""
+    lost = broken(words.reshape(1, -1, words.shape[-1]), bits)
+    if lost is None:
+        return "All points together keep their elementary intervals."
+    return f"Finer than {bits} bits are all points together: {lost}."
+
+
+def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
+    """Make a table of a mask, such as that of :func:`qmcjax.samplers.blue_noise_mask`.
+
+    Parameters
+    ----------
+    mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels)
+        In [0, 1).
+    bits : {8, 16, 24, 32}
+        Of each value, cut off as by :func:`bake`.
+
+    Returns
+    -------
+    BakedTable
+        Of one sample, with the channels as coordinates.
+
+    Raises
+    ------
+    TypeError
+        If the mask is not of floats.
+    ValueError
+        If it has another shape or leaves [0, 1), or ``bits`` is none of these.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers
+    >>> table = bake_mask(samplers.blue_noise_mask(1), bits=8)
+    >>> print(table.values.shape)
+    (128, 128, 1, 1)
+    >>> print(table.about[-1])
+    Finer than 8 bits are all points together: of the boxes 1/16384 x 1 16384 have a point, 256 as stored.
+    """
+    known = checks.known_array("mask", mask, np.floating, "floats of shape (rows, columns[, channels])")
+    known = known.astype(np.float64)
+    if known.ndim not in (2, 3) or not known.size:
+        raise ValueError(f"mask must have the shape (rows, columns[, channels]), got {known.shape}")
+    outside = ~((known >= 0) & (known < 1))
+    if outside.any():
+        raise ValueError(f"mask must be in [0, 1), got {known[outside][0]}")
+    bits = _checked_bits(bits)
+    words = (known.reshape(*known.shape[:2], 1, -1) * 2.0**32).astype(np.uint32)
+    return stored(words, bits, True, ("A mask, by qmcjax.", _of_tile(words, bits)))
+
+
+def bake_order(order: Any) -> BakedTable:
+    """Make a table of the positions of pixels on a curve.
+
+    Parameters
+    ----------
+    order : Order
+        Or any object that is one.
+
+    Returns
+    -------
+    BakedTable
+        Of integers, one for each pixel, in as few of 8, 16 or 32 bits as hold the order's length.
+
+    Raises
+    ------
+    TypeError
+        If ``order`` is none.
+    ValueError
+        If it has more than 2**27 pixels.
+
+    Examples
+    --------
+    >>> from qmcjax import orders
+    >>> print(bake_order(orders.hilbert(4, 4)).values[..., 0, 0])
+    [[ 0  1 14 15]
+     [ 3  2 13 12]
+     [ 4  7  8 11]
+     [ 5  6  9 10]]
+    """
+    order = as_order("order", order)
+    if order.width * order.height > MOST:
+        raise ValueError(f"order must have at most {MOST} pixels, got {order.width} x {order.height}")
+    y, x = np.mgrid[: order.height, : order.width].astype(np.uint32)
+    positions = np.asarray(order.position(x, y))[..., None, None]
+    bits = next(bits for bits in (8, 16, 32) if order.length <= 2**bits)
+    return stored(positions, bits, False, (f"Positions of pixels, by qmcjax: {_described(order)}.",))
+
+
+def bake_matrices(sequence: Any) -> BakedTable:
+    """Make a table of generator matrices, for programs that make points of a digital sequence.
+
+    Parameters
+    ----------
+    sequence : Digital
+        A digital sequence in base 2, such as :func:`qmcjax.sequences.sobol`.
+
+    Returns
+    -------
+    BakedTable
+        Of 32-bit integers, for one pixel: "sample" j has the 32 columns of matrix j, the first row in bit 31.
+        Coordinate j of point i, as a 32-bit fraction, is the xor of the columns k for which bit k of i is 1.
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` has no such matrices.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> columns = bake_matrices(sequences.sobol(3)).values[0, 0]
+    >>> print(columns[2, 0] ^ columns[2, 2], sequences.sobol(3).bits(5)[2])
+    3758096384 3758096384
+    """
+    matrices = getattr(sequence, "matrices", None)
+    if not isinstance(sequence, BinarySequence) or matrices is None:
+        raise TypeError(f"sequence must be a digital sequence in base 2, got {checks.shown(sequence)}")
+    about = (
+        f"Generator matrices, by qmcjax: {_described(sequence)}.",
+        "Value k of sample j is column k of matrix j, its first row in bit 31.",
+    )
+    return stored(np.asarray(matrices)[None, None], 32, False, about)
+
+
+def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
+    """Make the tables of a sampler with ranking and scrambling keys: keys, and the points of its sequence.
+
+    Parameters
+    ----------
+    sampler : Ranked
+        From :func:`qmcjax.samplers.ranked`.
+    spp : int
+        Most samples of a pixel that will be asked for.
+
+    Returns
+    -------
+    keys : BakedTable
+        16-bit integers: coordinate 0 is the ranking key of a pixel, j + 1 the scrambling key of dimension j.
+    sequence : BakedTable
+        16-bit integers: the points, as samples of one pixel, a power of two that keys do not leave. In 16-bit
+        fractions, coordinate j of sample s of a pixel is ``sequence[s ^ keys[0]][j] ^ keys[j + 1]``.
+
+    Raises
+    ------
+    TypeError
+        If ``sampler`` is none from there, or ``spp`` no integer.
+    ValueError
+        If ``spp`` is not in [1, 65536].
+
+    Examples
+    --------
+    >>> from qmcjax import samplers
+    >>> sampler = samplers.ranked(2, key=1)
+    >>> keys, sequence = bake_ranked(sampler, 16)
+    >>> rank, scramble = keys.values[5, 3, 0, 0], keys.values[5, 3, 0, 2]
+    >>> print(sequence.values[0, 0, 7 ^ rank, 1] ^ scramble, int(sampler(3, 5, 7)[1] * 2**16))
+    20332 20332
+    """
+    if not isinstance(sampler, Ranked):
+        raise TypeError(f"sampler must be one of samplers.ranked, got {checks.shown(sampler)}")
+    spp = checks.integer("spp", spp, 1, 2**16)
+    rows, columns = sampler.ranks.shape
+    dx, dy = map(int, np.asarray(sampler.translation))
+    place = np.ix_((np.arange(rows) + dy % rows) % rows, (np.arange(columns) + dx % columns) % columns)
+    ranks, scrambles = np.asarray(sampler.ranks)[place], np.asarray(sampler.scrambles)[place]
+    keys = np.concatenate([ranks[..., None], scrambles >> np.uint32(16)], axis=-1)
+    count = 1 << int(max(ranks.max(), spp - 1)).bit_length()
+    words = np.asarray(sampler.sequence.bits(np.arange(count, dtype=np.uint32))) >> np.uint32(16)
+    made = f"by qmcjax: {_described(sampler)}."
+    return (
+        stored(keys[:, :, None, :], 16, False, (f"A ranking key and scrambling keys, {made}",)),
+        stored(words[None, None], 16, False, (f"Points of the sequence of ranked samples, {made}",)),
+    )
+
+
+def _described(noun: Any) -> str:
+    """Return what an object is, for a file: its repr where it is one line, as those of ours are."""
+    text = repr(noun)
+    return checks.shown(noun) if "\n" in text or len(text) > _LONGEST else text
+
+
+def _size(tile: Iterable[int]) -> tuple[int, int]:
+    try:
+        width, height = tile
+    except (TypeError, ValueError):
+        raise TypeError(f"tile must be two integers, columns and rows, got {checks.shown(tile)}") from None
+    most = checks.MAX_SIDE
+    return checks.integer("tile", width, 1, most), checks.integer("tile", height, 1, most)
+
+
+def _checked_bits(bits: int) -> int:
+    if checks.integer("bits", bits, 8, 32) not in _BITS:
+        raise ValueError(f"bits must be one of {_BITS}, got {bits}")
+    return int(bits)

@@ -1,0 +1,123 @@
+"""Generators of points of other libraries as sequences, and ours as engines of scipy."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from qmcjax.core import checks
+from qmcjax.sequences import Sequence, as_sequence, tabulated
+
+
+def tabulate(generator: Any, n: int) -> Sequence:
+    """Make a sequence of points that another library's generator draws.
+
+    Parameters
+    ----------
+    generator : object
+        An engine of ``scipy.stats.qmc``, which draws its next points: any object with ``random(n)``. Or a
+        discrete distribution of QMCPy [1]_, which draws its first ones: any object with ``gen_samples(n)``.
+    n : int
+        Number of points.
+
+    Returns
+    -------
+    Sequence
+        A table, of ``size`` n: these points and no more, whatever the generator could draw. Rounded down to
+        32-bit fractions.
+
+    Raises
+    ------
+    TypeError
+        If the generator has no such method, ``n`` is no integer, or what is drawn is not of floats.
+    ValueError
+        If ``n`` is out of range, or what is drawn is not n points in [0, 1), such as replications, or points
+        of another distribution.
+
+    Notes
+    -----
+    Our own construction, where there is one, has random access and compiles into programs: this is to compare
+    with, and for what is not here.
+
+    References
+    ----------
+    .. [1] S.-C. T. Choi et al., "QMCPy: A Quasi-Monte Carlo Python Library", https://qmcpy.org.
+
+    Examples
+    --------
+    >>> from scipy.stats import qmc
+    >>> print(tabulate(qmc.Halton(2, scramble=False), 4))
+    tabulated(dims=2, size=4)
+    """
+    draws = (getattr(generator, name, None) for name in ("random", "gen_samples"))
+    draw = next((each for each in draws if callable(each)), None)
+    if draw is None or isinstance(generator, type):
+        raise TypeError(
+            "generator must be one of points, with random(n) as in scipy or gen_samples(n) as in QMCPy, got "
+            f"{checks.shown(generator)}"
+        )
+    n = checks.integer("n", n, 1, checks.INDEX_LIMIT - 1)
+    points = np.asarray(draw(n))
+    if points.ndim != 2 or len(points) != n:
+        raise ValueError(f"generator must draw points of shape ({n}, dims), got shape {points.shape}")
+    try:
+        return tabulated(points)
+    except (TypeError, ValueError) as error:
+        raise type(error)(f"generator: {error}") from None
+
+
+class SequenceEngine(qmc.QMCEngine):
+    """A sequence as an engine of ``scipy.stats.qmc``: for code that draws points one block after the other.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        Or any object that is one. Owen-scrambled or not: what scipy calls ``scramble`` is the sequence's own
+        matter.
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` is none.
+    ValueError
+        From ``random`` or ``fast_forward``, if it has no more points.
+
+    Notes
+    -----
+    The opposite way, :func:`tabulate` makes a sequence of an engine's points.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> engine = SequenceEngine(sequences.sobol(2))
+    >>> print(engine.fast_forward(1).random(2))
+    [[0.5  0.5 ]
+     [0.25 0.75]]
+    """
+
+    def __init__(self, sequence: Any) -> None:
+        self.sequence = as_sequence("sequence", sequence)
+        super().__init__(d=self.sequence.dims)
+
+    def _random(self, n: Any = 1, *, workers: Any = 1) -> NDArray[np.float64]:
+        if n == 0:
+            return np.empty((0, self.d))
+        return np.asarray(self.sequence.points(n, self.num_generated, np.float64))
+
+    def fast_forward(self, n: Any) -> "SequenceEngine":
+        """Skip points.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+
+        Returns
+        -------
+        SequenceEngine
+            This one.
+        """
+        left = self.sequence.limit - self.num_generated
+        self.num_generated += checks.integer("n", n, 0, left)
+        return self

@@ -1,0 +1,192 @@
+"""Samplers as plain objects: numbers, one after the other, and arrays of NumPy's."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from jax.typing import DTypeLike
+from numpy.typing import NDArray
+
+from qmcjax.bridges._pixel_points import pixel_points
+from qmcjax.core import checks
+from qmcjax.samplers import as_sampler
+
+_TILE = 16
+_SAMPLES = 8
+"""Pixels in a row, rows, and samples of a table: at most."""
+
+_LARGEST = 2**16
+"""Coordinates of a table, about: it has fewer pixels if there are many dimensions."""
+
+_KEPT = 2**24
+"""Coordinates of the tables that are kept, 64 MiB in float32: those of a row of tiles, in most images."""
+
+
+class PlainSampler:
+    """A sampler for programs that ask for one number after the other, or for arrays, and know nothing of JAX.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Or any object that is one.
+    dtype : float32 or float64
+        Of the coordinates.
+
+    Raises
+    ------
+    TypeError
+        If ``sampler`` is none, or ``dtype`` no dtype.
+    ValueError
+        If ``dtype`` is another one.
+
+    Notes
+    -----
+    Numbers are looked up in tables of 16 x 16 pixels and 8 samples, which are made as they are needed; the
+    latest stay, 64 MiB of them. So any order of pixels and samples has the same numbers, and those near each
+    other are fast. :meth:`start` changes the object: threads want one each.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> plain = PlainSampler(samplers.independent(sequences.sobol(3), key=1))
+    >>> plain.start((5, 2), sample=7)
+    >>> u, v = plain.get2d()
+    >>> print(f"{u:.4f} {v:.4f} {plain.get1d():.4f}")
+    0.7036 0.8591 0.6498
+    """
+
+    def __init__(self, sampler: Any, dtype: DTypeLike = np.float32) -> None:
+        self.sampler = as_sampler("sampler", sampler)
+        self.dtype = checks.floating(dtype)
+        self._all = tuple(range(self.sampler.dims))
+        tile = _TILE
+        while tile > 1 and tile * tile * _SAMPLES * self.dims > _LARGEST:
+            tile //= 2
+        limits = self.sampler.limits
+        self._limits = limits
+        self._sides = min(tile, limits[0]), min(tile, limits[1]), min(_SAMPLES, limits[2])
+        coordinates = int(np.prod(self._sides)) * self.dims
+        self._table = lru_cache(max(1, _KEPT // coordinates))(self._made)
+        self._point: list[float] = []
+        self._next = 0
+
+    @property
+    def dims(self) -> int:
+        """Number of coordinates that can be asked for after each start."""
+        return self.sampler.dims
+
+    def start(self, pixel: tuple[int, int], sample: int) -> None:
+        """Begin with the first coordinate of a sample.
+
+        Parameters
+        ----------
+        pixel : tuple of int
+            Column and row.
+        sample : int
+            Its number.
+
+        Raises
+        ------
+        TypeError
+            If ``pixel`` is no pair of integers, or ``sample`` no integer.
+        ValueError
+            If the sampler has no such pixel or sample.
+        """
+        x, y, sample = self._checked(pixel, sample)
+        width, height, count = self._sides
+        table, left, top, first = self._table(x // width, y // height, sample // count)
+        self._point = table[y - top, x - left, sample - first].tolist()
+        self._next = 0
+
+    def get1d(self) -> float:
+        """Return the next coordinate of the sample.
+
+        Returns
+        -------
+        float
+            In [0, 1).
+
+        Raises
+        ------
+        ValueError
+            If there is none: before :meth:`start`, or if the sampler has no more coordinates.
+        """
+        return self._taken(1)[0]
+
+    def get2d(self) -> tuple[float, float]:
+        """Return the next two coordinates of the sample; the first two are the position inside the pixel.
+
+        Returns
+        -------
+        tuple of float
+            In [0, 1).
+
+        Raises
+        ------
+        ValueError
+            If there are none: before :meth:`start`, or if the sampler has no more coordinates.
+        """
+        u, v = self._taken(2)
+        return u, v
+
+    def array(self, width: int, height: int, spp: int, dims: tuple[int, ...] | None = None) -> NDArray:
+        """Return the points of an image.
+
+        Parameters
+        ----------
+        width, height : int
+            Of the image.
+        spp : int
+            Samples of each pixel, from 0 on.
+        dims : tuple of int, optional
+            The coordinates, by default all.
+
+        Returns
+        -------
+        array of the sampler's ``dtype``, shape (height, width, spp, len(dims)), in [0, 1)
+            Other libraries take it over as it is by DLPack, such as ``torch.from_dlpack``.
+
+        Raises
+        ------
+        TypeError
+            If an argument is no integer.
+        ValueError
+            If the sampler has no such image, samples or coordinates.
+        """
+        width, height = checks.image_size(width, height)
+        spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
+        wanted = checks.dimensions(dims, self.dims)
+        self.sampler.check(width, height, spp)
+        return pixel_points(self.sampler.up_to(spp), (0, 0), (width, height), 0, spp, wanted, self.dtype)
+
+    def _checked(self, pixel: Any, sample: Any) -> tuple[int, int, int]:
+        try:
+            x, y = pixel
+        except (TypeError, ValueError):
+            raise TypeError(f"pixel must be column and row, got {checks.shown(pixel)}") from None
+        columns, rows, samples = self._limits
+        known = type(x) is type(y) is type(sample) is int  # the most usual case, at once
+        if known and 0 <= x < columns and 0 <= y < rows and 0 <= sample < samples:
+            return x, y, sample
+        return (
+            checks.integer("pixel", x, 0, columns - 1),
+            checks.integer("pixel", y, 0, rows - 1),
+            checks.integer("sample", sample, 0, samples - 1),
+        )
+
+    def _made(self, *place: int) -> tuple[NDArray, int, int, int]:
+        """Return a table, and where it begins: the last ones early enough to be as large as the others."""
+        sizes = zip(place, self._sides, self._limits, strict=True)
+        x, y, first = (min(k * side, limit - side) for k, side, limit in sizes)
+        width, height, count = self._sides
+        made = pixel_points(self.sampler, (x, y), (width, height), first, count, self._all, self.dtype)
+        return made, x, y, first
+
+    def _taken(self, count: int) -> list[float]:
+        end = self._next + count
+        if end > len(self._point):
+            got = f"{self._next} of dims={self.dims} taken" if self._point else "none before start"
+            raise ValueError(f"sampler must have {count} more coordinates, got {got}")
+        taken = self._point[self._next : end]
+        self._next = end
+        return taken

@@ -1,0 +1,191 @@
+"""Files of points, in and out."""
+
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.bridges._arrays import parsed_npy, parsed_npz
+from qmcjax.bridges._paths import checked_path, suffix_of
+from qmcjax.bridges._text import point_sets, text_of
+from qmcjax.core import checks
+
+_WRITTEN = (".npy", ".npz", ".csv", ".dat", ".txt", ".bin")
+
+
+def read_points(
+    path: str | PathLike[str],
+    which: int | str = 0,
+    *,
+    header: bool | None = None,
+    dims: int | None = None,
+) -> NDArray[np.float64]:
+    r"""Read a point set from a file.
+
+    Parameters
+    ----------
+    path : path
+        ``.npy`` or ``.npz``: arrays of NumPy's. ``.bin``: UTK's binary files [1]_, for each point set its
+        number of points as uint32 and the coordinates as float64, least byte first. Anything else: text with
+        one point a line, its coordinates separated by commas or else by blanks, as in ``.csv`` and in UTK's
+        ``.dat`` files. Lines that begin with ``#`` separate point sets. A byte order mark of UTF-8 or UTF-16
+        is read as such.
+    which : int or str
+        The number of the point set in the file, from 0 on; or the name of an array in a ``.npz`` file.
+    header : bool, optional
+        Whether the first line of a text, after comments, is a heading. Not needed but where it could be
+        either: if it holds nothing but different integers.
+    dims : int, optional
+        The number of coordinates, which is not in ``.bin`` files; others must have as many, if it is given.
+
+    Returns
+    -------
+    float64 array, shape (n, dims)
+        Finite. Their range is not checked. Text has the decimals that were printed; that moves a discrepancy
+        by as much.
+
+    Raises
+    ------
+    TypeError
+        If an argument is of another type.
+    ValueError
+        If the file holds something else, or there is no such point set: names file and place, in text line
+        and column, else the byte.
+
+    Notes
+    -----
+    Archives have checksums, and text that :func:`write_points` wrote to ``.dat`` or ``.txt`` files has one
+    too, in a comment: as long as it is there, nothing that was changed goes unnoticed. In the other formats
+    a digit that became another one makes another point.
+
+    References
+    ----------
+    .. [1] H. Perrier, D. Coeurjolly, V. Ostromoukhov, "Uni(corn|form) tool kit", https://utk-team.github.io/utk.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.NamedTemporaryFile("w", suffix=".dat") as file:
+    ...     _ = file.write("0.5 0.25\n#\n0.125 0.75\n0 0.5\n")
+    ...     file.flush()
+    ...     print(read_points(file.name, which=1))
+    [[0.125 0.75 ]
+     [0.    0.5  ]]
+    """
+    path = checked_path(path)
+    if not isinstance(which, str):
+        which = checks.integer("which", which, 0, checks.INDEX_LIMIT - 1)
+    header = None if header is None else checks.flag("header", header)
+    dims = None if dims is None else checks.integer("dims", dims, 1, checks.INDEX_LIMIT - 1)
+    try:
+        sets = _sets(path, header, dims)
+        place = _place(which, list(sets), path)
+        return _checked(sets[place], dims)
+    except ValueError as error:
+        raise ValueError(f"{path}, {error}") from None
+
+
+def _sets(path: Path, header: bool | None, dims: int | None) -> dict[str | int, NDArray]:
+    """Return what is in a file, by name in archives, else by number."""
+    data, suffix = path.read_bytes(), path.suffix.lower()
+    if suffix == ".npz":
+        return {name: array for name, array in parsed_npz(data).items()}
+    if suffix == ".npy":
+        found = [parsed_npy(data)]
+    elif suffix == ".bin":
+        if dims is None:
+            raise ValueError("dims must be given for .bin files, in which it is not")
+        found = _binary(data, dims)
+    else:
+        found = [each.array() for each in point_sets(data, header)]
+    return dict(enumerate(found))
+
+
+def _place(which: str | int, places: list[str | int], path: Path) -> str | int:
+    """Return where a point set is, or raise an error that names the argument."""
+    if isinstance(which, str):
+        if which not in places:
+            raise ValueError(f"which must be one of {places} or a number, got {which!r}")
+        return which
+    if which >= len(places):
+        raise ValueError(f"which must be below the {len(places)} point sets in it, got {which}")
+    return places[which]
+
+
+def _binary(data: bytes, dims: int) -> list[NDArray]:
+    sets, place = [], 0
+    while place < len(data):
+        count = int.from_bytes(data[place : place + 4], "little")
+        left = len(data) - place - 4
+        if left < 0 or 8 * dims * count > left:
+            raise ValueError(
+                f"byte {place}, must be a number of points with {dims} coordinates each, got {count} and "
+                f"{max(left, 0)} bytes after it"
+            )
+        sets.append(np.frombuffer(data, "<f8", count * dims, place + 4).reshape(count, dims))
+        place += 4 + 8 * dims * count
+    return sets
+
+
+def _checked(points: NDArray, dims: int | None) -> NDArray[np.float64]:
+    if points.dtype.kind != "f" or points.dtype.itemsize > 8 or points.ndim != 2 or not points.size:
+        raise ValueError(f"must hold floats of shape (n, dims), got {points.dtype} {points.shape}")
+    if dims is not None and points.shape[1] != dims:
+        raise ValueError(f"must hold points with dims={dims} coordinates, got {points.shape[1]}")
+    wrong = np.argwhere(~np.isfinite(points))
+    if wrong.size:
+        point, j = map(int, wrong[0])
+        raise ValueError(f"point {point}, coordinate {j}, must be finite, got {points[point, j]}")
+    return points.astype(np.float64)
+
+
+def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
+    """Write a point set to a file that :func:`read_points` reads, with every bit.
+
+    Parameters
+    ----------
+    path : path
+        Ends in ``.npy``; ``.npz``, for the array ``points``; ``.csv``, without a heading; ``.dat`` or
+        ``.txt``, for text of UTK's whose first line is a comment with a checksum; or ``.bin``, for UTK's.
+    points : float ArrayLike, shape (n, dims)
+        Finite. Float32 stays float32 in NumPy's files; elsewhere it becomes the same numbers in float64.
+
+    Raises
+    ------
+    TypeError
+        If ``path`` is none, or the points are no floats.
+    ValueError
+        If the points have another shape or are not finite, or the path another ending.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from qmcjax import sequences
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_points(f"{folder}/net.dat", sequences.hammersley_net(1).points(2))
+    ...     print(Path(folder, "net.dat").read_text(), end="")
+    # 2 points, 2 coordinates, crc32 3778890e
+    0.0 0.0
+    0.5 0.5
+    """
+    path = checked_path(path)
+    suffix = suffix_of(path, _WRITTEN)
+    known = checks.known_array("points", points, np.floating, "floats of shape (n, dims)")
+    if known.dtype.kind != "f":  # such as bfloat16
+        known = known.astype(np.float64)
+    try:
+        exact = _checked(known, None)
+    except ValueError as error:
+        raise ValueError(f"points: {error}") from None
+    if suffix == ".npy":
+        np.save(path, known)
+    elif suffix == ".npz":
+        np.savez_compressed(path, points=known)
+    elif suffix == ".bin":
+        count = np.uint32(checks.integer("n", len(exact), 1, checks.INDEX_LIMIT - 1))
+        path.write_bytes(count.astype("<u4").tobytes() + exact.astype("<f8").tobytes())
+    else:
+        comma = suffix == ".csv"
+        path.write_text(text_of(exact, "," if comma else " ", sealed=not comma), "ascii", newline="\n")

@@ -1,0 +1,281 @@
+"""Files of points and images: every bit comes back, and what is damaged is told with its place."""
+
+import io
+import re
+import struct
+import sys
+import zlib
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from qmcjax.bridges import read_image, read_points, write_image, write_points
+
+POINTS = np.random.default_rng(1).random((12, 3))
+POINTS[0] = [0.0, 1 - 2.0**-53, 5e-324]
+ENDINGS = (".npy", ".npz", ".csv", ".dat", ".txt", ".bin")
+PLACE = r"line \d+, (column \d+, |announces )|byte \d+, |array .*, |point \d+, |must hold |which must be "
+CORRUPTED = 200
+"""Of each kind of file: 1,200 in all."""
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_points_come_back_with_every_bit(tmp_path, ending):
+    path = tmp_path / f"points{ending}"
+    write_points(path, POINTS)
+    assert np.array_equal(read_points(path, dims=3), POINTS)
+    write_points(path, POINTS.astype(np.float32))
+    assert np.array_equal(read_points(path, dims=3), POINTS.astype(np.float32))
+
+
+def corrupted(data, rng):
+    """Return bytes with one fault: cut, one bit flipped, some bytes changed, taken away, or put in."""
+    at, length = int(rng.integers(len(data))), int(rng.integers(1, 9))
+    anything = rng.integers(0, 256, length, np.uint8).tobytes()
+    return (
+        data[:at],
+        data[:at] + bytes([data[at] ^ 1 << int(rng.integers(8))]) + data[at + 1 :],
+        data[:at] + anything + data[at + length :],
+        data[: at + 1] + data[at + 1 + length :],
+        data[:at] + anything + data[at:],
+    )[rng.integers(5)]
+
+
+def as_numpy_reads(ending, data):
+    """Return the points that a damaged file without a checksum still has, by other programs."""
+    if ending == ".npy":
+        return np.load(io.BytesIO(data))
+    if ending == ".bin":
+        return np.frombuffer(data[4:], "<f8").reshape(-1, 3)[: int.from_bytes(data[:4], "little")]
+    return np.loadtxt(io.StringIO(data.decode("utf-8-sig").partition("\n#")[0]), delimiter=",", ndmin=2)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_damaged_files_are_told_with_the_place(tmp_path, ending):
+    """An error that names it, or the right points: those written; without a checksum, those there now."""
+    rng = np.random.default_rng(zlib.crc32(ending.encode()))
+    path = tmp_path / f"points{ending}"
+    write_points(path, POINTS)
+    whole, told = path.read_bytes(), 0
+    for _ in range(CORRUPTED):
+        data = corrupted(whole, rng)
+        path.write_bytes(data)
+        try:
+            found = read_points(path, header=False if ending == ".csv" else None, dims=3)
+        except ValueError as error:
+            assert re.search(PLACE, str(error)) and path.name in str(error), error
+            told += 1
+            continue
+        if not np.array_equal(found, POINTS):
+            assert ending in (".npy", ".csv", ".bin"), data
+            assert np.array_equal(found, as_numpy_reads(ending, data)), data
+    assert told > CORRUPTED / 4
+
+
+def test_damaged_pictures_are_told_with_the_place(tmp_path):
+    rng = np.random.default_rng(3)
+    path, image = tmp_path / "image.png", rng.random((6, 5, 3))
+    write_image(path, image, transfer="linear", bits=16)
+    whole, right = path.read_bytes(), read_image(path)
+    for _ in range(CORRUPTED):
+        path.write_bytes(corrupted(whole, rng))
+        try:
+            assert np.array_equal(read_image(path), right)
+        except ValueError as error:
+            assert re.search(r"image.png, (byte|row) \d+, ", str(error)), error
+
+
+def test_byte_order_marks_and_headings(tmp_path):
+    path, text = tmp_path / "points.csv", "u,v\r\n0.5, 0.25\r\n\r\n1e-3,.75\r\n"
+    for encoding in ("utf-8", "utf-8-sig", "utf-16"):
+        path.write_text(text, encoding, newline="")
+        assert np.array_equal(read_points(path), [[0.5, 0.25], [0.001, 0.75]])
+    path.write_text("0,1\n0.5,0.25\n")  # as pandas heads columns without names
+    with pytest.raises(ValueError, match=r"line 1, column 1, may be a heading or a point: header=True or"):
+        read_points(path)
+    assert read_points(path, header=True).shape == (1, 2)
+    assert read_points(path, header=False).shape == (2, 2)
+    path.write_text("0 0\n0.5 0.25\n")  # as C++ prints the first point of a sequence
+    assert read_points(path).shape == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0.5,0.5\n0.5,\n", "line 2, column 5, must be a finite number, got ''"),
+        ("0.5;0.25\n", "line 1, column 1, must be a finite number, got '0.5;0.25'"),
+        ("0.5 0.5\n0.5 nan\n", "line 2, column 5, must be a finite number, got 'nan'"),
+        ("0.5 1e999\n", "line 1, column 5, must be a finite number, got '1e999'"),
+        ("0.5 0.5\n0.5 0.5 0.5\n", "line 2, column 9, must have 2 coordinates, got 3"),
+        ("0.5 1_0\n", "line 1, column 5"),
+        ("0.5\n0.5\xff", r"line 2, column 4, must be text in utf-8, got the byte 0xff"),
+        (
+            "# 2 points, 1 coordinates, crc32 00000000\n0.5\n",
+            "line 1, announces 2 points with 1 coord.* got 1",
+        ),
+    ],
+)
+def test_lines_and_columns_are_named(tmp_path, text, message):
+    path = tmp_path / "points.dat"
+    path.write_bytes(text.encode("latin1"))
+    with pytest.raises(ValueError, match=message):
+        read_points(path, header=False if ";" in text else None)
+
+
+def test_point_sets_of_archives_and_binary_files(tmp_path):
+    np.savez(tmp_path / "a.npz", first=POINTS, second=POINTS[:4])
+    assert np.array_equal(read_points(tmp_path / "a.npz", "second"), POINTS[:4])
+    assert np.array_equal(read_points(tmp_path / "a.npz", 1), POINTS[:4])
+    with pytest.raises(ValueError, match=r"which must be one of \['first', 'second'\] or a number, got 'x'"):
+        read_points(tmp_path / "a.npz", "x")
+    # For each point set a count and the coordinates, as UTK writes them.
+    parts = [np.uint32(len(part)).tobytes() + part.tobytes() for part in (POINTS, POINTS[:2])]
+    (tmp_path / "a.bin").write_bytes(b"".join(parts))
+    assert np.array_equal(read_points(tmp_path / "a.bin", 1, dims=3), POINTS[:2])
+    with pytest.raises(ValueError, match=r"dims must be given for \.bin files"):
+        read_points(tmp_path / "a.bin")
+    with pytest.raises(ValueError, match="dims=2 coordinates, got 3"):
+        read_points(tmp_path / "a.npz", dims=2)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: write_points("a.xyz", POINTS), ValueError, r"path must end in one of \.npy, .* got 'a.xyz'"),
+        (lambda: write_points("a.csv", [[1]]), TypeError, "points must be floats"),
+        (lambda: write_points("a.csv", [[np.nan]]), ValueError, "points: point 0, coordinate 0, must be fin"),
+        (lambda: write_points(3, POINTS), TypeError, "path must be a path"),
+        (lambda: write_image("a.png", POINTS), TypeError, "transfer must be one of .* got None"),
+        (lambda: write_image("a.png", POINTS, transfer="x"), ValueError, "transfer must be one of"),
+        (lambda: write_image("a.png", POINTS, transfer="srgb", bits=12), ValueError, "bits must be 8 or 16"),
+        (lambda: write_image("a.npy", POINTS, transfer="srgb"), ValueError, "transfer must be None but for"),
+        (lambda: write_image("a.npy", [[np.inf]]), ValueError, "image must be finite, got inf in row 0"),
+        (lambda: write_image("a.npy", [[1e300]]), ValueError, "image must be in the range of float32"),
+        (lambda: write_image("a.npy", [0.5]), ValueError, "image must have the shape"),
+    ],
+)
+def test_wrong_arguments_are_named(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_pictures_come_back_within_half_a_step(tmp_path, shape, bits):
+    image = np.random.default_rng(2).random(shape)
+    path = tmp_path / "image.png"
+    write_image(path, image, transfer="linear", bits=bits)
+    assert np.abs(read_image(path) - image).max() <= 0.5 / (2**bits - 1) + 1e-7
+    write_image(path, image, transfer="srgb", bits=bits)
+    # The slope of sRGB's curve from values to light is at most 2.4 / 1.055.
+    assert np.abs(read_image(path) - image).max() <= 0.5 / (2**bits - 1) * 2.4 / 1.055 + 1e-7
+    with pytest.raises(ValueError, match="transfer must be 'srgb', as the file says, got 'linear'"):
+        read_image(path, transfer="linear")
+    if bits == 8 or len(shape) == 2:
+        whole = np.asarray(Image.open(path))
+        assert whole.shape == shape and whole.max() > 0.9 * (2**bits - 1)
+
+
+def test_all_filters_are_undone_as_pillow_does(tmp_path):
+    """Any bytes are pixels: those of rows with all five filters, at random."""
+    rng = np.random.default_rng(5)
+    lines = rng.integers(0, 256, (40, 1 + 3 * 17), np.uint8)
+    lines[:, 0] = rng.integers(0, 5, 40)
+    head = struct.pack(">IIBBBBB", 17, 40, 8, 2, 0, 0, 0)
+    data = b"\x89PNG\r\n\x1a\n"
+    for name, body in ((b"IHDR", head), (b"IDAT", zlib.compress(lines.tobytes())), (b"IEND", b"")):
+        data += struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+    path = tmp_path / "image.png"
+    path.write_bytes(data)
+    expected = (np.asarray(Image.open(path)) / 255).astype(np.float32)
+    assert np.array_equal(read_image(path, transfer="linear"), expected)
+
+
+def test_pictures_of_other_programs(tmp_path):
+    path = tmp_path / "image.png"
+    grey = np.arange(6, dtype=np.uint8).reshape(2, 3) * 50
+    Image.fromarray(grey).save(path)
+    with pytest.raises(ValueError, match="transfer must be given, for the file says nothing"):
+        read_image(path)
+    assert np.isclose(read_image(path, transfer="srgb")[0, 1], ((50 / 255 + 0.055) / 1.055) ** 2.4)
+    Image.fromarray(grey).convert("P").save(path)
+    with pytest.raises(ValueError, match="byte 8, must be an image of 8 or 16 bits without palette"):
+        read_image(path, transfer="srgb")
+
+
+def test_light_comes_back_with_every_bit(tmp_path):
+    image = np.random.default_rng(4).exponential(2.0, (3, 4, 3)).astype(np.float32)
+    write_image(tmp_path / "image.npy", image)
+    assert np.array_equal(read_image(tmp_path / "image.npy"), image)
+    write_image(tmp_path / "image.npy", image[..., 0])
+    assert np.array_equal(read_image(tmp_path / "image.npy"), image[..., 0])
+    np.save(tmp_path / "image.npy", image.astype(np.float64))
+    with pytest.raises(ValueError, match="must hold float32 of shape"):
+        read_image(tmp_path / "image.npy")
+
+
+@pytest.mark.parametrize("shape", [(3, 4), (35, 4, 3), (1, 1, 3)])
+def test_exr_keeps_every_bit(tmp_path, shape):
+    image = np.random.default_rng(4).exponential(2.0, shape).astype(np.float32)
+    image[:, 2:] = 0.5  # compresses
+    path = tmp_path / "image.exr"
+    write_image(path, image)
+    assert np.array_equal(read_image(path), image)
+
+
+def test_exr_headers_that_are_cut_off_are_refused(tmp_path):
+    write_image(tmp_path / "image.exr", np.zeros((3, 4, 3)))
+    whole = (tmp_path / "image.exr").read_bytes()
+    for end in range(8, 400, 7):
+        (tmp_path / "wrong.exr").write_bytes(whole[:end] + b"\0\0\0\0a"[: end % 6])
+        with pytest.raises(ValueError, match=r"wrong\.exr, byte \d+, must "):
+            read_image(tmp_path / "wrong.exr")
+
+
+def test_exr_windows_that_are_too_large_are_refused(tmp_path):
+    path = tmp_path / "image.exr"
+    write_image(path, np.zeros((3, 4, 3)))
+    window = path.read_bytes().index(b"box2i\0") + len("box2i") + 5
+    for at, number in ((8, 2**31 - 2), (8, 2**24), (8, -1), (12, -1), (12, 2**30)):
+        data = bytearray(path.read_bytes())
+        data[window + at : window + at + 4] = struct.pack("<i", number)
+        (tmp_path / "wrong.exr").write_bytes(data)
+        with pytest.raises(ValueError, match=r"wrong\.exr, byte \d+, must "):
+            read_image(tmp_path / "wrong.exr")
+
+
+def test_exr_is_that_of_the_package(tmp_path):
+    """Both ways, with all compressions; ours for scanlines and ZIP, the package for the others."""
+    package = pytest.importorskip("OpenEXR")
+    smooth = (np.mgrid[:40, :30].sum(axis=0) / 7).astype(np.float32)
+    image = np.stack([smooth, smooth**2, np.random.default_rng(6).random((40, 30), np.float32)], axis=-1)
+    path = tmp_path / "image.exr"
+    write_image(path, image)
+    with package.File(str(path)) as file:
+        assert np.array_equal(file.channels()["RGB"].pixels, image)
+        assert file.header()["comments"] == "linear light, by qmcjax"
+    for name in ("NO", "RLE", "ZIPS", "ZIP", "PIZ"):
+        header = {"compression": getattr(package, f"{name}_COMPRESSION"), "type": package.scanlineimage}
+        for dtype in (np.float16, np.float32):
+            exact = image.astype(dtype)
+            with package.File(header, {"RGB": exact}) as file:
+                file.write(str(path))
+            assert np.array_equal(read_image(path), exact.astype(np.float32))
+
+
+def test_damaged_exr_is_told_with_the_place(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    rng = np.random.default_rng(7)
+    path, image = tmp_path / "image.exr", rng.random((20, 5, 3)).astype(np.float32)
+    image[:, 2:] = 0.5
+    write_image(path, image)
+    whole = path.read_bytes()
+    for _ in range(CORRUPTED):
+        path.write_bytes(corrupted(whole, rng))
+        try:
+            assert np.array_equal(read_image(path), image)
+        except ValueError as error:
+            assert re.search(r"image\.exr, (byte \d+, |must have the channels )", str(error)), error
+        except ImportError as error:
+            assert "the package OpenEXR there (pip install 'qmcjax[exr]')" in str(error)

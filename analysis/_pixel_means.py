@@ -7,9 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, plug_ins, summation
+from qmcjax.core import checks, devices, plug_ins, summation
 from qmcjax.core.pytrees import jit
 from qmcjax.samplers import as_sampler
 
@@ -25,6 +26,7 @@ def pixel_means(
     dims: tuple[int, ...] = (0, 1),
     *,
     dtype: DTypeLike = jnp.float32,
+    mesh: Mesh | None = None,
 ) -> Array:
     """Average one function over the samples of each pixel: the error of a sampler, free of any scene.
 
@@ -45,6 +47,9 @@ def pixel_means(
         over the screen have spent theirs on the pixel: take later ones.
     dtype : float32 or float64
         Of points, values and sums. Sums are compensated.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the rows, as for :func:`qmcjax.render`: the function is then given points of fewer
+        rows at a time.
 
     Returns
     -------
@@ -76,34 +81,45 @@ def pixel_means(
     dtype = checks.floating(dtype)
     sampler.check(width, height, spp)
     sampler = sampler.up_to(spp)
+    mesh = devices.checked(mesh)
+    held = plug_ins.held("function", function)
     with checks.precision(dtype):
-        return _means(plug_ins.held("function", function), sampler, (height, width), spp, wanted, dtype)
+        arguments = devices.placed((held, sampler, np.uint32(spp)), mesh)
+        return devices.local(_means(*arguments, (height, width), wanted, dtype, mesh), mesh)
 
 
-@jit("shape", "spp", "dims", "dtype")
+@jit("shape", "dims", "dtype", "mesh")
 def _means(
     function: Any,
     sampler: Any,
+    spp: Array,
     shape: tuple[int, int],
-    spp: int,
     dims: tuple[int, ...],
     dtype: DTypeLike,
+    mesh: Mesh | None,
 ) -> Array:
-    x = jax.lax.broadcasted_iota(jnp.uint32, shape, 1)
-    y = jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
-    prepared = sampler.prepare(x, y, dims)
+    height, width = shape
+    rows = -(-height // devices.count(mesh))
 
-    def values(parameters: Any, sample: Array) -> Array:
-        function, sampler, prepared = parameters
-        (points,) = sampler.consecutive(prepared, jnp.broadcast_to(sample, shape), 1, dims, dtype)
-        made = plug_ins.unheld(function)(points)
-        if getattr(made, "shape", ())[:2] != shape:
-            raise ValueError(
-                f"function must return values of shape ({shape[0]}, {shape[1]}, ...), got {made}"
-            )
-        return made.astype(dtype)
+    def of_rows(start: Array, function: Any, sampler: Any, spp: Array) -> Array:
+        x = jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 1)
+        y = start + jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 0)
+        # Rows below the last are that one, and are cut off.
+        prepared = sampler.prepare(x, jnp.minimum(y, np.uint32(height - 1)), dims)
 
-    parameters = function, sampler, prepared
-    state = summation.zeros(jax.eval_shape(values, parameters, jnp.uint32(0)))
-    state = summation.add_terms(values, False, parameters, state, jnp.uint32(0), jnp.uint32(spp))
-    return summation.value(state) / np.asarray(spp, dtype)  # pyright: ignore[reportArgumentType]
+        def values(parameters: Any, sample: Array) -> Array:
+            function, sampler, prepared = parameters
+            (points,) = sampler.consecutive(prepared, jnp.broadcast_to(sample, x.shape), 1, dims, dtype)
+            made = plug_ins.unheld(function)(points)
+            if getattr(made, "shape", ())[:2] != x.shape:
+                raise ValueError(f"function must return values of shape ({rows}, {width}, ...), got {made}")
+            return made.astype(dtype)
+
+        parameters = function, sampler, prepared
+        state = summation.zeros(jax.eval_shape(values, parameters, jnp.uint32(0)))
+        state = summation.add_terms(values, False, parameters, state, jnp.uint32(0), spp)
+        return summation.value(state) / spp.astype(dtype)
+
+    starts = np.arange(0, height, rows, dtype=np.uint32)
+    made = devices.mapped(of_rows, mesh, starts, function, sampler, spp)
+    return made.reshape(-1, *made.shape[2:])[:height]

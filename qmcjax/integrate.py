@@ -10,9 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, plug_ins, summation
+from qmcjax.core import checks, devices, plug_ins, summation
 from qmcjax.core.pytrees import jit, pytree
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence, owen, rotate
 
@@ -23,6 +24,9 @@ _ROWS = 4096
 
 _BATCH = 8
 """Blocks of cheap points whose values are added pairwise before they go into the compensated sum."""
+
+_PARTS = 64
+"""Parts of many points, which devices share."""
 
 _SEARCHED = 2**16
 """Points among which the first whose value is not finite is looked for at a time."""
@@ -74,7 +78,7 @@ class Estimate(NamedTuple):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Converted:
     """A function without the tracers that it closes over, beside these."""
 
@@ -100,6 +104,7 @@ def integrate(
     replicates: None = None,
     key: None = None,
     dtype: DTypeLike = jnp.float32,
+    mesh: Mesh | None = None,
 ) -> Any: ...
 
 
@@ -113,6 +118,7 @@ def integrate(
     replicates: int,
     key: Array | int,
     dtype: DTypeLike = jnp.float32,
+    mesh: Mesh | None = None,
 ) -> Estimate: ...
 
 
@@ -125,6 +131,7 @@ def integrate(
     replicates: int | None = None,
     key: Array | int | None = None,
     dtype: DTypeLike = jnp.float32,
+    mesh: Mesh | None = None,
 ) -> Any:
     """Average a function over points of a sequence: quasi-Monte Carlo integration over the unit cube.
 
@@ -150,6 +157,9 @@ def integrate(
         Of the replicates.
     dtype : float32 or float64
         Of points and sums. Sums are compensated: they are as good as the values.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the points if there are many, as for :func:`qmcjax.render`. Points are added up in
+        the same parts on any devices, so that the integral is the same bit by bit.
 
     Returns
     -------
@@ -198,9 +208,13 @@ def integrate(
         replicates = checks.integer("replicates", replicates, 2, 2**16)
         keys = jax.random.split(checks.prng_key("key", key), replicates)
         copies = [_randomised(sequence, each) for each in keys]
+    mesh = devices.checked(mesh)
     with checks.precision(dtype):
         function = _prepared(function, sequence.dims, dtype)
-        means = [_mean(function, copy, jnp.uint32(start), n, dtype, start % _ROWS == 0) for copy in copies]
+        means = []
+        for copy in copies:
+            arguments = devices.placed((function, copy, np.uint32(start)), mesh)
+            means.append(devices.local(_mean(*arguments, n, dtype, start % _ROWS == 0, mesh), mesh))
         for copy, mean in zip(copies, means, strict=True):
             _refuse_infinite(mean, function, copy, start, n, dtype)
         return means[0] if replicates is None else _estimate(means)
@@ -240,8 +254,16 @@ def _is_number(dtype: Any) -> bool:
     return jnp.issubdtype(dtype, jnp.number) or dtype == jnp.bool_
 
 
-@jit("n", "dtype", "aligned")
-def _mean(function: Any, sequence: Sequence, start: Array, n: int, dtype: np.dtype, aligned: bool) -> Any:
+@jit("n", "dtype", "aligned", "mesh")
+def _mean(
+    function: Any,
+    sequence: Sequence,
+    start: Array,
+    n: int,
+    dtype: np.dtype,
+    aligned: bool,
+    mesh: Mesh | None,
+) -> Any:
     dims = tuple(range(sequence.dims))
     points = jax.ShapeDtypeStruct((_ROWS, len(dims)), dtype)
     like = jax.eval_shape(_call, function, points)
@@ -267,10 +289,15 @@ def _mean(function: Any, sequence: Sequence, start: Array, n: int, dtype: np.dty
         first = k * np.uint32(size)
         return summation.pairwise([block(parameters, first + np.uint32(i)) for i in range(size)])
 
-    parameters = (function, sequence, blocks, start)
-    state = summation.zeros(jax.eval_shape(batch, parameters, start))
-    state = summation.add_terms(batch, False, parameters, state, jnp.uint32(0), jnp.uint32(batches))
-    total = _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
+    def of_part(edges: tuple[Array, Array], *parameters: Any) -> Array:
+        first, end = edges
+        state = summation.zeros(jax.eval_shape(batch, parameters, first))
+        state = summation.add_terms(batch, False, parameters, state, first, end - first)
+        return _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
+
+    edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS if batches >= _PARTS else [0, batches]
+    edges = np.array(edges, np.uint32)
+    total = devices.summed(of_part, mesh, (edges[:-1], edges[1:]), function, sequence, blocks, start)
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
         total = total + _tree_sum(values(function, sequence.coordinates(index, dims, dtype)))

@@ -1,17 +1,23 @@
 """Images on two devices are those of one, bit by bit."""
 
+import os
+import subprocess
+import sys
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jax.sharding import AxisType, NamedSharding
+from jax.sharding import AxisType, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 from tables import slow, some
 
+import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.rendering import _accumulation
 
 SIDE, SPP = 8, 4
 SOBOL = sequences.sobol(2)
@@ -122,3 +128,72 @@ def test_means_and_edges_over_devices(mesh):
         return qj.boundary_gradient(scenes.disc(), sequence, SIDE, SIDE, 256).radius
 
     check(mesh, edges, keys)
+    many = lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 2**21)  # noqa: E731
+    check(mesh, many, keys)
+
+
+FRESH = samplers.randomized(lambda key: samplers.z(24, 17, SPP, key), 1)
+SPREAD = {
+    "render": lambda mesh: qj.render(
+        scenes.checkerboard(), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
+    ),
+    "one pixel": lambda mesh: qj.render(scenes.disc(), samplers.independent(SOBOL, 1), 1, 1, SPP, mesh=mesh),
+    "render_adaptive": lambda mesh: qj.render_adaptive(
+        scenes.disc(), samplers.independent(SOBOL, 1), 24, 17, SPP, mesh=mesh
+    ),
+    "tolerance": lambda mesh: qj.render_adaptive(
+        scenes.disc(), FRESH, 24, 17, 8 * SPP, tolerance=0.05, mesh=mesh
+    ),
+    "render_passes": lambda mesh: qj.render_passes(
+        scenes.disc(), FRESH, 24, 17, 5, tolerance=0.05, mesh=mesh
+    ),
+    "estimated_reference": lambda mesh: qj.estimated_reference(scenes.zone_plate(), 24, 17, 64, 1, mesh=mesh),
+    "integrate": lambda mesh: qj.integrate(lambda p: {"y": p[:, 1], "2": p**2}, SOBOL, 2**21 + 77, mesh=mesh),
+    "replicates": lambda mesh: qj.integrate(jnp.cos, SOBOL, 1000, replicates=3, key=1, mesh=mesh),
+    "boundary_gradient": lambda mesh: qj.boundary_gradient(
+        scenes.disc(), sequences.van_der_corput(), 24, 17, 2**13, mesh=mesh
+    ),
+    "pixel_means": lambda mesh: analysis.pixel_means(
+        lambda p: p[..., 0] * p[..., 1], samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
+    ),
+}
+
+
+def check_meshes(make, counts):
+    plain = jax.tree.leaves(make(None))
+    for count in counts:
+        made = jax.tree.leaves(make(Mesh(np.array(jax.devices()[:count]).reshape(-1, 1), ("a", "b"))))
+        for one, other in zip(made, plain, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@some("make", SPREAD, "render", "pixel_means")
+def test_a_mesh_changes_no_bit(make):
+    check_meshes(make, (1, 2))
+
+
+@pytest.mark.slow
+def test_a_mesh_of_eight_changes_no_bit():
+    """In a process that has so many."""
+    program = "import test_sharding as t\nfor make in t.SPREAD.values(): t.check_meshes(make, (4, 8))"
+    devices = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8"}
+    folder = str(Path(__file__).parent)
+    paths = {"PYTHONPATH": os.pathsep.join([folder, str(Path(folder).parent)])}
+    subprocess.run([sys.executable, "-c", program], env=os.environ | devices | paths, check=True, timeout=300)
+
+
+@pytest.mark.slow
+def test_tiles_of_any_size_change_no_bit(monkeypatch):
+    plain = SPREAD["render"](None)
+    for size in (1, 7, 64, 1000):
+        monkeypatch.setitem(_accumulation.TILE, "cpu", size)
+        np.testing.assert_array_equal(SPREAD["render"](None), plain)
+
+
+def test_a_mesh_is_a_mesh_of_our_devices():
+    for wrong in (2, jax.devices(), "cpu"):
+        with pytest.raises(TypeError, match=r"mesh must be a jax\.sharding\.Mesh"):
+            SPREAD["render"](wrong)
+    strangers = jax.sharding.AbstractMesh((2,), ("device",))
+    with pytest.raises(TypeError, match="mesh must be a"):
+        SPREAD["integrate"](strangers)

@@ -32,6 +32,7 @@ __all__ = [
     "joined",
     "limit_64",
     "looked_up",
+    "permuted_digit",
     "permuted_radical_inverse",
     "permuted_spans",
     "quotient",
@@ -47,6 +48,9 @@ _BELOW_ONE = np.float32(1 - 2.0**-24)
 
 _TABLE_SIZE = 8192
 """Digits are permuted together as long as their table has no more entries: it stays in a near cache."""
+
+_SELECTED = 5
+"""Single digits of bases up to this one are permuted without a gather."""
 
 
 Base: TypeAlias = int | np.ndarray
@@ -334,6 +338,17 @@ def digit_reversed(number: Array, base: Base, span: int) -> Array:
 def looked_up(tables: Array, start: Array, number: Array) -> Array:
     """Return entries of the table that begins at ``start``; without bounds checks."""
     return tables.at[number + start].get(mode="promise_in_bounds").astype(jnp.uint32)
+
+
+def permuted_digit(permutation: Array, digit: Array) -> Array:
+    """Return an entry of a permutation; of a short one by selections: accelerators gather slowly."""
+    base = permutation.shape[0]
+    if base > _SELECTED:
+        return permutation.at[digit].get(mode="promise_in_bounds")
+    entry = jnp.broadcast_to(permutation[0], digit.shape)
+    for k in range(1, base):
+        entry = jnp.where(digit == np.uint32(k), permutation[k], entry)
+    return entry
 
 
 def permuted_spans(numbers: list[Array], base: Base, tables: Array, start: Array) -> list[Array]:

@@ -31,7 +31,7 @@ class _Identity:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Static:
     """An object that is no pytree, as a choice: the same object compiles once, another one anew."""
 

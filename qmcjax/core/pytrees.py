@@ -27,7 +27,8 @@ def pytree(cls: T) -> T:
     What ``dataclass`` makes of ``==``, ``hash`` and ``repr`` fails for arrays, or prints them whole. Here
     objects are equal if their structures are and all arrays hold the same values, the hash is that of the
     structure, and the repr is one line without arrays (see ``qmcjax.core.records``). Methods that a class
-    writes itself stay.
+    writes itself stay. Classes of this library ask ``dataclass`` for none: to make and replace them takes a
+    fifth of the time of the import.
 
     Parameters
     ----------

@@ -8,17 +8,20 @@ mapped over an axis, it is the sum of the mapped terms.
 """
 
 from collections.abc import Callable
-from typing import Any
+from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer, eval_jaxpr
-from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from qmcjax.core.varying import alike
+
+if TYPE_CHECKING:
+    from jax.extend.core import Primitive
 
 State = tuple[Array, Array]
 """A sum, and what rounding has added to it."""
@@ -85,17 +88,33 @@ def add_terms(
         return eval_jaxpr(program.jaxpr, consts, k, *leaves) if consts else of_leaves(k, *leaves)
 
     operands = [jnp.asarray(each) for each in (*closed_over, *leaves)]
-    total, excess = sum_p.bind(count, first, *state, *operands, term=of_operands, pinned=pinned, sums=1)
+    total, excess = _bind(count, first, *state, *operands, term=of_operands, pinned=pinned, sums=1)
     return total, excess
 
 
-sum_p = Primitive("sum_of_terms")
-"""From count, first number, sums so far, their excesses and operands to new sums and their excesses.
+@cache
+def _sum_primitive() -> "Primitive":
+    """Return what goes from count, first number, sums so far, their excesses and operands to new ones.
 
-``term`` is a function of a number and the operands, and returns a list of ``sums`` arrays. It closes over no
-tracers.
-"""
-sum_p.multiple_results = True
+    Its ``term`` is a function of a number and the operands, and returns a list of ``sums`` arrays. It closes
+    over no tracers. Made at the first use: ``jax.extend`` imports Pallas, which takes longer than what this
+    library consists of.
+    """
+    from jax.extend.core import Primitive
+
+    primitive = Primitive("sum_of_terms")
+    primitive.multiple_results = True
+    primitive.def_impl(_loop)
+    primitive.def_abstract_eval(lambda count, first, *args, term, pinned, sums: list(args[: 2 * sums]))
+    mlir.register_lowering(primitive, mlir.lower_fun(_loop, multiple_results=True))
+    ad.primitive_jvps[primitive] = _jvp
+    ad.primitive_transposes[primitive] = _transpose
+    batching.primitive_batchers[primitive] = _batch
+    return primitive
+
+
+def _bind(*args: Any, term: Callable[..., list[Array]], pinned: bool, sums: int) -> list[Array]:
+    return _sum_primitive().bind(*args, term=term, pinned=pinned, sums=sums)
 
 
 def _loop(
@@ -106,15 +125,15 @@ def _loop(
     def body(k: Array, states: list[State]) -> list[State]:
         turn = first + k, operands
         k, given = jax.lax.optimization_barrier(turn) if pinned else turn
-        return [_compensated(state, each) for state, each in zip(states, term(k, *given), strict=True)]
+        return [compensated(state, each) for state, each in zip(states, term(k, *given), strict=True)]
 
     states = list(zip(totals, excesses, strict=True))
     states = jax.lax.fori_loop(np.uint32(0), count, body, states)
     return [total for total, _ in states] + [excess for _, excess in states]
 
 
-def _compensated(state: State, term: Array) -> State:
-    """Add a term, less what rounding added to the sum before (W. Kahan, 1965)."""
+def compensated(state: State, term: Array) -> State:
+    """Return a sum with one term more, less what rounding added before (W. Kahan, 1965)."""
     total, excess = state
     term = term - excess
     new = total + term
@@ -122,7 +141,7 @@ def _compensated(state: State, term: Array) -> State:
 
 
 def _jvp(primals, tangents, *, term, pinned, sums):
-    made = sum_p.bind(*primals, term=term, pinned=pinned, sums=sums)
+    made = _bind(*primals, term=term, pinned=pinned, sums=sums)
     count, first, *rest = primals
     before, operands, moves = tangents[2 : 2 + 2 * sums], rest[2 * sums :], tangents[2 + 2 * sums :]
     # Others are constants: a scene may refuse derivatives that nobody asked for.
@@ -140,7 +159,7 @@ def _jvp(primals, tangents, *, term, pinned, sums):
 
     before = [ad.instantiate_zeros(each) for each in before]
     moves = [moves[j] for j in moved]
-    return made, sum_p.bind(count, first, *before, *operands, *moves, term=tangent, pinned=pinned, sums=sums)
+    return made, _bind(count, first, *before, *operands, *moves, term=tangent, pinned=pinned, sums=sums)
 
 
 def _transpose(cotangents, count, first, *args, term, pinned, sums):
@@ -162,9 +181,7 @@ def _transpose(cotangents, count, first, *args, term, pinned, sums):
     # What rounding adds depends on no operand.
     pulling = [ad.instantiate_zeros(each) for each in cotangents[:sums]]
     start = [ad.zeros_like_aval(aval) for aval in (*shapes, *shapes)]
-    made = sum_p.bind(
-        count, first, *start, *known, *pulling, term=pulled_back, pinned=pinned, sums=len(linear)
-    )
+    made = _bind(count, first, *start, *known, *pulling, term=pulled_back, pinned=pinned, sums=len(linear))
     gradients = [value((made[j], made[len(linear) + j])) for j in range(len(linear))]
     state = [ct if ad.is_undefined_primal(arg) else None for ct, arg in zip(cotangents, before, strict=True)]
     return [None, None, *state, *_replaced([None] * len(operands), linear, gradients)]
@@ -191,7 +208,7 @@ def _batch(args, axes, *, term, pinned, sums):
         for state, axis in zip(rest[: 2 * sums], axes[2 : 2 + 2 * sums], strict=True)
     ]
     zero = jnp.zeros_like(count)
-    made = sum_p.bind(count, zero, *states, *operands, term=of_all, pinned=pinned, sums=sums)
+    made = _bind(count, zero, *states, *operands, term=of_all, pinned=pinned, sums=sums)
     return made, [0] * (2 * sums)
 
 
@@ -201,11 +218,3 @@ def _replaced(values: Any, places: list[int], others: Any) -> list[Any]:
     for place, other in zip(places, others, strict=True):
         filled[place] = other
     return filled
-
-
-sum_p.def_impl(_loop)
-sum_p.def_abstract_eval(lambda count, first, *args, term, pinned, sums: list(args[: 2 * sums]))
-mlir.register_lowering(sum_p, mlir.lower_fun(_loop, multiple_results=True))
-ad.primitive_jvps[sum_p] = _jvp
-ad.primitive_transposes[sum_p] = _transpose
-batching.primitive_batchers[sum_p] = _batch

@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.sharding import Mesh
 from numpy.typing import DTypeLike
 
-from qmcjax.core import summation
+from qmcjax.core import devices, summation
 from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
 from qmcjax.core.summation import State
@@ -16,33 +17,88 @@ from qmcjax.core.summation import State
 Pixels = tuple[Array, Array]
 """Columns and rows."""
 
+TILE = {"cpu": 2**14}
+"""Pixels whose sums stay in the cache, by backend."""
 
-@jit("width", "height", "batch", "dims")
+_ANYWHERE = 2**20
+"""Pixels of a tile elsewhere, which has many more threads."""
+
+
+@jit("size", "width", "height", "batch", "dims", "mesh")
 def accumulate(
     pair: tuple[Any, Any],
-    pixels: Pixels | None,
+    tiles: Array,
+    states: State,
+    first: Array,
+    batches: Array,
+    size: int,
+    width: int,
+    height: int,
+    batch: int,
+    dims: tuple[int, ...],
+    mesh: Mesh | None,
+) -> State:
+    """Add ``batches`` times ``batch`` samples of every pixel of some tiles, one tile after the other.
+
+    ``tiles`` are lists of pixels by their numbers, shape (tiles, size), or the first numbers of tiles of
+    ``size`` neighbours, shape (tiles,); pixels beyond the last are that one. The sums of a tile stay in the
+    cache. ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first
+    two).
+    """
+
+    def of_tile(part: tuple[Array, State], pair: tuple[Any, Any], first: Array, batches: Array) -> State:
+        tile, state = part
+        return _added(pair, tile, state, first, batches, size, width, height, batch, dims)
+
+    return devices.mapped(of_tile, mesh, (tiles, states), pair, first, batches)
+
+
+@jit("size", "width", "height", "batch", "dims", "dtype", "mesh")
+def means(
+    pair: tuple[Any, Any],
+    tiles: Array,
+    spp: Array,
+    size: int,
+    width: int,
+    height: int,
+    batch: int,
+    dims: tuple[int, ...],
+    dtype: np.dtype,
+    mesh: Mesh | None,
+) -> Array:
+    """Return the means over all samples of some tiles, whose sums never leave the cache."""
+
+    def of_tile(tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
+        state = zeros(pair[0], (size,), dtype)
+        batches = spp // np.uint32(batch)
+        state = _added(pair, tile, state, jnp.uint32(0), batches, size, width, height, batch, dims)
+        return mean(state, spp)
+
+    return devices.mapped(of_tile, mesh, tiles, pair, spp)
+
+
+def _added(
+    pair: tuple[Any, Any],
+    tile: Array,
     state: State,
     first: Array,
     batches: Array,
+    size: int,
     width: int,
     height: int,
     batch: int,
     dims: tuple[int, ...],
 ) -> State:
-    """Add ``batches`` times ``batch`` samples of every pixel.
-
-    ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first two).
-    """
+    """Add samples of the pixels of a tile."""
     scene, sampler = pair
-    if pixels:
-        prepared = sampler.prepare(*pixels, dims)
-    else:
-        prepared = sampler.prepare_image(width, height, dims)
+    if tile.ndim == 0:
+        tile = jnp.minimum(tile + jax.lax.iota(jnp.uint32, size), np.uint32(width * height - 1))
+    pixels = tile % np.uint32(width), tile // np.uint32(width)
+    prepared = sampler.prepare(*pixels, dims)
     own = is_own(sampler)
 
     def batch_sum(parameters: Any, k: Array) -> Array:
-        scene, sampler, prepared, pixels = parameters
-        x, y = pixels or of_image(width, height)
+        scene, sampler, prepared, (x, y) = parameters
         block = jnp.broadcast_to(k, x.shape)
         points = sampler.consecutive(prepared, block, batch, dims, state[0].dtype)
         values = []
@@ -62,11 +118,15 @@ def or_nan(values: Array, points: Array) -> Array:
     return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
 
+def tile_size(pixels: int, mesh: Mesh | None) -> int:
+    """Return how many pixels to take together: no device goes without, as long as there are enough."""
+    return min(TILE.get(jax.default_backend(), _ANYWHERE), -(-pixels // devices.count(mesh)))
+
+
 @jax.jit
-def mean(state: State, count: Array) -> tuple[Array, Array]:
-    """Return the sum over the number of terms, and whether all of it is finite."""
-    image = summation.value(state) / count.astype(state[0].dtype)
-    return image, jnp.isfinite(image).all()
+def mean(state: State, count: Array) -> Array:
+    """Return the sum over the number of terms."""
+    return summation.value(state) / count.astype(state[0].dtype)
 
 
 def of_image(width: int, height: int) -> Pixels:

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.sharding import Mesh
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, devices
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, in_one_pass
@@ -35,13 +36,13 @@ class AdaptiveImage(NamedTuple):
     """The part of all width * height * spp samples that was not taken."""
 
 
-def skipping(task: Task, progress: Callable[[float], None]) -> AdaptiveImage:
+def skipping(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -> AdaptiveImage:
     """Take one sample where the scene is constant, and only the coordinates that vary elsewhere."""
     image, groups = plan(task)
     counts = np.ones(image.shape[:2], np.uint32)
     total, done = sum(len(pixels) for _, pixels in groups), 0
     for dims, pixels in groups:
-        for part, values in means(task, dims, pixels):
+        for part, values in means(task, dims, pixels, mesh):
             flat(image)[part] = values
             done += len(part)
             if done < total:
@@ -122,40 +123,35 @@ def _codes(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
     return codes
 
 
-def means(task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp]) -> Iterator[tuple[NDArray, NDArray]]:
+def means(
+    task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp], mesh: Mesh | None
+) -> Iterator[tuple[NDArray, NDArray]]:
     """Yield the means of all samples, for one part of the pixels after the other."""
     sampler = task.sampler.up_to(task.spp)
     batch = in_one_pass(task.scene, sampler, task.spp, dims)
-    pair, size = (task.scene, sampler), (task.width, task.height)
+    count = devices.count(mesh)
     sizes = _SIZES
     if _is_long(task.scene):
         sizes = (_LONG[task.width * task.height < 4 * _LONG[0]],)
     with checks.precision(task.dtype):
-        begun = [
-            (part, _means(pair, padded, np.uint32(task.spp), *size, batch, dims, task.dtype))
-            for part, padded in _parts(pixels, sizes)
-        ]
+        pair = devices.placed((task.scene, sampler), mesh)
+        begun = []
+        for part, padded in _parts(pixels, tuple(size * count for size in sizes)):
+            size = len(padded) // count
+            made = _accumulation.means(
+                pair,
+                *devices.placed((padded.reshape(count, size), np.uint32(task.spp)), mesh),
+                size,
+                task.width,
+                task.height,
+                batch,
+                dims,
+                task.dtype,
+                mesh,
+            )
+            begun.append((part, devices.local(made, mesh)))
         for part, values in begun:
-            yield part, np.asarray(values)[: len(part)]
-
-
-@jit("width", "height", "batch", "dims", "dtype")
-def _means(
-    pair: tuple[Any, Any],
-    numbers: Array,
-    spp: Array,
-    width: int,
-    height: int,
-    batch: int,
-    dims: tuple[int, ...],
-    dtype: np.dtype,
-) -> Array:
-    """Return the means over pixels by their numbers."""
-    pixels = numbers % np.uint32(width), numbers // np.uint32(width)
-    state = _accumulation.zeros(pair[0], numbers.shape, dtype)
-    batches = spp // np.uint32(batch)
-    state = _accumulation.accumulate(pair, pixels, state, jnp.uint32(0), batches, width, height, batch, dims)
-    return _accumulation.mean(state, spp)[0]
+            yield part, flat(np.asarray(values))[: len(part)]
 
 
 def _parts(
@@ -171,7 +167,7 @@ def _parts(
 
 
 def flat(image: NDArray) -> NDArray:
-    """Return a view with one row a pixel."""
+    """Return a view whose first two axes are one."""
     return image.reshape(image.shape[0] * image.shape[1], *image.shape[2:])
 
 

@@ -7,14 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.flatten_util import ravel_pytree
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, summation
+from qmcjax.core import checks, devices, summation
 from qmcjax.core.pytrees import jit
 from qmcjax.scenes import as_scene
 from qmcjax.sequences import Sequence, as_sequence
 
 __all__ = ["boundary_gradient"]
+
+_PARTS = 8
+"""Parts of the points, which devices share."""
 
 _BLOCK = 2**10, 2**18
 """The least and the largest number of points on edges that are added up together."""
@@ -28,6 +32,7 @@ def boundary_gradient(
     n: int,
     *,
     dtype: DTypeLike = jnp.float32,
+    mesh: Mesh | None = None,
 ) -> Any:
     r"""Estimate the derivative of every pixel's mean with respect to every parameter, by sampling the edges.
 
@@ -65,6 +70,9 @@ def boundary_gradient(
         Number of points on the edges of the whole image, in [1, 2**31].
     dtype : float32 or float64
         Of points and sums.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the points, as for :func:`qmcjax.render`. Up to 8, in whose parts they are added up
+        in any case; more are of no use. They need the memory of 8 results.
 
     Returns
     -------
@@ -124,22 +132,29 @@ def boundary_gradient(
     # Each point has a matrix for each parameter.
     numbers = (free + 1) ** 2 * sum(np.size(leaf) for leaf in jax.tree.leaves(scene))
     rows = min(max(width * height, least), max(largest * 16 // max(numbers, 16), least))
+    mesh = devices.checked(mesh)
     with checks.precision(dtype):
         scene = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
         blocks = -(-n // rows)
-        return _gradient(scene, sequence, np.uint32(n), np.uint32(blocks), width, height, rows, dtype)
+        parts = min(blocks, _PARTS)
+        edges = (np.arange(parts + 1, dtype=np.uint64) * np.uint64(blocks) // np.uint64(parts)).astype(
+            np.uint32
+        )
+        arguments = devices.placed((scene, sequence, np.uint32(n), edges), mesh)
+        return devices.local(_gradient(*arguments, width, height, rows, dtype, mesh), mesh)
 
 
-@jit("width", "height", "rows", "dtype")
+@jit("width", "height", "rows", "dtype", "mesh")
 def _gradient(
     scene: Any,
     sequence: Sequence,
     n: Array,
-    blocks: Array,
+    edges: Array,
     width: int,
     height: int,
     rows: int,
     dtype: DTypeLike,
+    mesh: Mesh | None,
 ) -> Any:
     leaves, tree = jax.tree.flatten(scene)
 
@@ -167,10 +182,13 @@ def _gradient(
         image = jnp.zeros((beyond, swept.shape[1]), dtype)
         return image.at[jnp.where(inside, pixel, beyond)].add(swept, mode="drop")
 
-    parameters = (scene, sequence, n)
-    state = summation.zeros(jax.eval_shape(block, parameters, n))
-    state = summation.add_terms(block, False, parameters, state, jnp.uint32(0), blocks)
-    total = summation.value(state)  # pyright: ignore[reportArgumentType]
+    def of_part(edges: tuple[Array, Array], *parameters: Any) -> Array:
+        first, end = edges
+        state = summation.zeros(jax.eval_shape(block, parameters, first))
+        state = summation.add_terms(block, False, parameters, state, first, end - first)
+        return summation.value(state)  # pyright: ignore[reportArgumentType]
+
+    total = devices.summed(of_part, mesh, (edges[:-1], edges[1:]), scene, sequence, n)
     sums = total * (width * height / n.astype(dtype))
     ends = np.cumsum([leaf.size for leaf in leaves])
     images = jnp.split(sums, ends[:-1], axis=1)

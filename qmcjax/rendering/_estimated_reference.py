@@ -1,17 +1,21 @@
 """Estimates of exact images, for scenes without a closed form."""
 
+import os
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax import samplers, sequences
-from qmcjax.core import checks
-from qmcjax.rendering._render import render
+from qmcjax.core import checkpoints, checks, devices
+from qmcjax.rendering._render import rendered
+from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
 
 __all__ = ["estimated_reference"]
@@ -31,6 +35,9 @@ def estimated_reference(
     key: Array | int,
     *,
     dtype: DTypeLike = jnp.float64,
+    progress: Callable[[float], None] | None = None,
+    checkpoint: str | os.PathLike | None = None,
+    mesh: Mesh | None = None,
 ) -> tuple[NDArray[np.float64], float]:
     """Estimate the mean over each pixel from randomised replicates, with a bound on the errors.
 
@@ -48,6 +55,12 @@ def estimated_reference(
     key : jax.random.key, or int in [0, 2**32)
     dtype : float32 or float64
         Of points, values and the sums of a replicate.
+    progress : callable, optional
+        Called with the finished part in (0, 1], several times in a long run.
+    checkpoint : path, optional
+        Of a file that keeps what is finished, as that of :func:`qmcjax.render` does.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the pixels, as for :func:`qmcjax.render`.
 
     Returns
     -------
@@ -61,6 +74,9 @@ def estimated_reference(
         If an argument is not what it is named for.
     ValueError
         If a size is out of range, ``spp`` no multiple of 16, or the scene returns a value that is not finite.
+        If ``checkpoint`` is damaged, or that of another computation or other versions.
+    OSError
+        If ``checkpoint`` cannot be written at first.
 
     Notes
     -----
@@ -87,14 +103,27 @@ def estimated_reference(
         raise ValueError(f"spp must be a multiple of the {REPLICATES} replicates, got {spp}")
     sobol = sequences.sobol(len(scene.needs))
     keys = jax.random.split(checks.prng_key("key", key), REPLICATES)
-    images = [
-        np.asarray(
-            render(scene, samplers.independent(sobol, each), width, height, spp // REPLICATES, dtype=dtype),
-            np.float64,
-        )
+    dtype = checks.floating(dtype)
+    tasks = [
+        task(scene, samplers.independent(sobol, each), width, height, spp // REPLICATES, dtype)
         for each in keys
     ]
+    check_progress(progress, tasks[0])
+    mesh = devices.checked(mesh)
+    kept = opened(checkpoint, "estimated_reference", tasks[0], mesh, key=keys, spp=spp)
+    images = [] if kept is None else list(kept.state.get("images", []))
+    for number in range(len(images), REPLICATES):
+
+        def report(part: float, number: int = number) -> None:
+            if progress is not None:
+                progress((number + part) / REPLICATES)
+
+        inside = None if kept is None else checkpoints.Part(kept, "replicate", images=np.array(images))
+        image = rendered(tasks[number], mesh, None if progress is None else report, inside)
+        images.append(np.asarray(image, np.float64))
+        if kept is not None and (kept.due(last=len(images) == REPLICATES)):
+            kept.write(images=np.array(images))
     image = np.mean(images, axis=0)
     error = float(np.std(images, axis=0, ddof=1).max()) / np.sqrt(REPLICATES)
-    rounding = 4 * float(jnp.finfo(checks.floating(dtype)).eps) * float(abs(image).max())
+    rounding = 4 * float(jnp.finfo(dtype).eps) * float(abs(image).max())
     return image, float(_DEVIATIONS * error + rounding)

@@ -1,15 +1,20 @@
 """Independent passes of an image, their mean and its variance."""
 
+import os
+import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checkpoints, checks, devices
 from qmcjax.rendering._render import render
+from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
 
 __all__ = ["Passes", "render_passes"]
@@ -36,9 +41,13 @@ def render_passes(
     passes: int,
     *,
     tolerance: float | None = None,
+    seconds: float | None = None,
     dtype: DTypeLike = jnp.float32,
+    progress: Callable[[float], None] | None = None,
+    checkpoint: str | os.PathLike | None = None,
+    mesh: Mesh | None = None,
 ) -> Passes:
-    """Average freshly randomised passes of an image, until an error is reached.
+    """Average freshly randomised passes of an image, until an error is reached or time is over.
 
     Parameters
     ----------
@@ -53,8 +62,20 @@ def render_passes(
         Number of passes, or the most of them, at least 2.
     tolerance : float, optional
         Stop after two or more passes as soon as ``error`` is at most this.
+    seconds : float, optional
+        Stop after two or more passes as soon as this call has taken so long.
     dtype : float32 or float64
         Of the images; passes are added up in float64.
+    progress : callable, optional
+        Called with the finished part in (0, 1] after each pass: of all passes, of the time, or of the way to
+        the tolerance, whichever is most.
+    checkpoint : path, optional
+        Of a file that keeps the passes, written every half a minute and in the end. Called again after it was
+        killed, the function goes on from there to the same bits; with more ``passes``, a smaller
+        ``tolerance`` or more ``seconds`` it goes on where it had stopped. The file stays there.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
+        ``seconds``.
 
     Returns
     -------
@@ -65,7 +86,10 @@ def render_passes(
     TypeError
         If an argument is not what it is named for.
     ValueError
-        If ``passes`` is out of range, ``tolerance`` is not positive, or as :func:`render` does.
+        If ``passes`` is out of range, ``tolerance`` or ``seconds`` is not positive, ``checkpoint`` is damaged
+        or that of another computation or other versions, or as :func:`render` does.
+    OSError
+        If ``checkpoint`` cannot be written at first. Later on that is a RuntimeWarning.
 
     Notes
     -----
@@ -95,31 +119,82 @@ def render_passes(
     if not callable(getattr(sampler, "of_pass", None)):
         raise TypeError(f"sampler must be made by samplers.randomized, got {checks.shown(sampler)}")
     passes = checks.integer("passes", passes, 2, checks.INDEX_LIMIT)
-    if tolerance is not None:
-        checks.positive("tolerance", tolerance)
-        if np.ndim(tolerance):
-            raise TypeError(f"tolerance must be one number, got {checks.shown(tolerance)}")
+    for name, value in (("tolerance", tolerance), ("seconds", seconds)):
+        if value is not None:
+            checks.positive(name, value)
+            if np.ndim(value):
+                raise TypeError(f"{name} must be one number, got {checks.shown(value)}")
+    if seconds is not None and devices.processes(devices.checked(mesh)) > 1:
+        raise ValueError(f"seconds must be None for a mesh of several processes, got {seconds}")
     dtype = checks.floating(dtype)
+    begin, state, kept = time.monotonic(), None, None
+    if progress is not None or checkpoint is not None:
+        first = task(scene, sampler.of_pass(0), width, height, sampler.spp, dtype)
+        check_progress(progress, first)
+        kept = opened(checkpoint, "render_passes", first, devices.checked(mesh), sampler=sampler)
+    if kept is not None:
+        state = _kept(kept.state, passes)
 
-    def image(number: int) -> Array:
-        return render(scene, sampler.of_pass(number), width, height, sampler.spp, dtype=dtype)
+    def finished(state: _State) -> float:
+        """Return the part of the way to what stops the passes first."""
+        parts = [state.done / passes]
+        if state.done > 1 and tolerance is not None:
+            parts.append((tolerance / max(float(state.error), tolerance)) ** 2)
+        if state.done > 1 and seconds is not None:
+            parts.append((time.monotonic() - begin) / seconds)
+        return min(max(parts), 1.0)
 
-    done, of_pass = 1, image(0)
-    with jax.enable_x64(True):
-        mean = of_pass.astype(jnp.float64)
-        variance, error = jnp.zeros_like(mean), jnp.float64(jnp.inf)
-    while done < passes and (tolerance is None or float(error) > tolerance):
+    part = 0.0 if state is None else finished(state)
+    while part < 1:
+        number = 0 if state is None else state.done
         # Outside the context: the program of an image in float32 is another there.
-        of_pass = image(done)
+        image = render(scene, sampler.of_pass(number), width, height, sampler.spp, dtype=dtype, mesh=mesh)
         with jax.enable_x64(True):
-            mean, variance, error = _updated(of_pass, mean, variance, jnp.float64(done))
-        done += 1
+            state = _first(image) if state is None else _updated(image, state)
+        part = max(part, finished(state))
+        if kept is not None and kept.due(last=part == 1):
+            kept.write(**state._asdict())
+        if progress is not None:
+            progress(part)
+    assert state is not None
     with jax.enable_x64(True):
-        return Passes(mean.astype(dtype), variance.astype(dtype), error.astype(dtype), done)
+        image, variance, error = (each.astype(dtype) for each in state[:3])
+    return Passes(image, variance, error, state.done)
+
+
+class _State(NamedTuple):
+    """The passes so far, in float64."""
+
+    mean: Array
+    variance: Array
+    error: Array
+    done: int
+
+
+def _kept(state: checkpoints.State, passes: int) -> _State | None:
+    """Return the passes of a checkpoint, if there are any."""
+    if not state:
+        return None
+    done = int(state["done"])
+    if done > passes:
+        raise ValueError(f"passes must be at least the {done} that the checkpoint has, got {passes}")
+    with jax.enable_x64(True):
+        mean, variance, error = (jnp.asarray(state[name]) for name in ("mean", "variance", "error"))
+        return _State(mean, variance, error, done)
+
+
+def _first(image: Array) -> _State:
+    mean = image.astype(jnp.float64)
+    return _State(mean, jnp.zeros_like(mean), jnp.float64(jnp.inf), 1)
+
+
+def _updated(image: Array, state: _State) -> _State:
+    mean, variance, error = _added(image, state.mean, state.variance, jnp.float64(state.done))
+    return _State(mean, variance, error, state.done + 1)
 
 
 @jax.jit
-def _updated(image: Array, mean: Array, variance: Array, n: Array) -> tuple[Array, Array, Array]:
+def _added(image: Array, mean: Array, variance: Array, n: Array) -> tuple[Array, Array, Array]:
     """Add an image to the mean of n, whose variance is known if n > 1 (B. P. Welford, 1962)."""
     deviation = image.astype(mean.dtype) - mean
     # The sum of squared deviations, n (n - 1) times the variance, grows by n / (n + 1) times this one.

@@ -1,22 +1,29 @@
 """From a scene and a sampler to an image."""
 
+import os
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checkpoints, checks, devices
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._task import Task, check_progress, in_one_pass, refuse, task
+from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
 
 __all__ = ["render"]
 
 _CALL = 2**26
-"""Samples of the whole image in one call of the compiled program: progress is reported between calls."""
+"""Samples in one call of the compiled program: progress is reported between calls."""
+
+_PIXELS = 2**22
+"""Pixels in one call, whose sums are kept."""
 
 
 def render(
@@ -28,6 +35,8 @@ def render(
     *,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
+    checkpoint: str | os.PathLike | None = None,
+    mesh: Mesh | None = None,
 ) -> Array:
     """Average the samples of each pixel (box filter).
 
@@ -48,6 +57,14 @@ def render(
         Of points, values and sums. Sums are compensated: they are as good as the values.
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run; not inside ``jax.jit``.
+    checkpoint : path, optional
+        Of a file that keeps what is finished, written every half a minute and in the end. Called again after
+        it was killed, the function goes on from there to the same bits. The file stays there. Not inside
+        ``jax.jit``.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
+        process, or of several that all make the same call. The image is the same bit by bit, whatever they
+        are, and whole in each process. By default the one that JAX computes on.
 
     Returns
     -------
@@ -61,7 +78,10 @@ def render(
     ValueError
         If a size is out of range, the sampler was made for another image or number of samples, it
         has fewer dimensions than the scene needs, or the scene returns a value that is not finite (the
-        message names the pixel, the sample and the point).
+        message names the pixel, the sample and the point). If ``checkpoint`` is damaged, or that of another
+        scene, sampler, size or dtype, or of other versions.
+    OSError
+        If ``checkpoint`` cannot be written at first. Later on that is a RuntimeWarning.
 
     Examples
     --------
@@ -72,13 +92,29 @@ def render(
     """
     wanted = task(scene, sampler, width, height, spp, dtype)
     check_progress(progress, wanted)
-    image, finite = _everywhere(wanted, progress)
+    mesh = devices.checked(mesh)
+    return rendered(wanted, mesh, progress, opened(checkpoint, "render", wanted, mesh))
+
+
+def rendered(
+    task: Task,
+    mesh: Mesh | None,
+    progress: Callable[[float], None] | None,
+    kept: checkpoints.Kept | None,
+) -> Array:
+    """Render what was checked, from where an earlier run was stopped."""
+    image, finite = _everywhere(task, mesh, progress, kept)
     if not isinstance(finite, Tracer) and not finite:
-        refuse(wanted, image)
+        refuse(task, image)
     return image
 
 
-def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[Array, Array]:
+def _everywhere(
+    task: Task,
+    mesh: Mesh | None,
+    progress: Callable[[float], None] | None,
+    kept: checkpoints.Kept | None,
+) -> tuple[Array, Array]:
     """Take all samples of all pixels, and tell whether the means are finite."""
     scene, sampler, width, height, spp, dtype = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
@@ -86,22 +122,75 @@ def _everywhere(task: Task, progress: Callable[[float], None] | None) -> tuple[A
         # So many values are added pairwise before they go into the compensated sum: memory traffic is what
         # counts.
         batch = in_one_pass(scene, sampler, spp, dims)
-        state = _accumulation.zeros(scene, (height, width), dtype)
-        per_call = max(1, _CALL // (width * height * batch)) * batch
-        for first in range(0, spp, per_call):
-            count = min(per_call, spp - first)
-            state = _accumulation.accumulate(
-                (scene, sampler),
-                None,
-                state,
-                np.uint32(first // batch),
-                np.uint32(count // batch),
-                width,
-                height,
-                batch,
-                dims,
-            )
+        pair = devices.placed((scene, sampler), mesh)
+        pixels, size = width * height, _accumulation.tile_size(width * height, mesh)
+        at_a_time = pixels if task.traced else max(min(_PIXELS, _CALL // spp) // size, devices.count(mesh))
+        image, finished, state, samples = None, 0, None, 0
+        if kept is not None and kept.state:
+            image, finished = _with_part(None, jnp.asarray(kept.state["image"]), 0, pixels)
+            samples = int(kept.state["samples"])
+            if samples:
+                state = jnp.asarray(kept.state["sum"]), jnp.asarray(kept.state["excess"])
+        while finished < pixels:
+            count = min(at_a_time, -(-(pixels - finished) // size))
+            # Those of a checkpoint may have another size, on other devices.
+            count, of_tile = (count, size) if state is None else state[0].shape[:2]
+            tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
+            means = None
+            if state is None and (task.traced or count * size * spp <= _CALL):
+                arguments = devices.placed((tiles, np.uint32(spp)), mesh)
+                means = _accumulation.means(pair, *arguments, size, width, height, batch, dims, dtype, mesh)
+                means = devices.local(means, mesh)
+            else:
+                if state is None:
+                    state = _accumulation.zeros(scene, (count, size), dtype)
+                more = min(spp - samples, max(_CALL // (count * of_tile * batch), 1) * batch)
+                arguments = tiles, state, np.uint32(samples // batch), np.uint32(more // batch)
+                arguments = devices.placed(arguments, mesh)
+                state = _accumulation.accumulate(pair, *arguments, of_tile, width, height, batch, dims, mesh)
+                state, samples = devices.local(state, mesh), samples + more
+                if samples == spp:
+                    means, state, samples = _accumulation.mean(state, np.uint32(spp)), None, 0
+            if means is not None:
+                part = means.reshape(-1, *means.shape[2:])[: pixels - finished]
+                image, finished = _with_part(image, part, finished, pixels)
+            if kept is not None:
+                jax.block_until_ready((image, state))
+                if kept.due(last=finished == pixels):
+                    kept.write(
+                        image=np.empty(0) if image is None else image[:finished],
+                        sum=np.empty(0) if state is None else state[0],
+                        excess=np.empty(0) if state is None else state[1],
+                        samples=samples,
+                    )
             if progress is not None:
-                state[0].block_until_ready()
-                progress((first + count) / spp)
-        return _accumulation.mean(state, np.uint32(spp))
+                jax.block_until_ready((image, state))
+                progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
+        assert image is not None
+        shaped = _shaped if task.traced else _in_place
+        return shaped(image, width, height)
+
+
+def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> tuple[Array | None, int]:
+    """Return an image whose next pixels are those of a part, and how many it has then."""
+    if len(part) == pixels:
+        return part, pixels
+    if len(part):
+        if image is None:
+            image = jnp.zeros((pixels, *part.shape[1:]), part.dtype)
+        image = _written(image, part, np.uint32(finished))
+    return image, finished + len(part)
+
+
+# The memory of what is replaced is that of what replaces it: an image is kept once.
+@partial(jax.jit, donate_argnums=0)
+def _written(image: Array, part: Array, begin: Array) -> Array:
+    return jax.lax.dynamic_update_slice_in_dim(image, part, begin, 0)
+
+
+def _shaped(image: Array, width: int, height: int) -> tuple[Array, Array]:
+    """Return an image of its pixels, and whether all of it is finite."""
+    return image.reshape(height, width, *image.shape[1:]), jnp.isfinite(image).all()
+
+
+_in_place = jax.jit(_shaped, static_argnums=(1, 2), donate_argnums=0)

@@ -5,9 +5,10 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, devices
 from qmcjax.rendering._adaptive import AdaptiveImage, skipping
 from qmcjax.rendering._stopping import PILOT, until
 from qmcjax.rendering._task import Task, check_progress, refuse, task
@@ -27,6 +28,7 @@ def render_adaptive(
     progress: Callable[[float], None] | None = None,
     tolerance: float | None = None,
     unbiased: bool = False,
+    mesh: Mesh | None = None,
 ) -> AdaptiveImage:
     """Average the samples of each pixel that the scene needs.
 
@@ -56,6 +58,8 @@ def render_adaptive(
         the image. Otherwise a pixel whose first passes happen to agree stops early, and rare bright values
         are underestimated. ``counts`` has the samples of both. The error is then a prediction from four
         passes: a few pixels stay above the tolerance.
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the pixels that are sampled, as for :func:`qmcjax.render`.
 
     Returns
     -------
@@ -92,11 +96,12 @@ def render_adaptive(
         )
     check_progress(progress, wanted)
     _check_tolerance(wanted, tolerance, unbiased)
+    mesh = devices.checked(mesh)
     report = progress or (lambda part: None)
     if tolerance is None:
-        result = skipping(wanted, report)
+        result = skipping(wanted, mesh, report)
     else:
-        result = until(wanted, tolerance, unbiased, report)
+        result = until(wanted, tolerance, unbiased, mesh, report)
     if not np.isfinite(result.image).all():
         refuse(wanted, result.image)
     return result

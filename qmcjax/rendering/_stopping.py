@@ -6,6 +6,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.sharding import Mesh
 from numpy.typing import NDArray
 
 from qmcjax.rendering._adaptive import AdaptiveImage, Group, flat, means, plan, result
@@ -18,7 +19,9 @@ _PILOT_KEY = 2**32 - 1
 """Folded into the key for the pilot. No pass has this number."""
 
 
-def until(task: Task, tolerance: float, unbiased: bool, progress: Callable[[float], None]) -> AdaptiveImage:
+def until(
+    task: Task, tolerance: float, unbiased: bool, mesh: Mesh | None, progress: Callable[[float], None]
+) -> AdaptiveImage:
     """Take passes in each pixel that varies until its standard error is at most ``tolerance``."""
     centre, groups = plan(task)
     limit = task.spp // task.sampler.spp
@@ -29,7 +32,7 @@ def until(task: Task, tolerance: float, unbiased: bool, progress: Callable[[floa
     pilot = task.sampler
     if unbiased:
         pilot = replace(pilot, key=jax.random.fold_in(pilot.key, _PILOT_KEY))
-    moments = _Moments(centre.shape)
+    moments = _Moments(centre.shape, mesh)
     for number in range(PILOT):
         moments.add(task, pilot.of_pass(number), groups, vary)
         progress((number + 1) / limit)
@@ -38,7 +41,7 @@ def until(task: Task, tolerance: float, unbiased: bool, progress: Callable[[floa
     if unbiased:
         wanted = np.ceil(moments.variance() / tolerance / tolerance)
         passes = np.clip(wanted, 1, limit - PILOT).astype(np.int64) * vary
-        moments = _Moments(centre.shape)
+        moments = _Moments(centre.shape, mesh)
         for number in range(int(passes.max(initial=0))):
             moments.add(task, task.sampler.of_pass(number), groups, passes > number)
             progress((PILOT + number + 1) / limit)
@@ -61,8 +64,9 @@ def until(task: Task, tolerance: float, unbiased: bool, progress: Callable[[floa
 class _Moments:
     """Means of the passes of each pixel so far, and the sums of their squared deviations."""
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
+    def __init__(self, shape: tuple[int, ...], mesh: Mesh | None) -> None:
         self.shape = shape
+        self.mesh = mesh
         pixels = shape[0] * shape[1]
         self.count = np.zeros(pixels, np.int64)
         self.mean = np.zeros((pixels, *shape[2:]))
@@ -72,7 +76,7 @@ class _Moments:
         """Add a pass of the active pixels (B. P. Welford, 1962)."""
         one = task._replace(sampler=sampler, spp=task.sampler.spp)
         for dims, pixels in groups:
-            for part, values in means(one, dims, pixels[active[pixels]]):
+            for part, values in means(one, dims, pixels[active[pixels]], self.mesh):
                 self.count[part] += 1
                 deviation = values - self.mean[part]
                 self.mean[part] += (deviation.T / self.count[part]).T

@@ -1,0 +1,206 @@
+"""The state of a long computation in a file, from which another process goes on to the same bits.
+
+A file is written under a temporary name, brought to disk and then renamed: whenever a process is killed, the
+file there is whole, the last one or the one before.
+"""
+
+import glob
+import json
+import os
+import time
+import warnings
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.digests import digest, versions
+
+EVERY = 30.0
+"""Seconds between two writes of a state."""
+
+SHARE = 0.05
+"""The most of the time that writing takes: states of gigabytes are written less often."""
+
+_FORMAT = "qmcjax checkpoint 1"
+_HEADER = "header"
+
+State = dict[str, NDArray]
+
+
+class Kept(Protocol):
+    """Where a loop keeps its state: a file, or a part of one."""
+
+    state: State
+    """What an earlier run has kept, or nothing."""
+
+    def due(self, last: bool = False) -> bool:
+        """Tell whether it is time to write; in the end of a computation it is."""
+        ...
+
+    def write(self, **state: Any) -> None:
+        """Keep arrays in place of what was kept before."""
+        ...
+
+
+class Checkpoint:
+    """The state of one computation in a file."""
+
+    def __init__(self, path: Path, header: str, state: State, writes: bool = True) -> None:
+        self.path = path
+        self.writes = writes
+        self.header = header
+        self.state = state
+        self._next = time.monotonic() + EVERY
+
+    def due(self, last: bool = False) -> bool:
+        """Tell whether it is time to write; in the end of a computation it is."""
+        return self.writes and (last or time.monotonic() >= self._next)
+
+    def write(self, **state: Any) -> None:
+        """Keep arrays in place of what was kept before.
+
+        If that fails, the file from before stays, with a warning: a full disk need not end what can go on
+        without one.
+        """
+        start = time.monotonic()
+        try:
+            self._write(state)
+        except OSError as error:
+            warnings.warn(
+                f"checkpoint {str(self.path)!r} cannot be written, the last one stays: {error}",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        end = time.monotonic()
+        self._next = end + max(EVERY, (end - start) / SHARE)
+
+    def _write(self, state: Mapping[str, Any]) -> None:
+        temporary = self.path.with_name(f"{_prefix(self.path)}{os.getpid()}")
+        try:
+            with open(temporary, "wb") as file:
+                np.savez(file, allow_pickle=False, **{_HEADER: np.array(self.header)}, **state)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(temporary, self.path)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+
+class Part:
+    """The state of a loop inside another one, kept in the same file beside the outer one's arrays."""
+
+    def __init__(self, whole: Kept, name: str, **outer: Any) -> None:
+        self.whole = whole
+        self.prefix = f"{name}."
+        self.outer = outer
+        own = [key for key in whole.state if key.startswith(self.prefix)]
+        # Taken out: the next turn of the outer loop begins with nothing.
+        self.state = {key.removeprefix(self.prefix): whole.state.pop(key) for key in own}
+
+    def due(self, last: bool = False) -> bool:
+        """Tell whether it is time to write; the end of a part is not that of the whole."""
+        return self.whole.due()
+
+    def write(self, **state: Any) -> None:
+        """Keep arrays in place of what was kept before, with those of the outer loop."""
+        self.whole.write(**self.outer, **{f"{self.prefix}{key}": value for key, value in state.items()})
+
+
+def checked(path: Any) -> Path:
+    """Return where a checkpoint is to be, or raise a TypeError or ValueError."""
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"checkpoint must be the path of a file, got {checks.shown(path)}")
+    path = Path(os.fsdecode(path))
+    if path.is_dir() or not path.parent.is_dir():
+        wrong = "a folder" if path.is_dir() else "one in a folder that is not there"
+        raise ValueError(f"checkpoint must be the path of a file, got {wrong}: {str(path)!r}")
+    return path
+
+
+def begin(path: Any, writes: bool = True, **made_of: Any) -> Checkpoint:
+    """Return the checkpoint of a computation, with the state that an earlier run of the same has kept.
+
+    Parameters
+    ----------
+    path : str or path
+        Of a file, which need not be there.
+    writes : bool
+        Whether it is ever due: one process writes what several share.
+    **made_of : Any
+        What the result depends on, by the names of arguments.
+
+    Returns
+    -------
+    Checkpoint
+
+    Raises
+    ------
+    TypeError
+        If ``path`` is no path, or something cannot be told from others.
+    ValueError
+        If the file is no checkpoint, damaged, or that of another computation, or the folder is not there.
+    OSError
+        If nothing can be written there.
+    """
+    path = checked(path)
+    if writes:
+        for left in path.parent.glob(f"{glob.escape(_prefix(path))}*"):
+            left.unlink(missing_ok=True)
+    described = {name: _described(name, value) for name, value in made_of.items()}
+    described |= versions() | {
+        "device": jax.devices()[0].device_kind,
+        "default precision": str(jax.dtypes.canonicalize_dtype(np.float64)),
+    }
+    state = {}
+    if path.exists():
+        known, state = _read(path)
+        _refuse_other(path, known, described)
+    made = Checkpoint(path, json.dumps({"format": _FORMAT, "made of": described}), state, writes)
+    if writes and not state:
+        made._write({})
+    return made
+
+
+def _prefix(path: Path) -> str:
+    return f".{path.name}.part-"
+
+
+def _described(name: str, value: Any) -> str:
+    return repr(value) if isinstance(value, int | float | str | None) else digest(name, value)
+
+
+def _read(path: Path) -> tuple[dict[str, str], State]:
+    try:
+        # Each array is there with a sum of its bytes, which is checked.
+        with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
+            header = json.loads(str(file[_HEADER]))
+            state = {name: file[name] for name in file.files if name != _HEADER}
+        if header["format"] != _FORMAT:
+            raise ValueError(f"its format is {header['format']!r}")
+        return header["made of"], state
+    except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
+        raise ValueError(
+            f"checkpoint must be a file that was written as one, got {str(path)!r}, which is damaged or "
+            f"something else ({error}): give another path, or delete it to begin anew"
+        ) from None
+
+
+def _refuse_other(path: Path, known: Mapping[str, str], wanted: Mapping[str, str]) -> None:
+    """Raise a ValueError that names what a checkpoint differs in."""
+    differences = []
+    for name in {**known, **wanted}:
+        old, new = known.get(name), wanted.get(name)
+        if old != new:
+            plain = all(each is None or len(each) < 64 for each in (old, new))
+            differences.append(f"{name} was {old}, is {new}" if plain else f"{name} is another one")
+    if differences:
+        raise ValueError(
+            f"checkpoint must be that of this computation, got {str(path)!r}, where {', '.join(differences)}"
+            ": give another path, or delete it to begin anew"
+        )

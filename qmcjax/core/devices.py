@@ -1,0 +1,156 @@
+"""What is computed part by part, on one device or spread over a mesh of them: all that touches meshes."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from qmcjax.core import checks, summation
+from qmcjax.core.varying import alike
+
+_AXIS = "parts"
+
+
+def checked(mesh: Any) -> Mesh | None:
+    """Return the devices of a mesh in a row, or raise unless they are some that this process can use.
+
+    Raises
+    ------
+    TypeError
+        If it is neither None nor a ``jax.sharding.Mesh``.
+    ValueError
+        If it has devices of another backend or none of this process.
+    """
+    if mesh is None:
+        return None
+    if not isinstance(mesh, Mesh):
+        raise TypeError(
+            "mesh must be a jax.sharding.Mesh, as jax.make_mesh((jax.device_count(),), ('devices',)) is, "
+            f"got {checks.shown(mesh)}"
+        )
+    devices = mesh.devices.ravel()
+    unknown = [device for device in devices if device not in jax.devices()]
+    if unknown:
+        raise ValueError(f"mesh must be of devices in jax.devices(), got {unknown[0]}")
+    if not any(device.process_index == jax.process_index() for device in devices):
+        raise ValueError(
+            f"mesh must have a device of each process that takes part, got none of {jax.process_index()}"
+        )
+    return Mesh(devices, (_AXIS,))
+
+
+def count(mesh: Mesh | None) -> int:
+    """Return how many devices take part."""
+    return 1 if mesh is None else mesh.size
+
+
+def processes(mesh: Mesh | None) -> int:
+    """Return how many processes take part."""
+    return 1 if mesh is None else len({device.process_index for device in mesh.devices.flat})
+
+
+def mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
+    """Return ``function(part, *shared)`` of each part, one after the other on each device.
+
+    Parameters
+    ----------
+    function : callable
+        From a part and what all parts share to a pytree of arrays.
+    mesh : Mesh or None
+        Of :func:`checked`.
+    parts : pytree of Arrays
+        Parts along their first axes.
+    *shared : pytrees
+
+    Returns
+    -------
+    pytree of Arrays
+        Made of the parts, along the first axes; on all devices of the mesh.
+    """
+
+    def one_by_one(parts: Any, *shared: Any) -> Any:
+        if jax.tree.leaves(parts)[0].shape[0] == 1:  # No loop: its results would be copied.
+            made = function(jax.tree.map(lambda leaf: leaf[0], parts), *shared)
+            return jax.tree.map(lambda leaf: leaf[None], made)
+        return jax.lax.map(lambda part: function(part, *shared), parts)
+
+    if mesh is None:
+        return one_by_one(parts, *shared)
+    length = jax.tree.leaves(parts)[0].shape[0]
+    # The last part once more for each device that would have none.
+    numbers = np.minimum(np.arange(-(-length // mesh.size) * mesh.size), length - 1)
+
+    def of_device(parts: Any, *shared: Any) -> Any:
+        made = one_by_one(parts, *shared)
+        return jax.tree.map(lambda leaf: jax.lax.all_gather(leaf, _AXIS, tiled=True), made)
+
+    spread, everywhere = PartitionSpec(_AXIS), PartitionSpec()
+    in_specs = (spread, *(everywhere for _ in shared))
+    on_devices = jax.shard_map(of_device, mesh=mesh, in_specs=in_specs, out_specs=everywhere, check_vma=False)
+    made = on_devices(jax.tree.map(lambda leaf: leaf[numbers], parts), *shared)
+    return jax.tree.map(lambda leaf: leaf[:length], made)
+
+
+def summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shared: Any) -> Array:
+    """Return the sum of an array of each part, compensated, in the order of the parts on any devices."""
+
+    def added(state: summation.State, of_part: Array) -> tuple[summation.State, None]:
+        return summation.compensated(state, of_part), None
+
+    if mesh is not None:
+        made = mapped(function, mesh, parts, *shared)
+        return summation.value(jax.lax.scan(added, summation.zeros(made[0]), made)[0])
+    first = jax.tree.map(lambda leaf: leaf[0], parts)
+    if jax.tree.leaves(parts)[0].shape[0] == 1:
+        return function(first, *shared)
+    state = summation.zeros(jax.eval_shape(function, first, *shared))
+    state, parts, shared = alike((state, parts, shared))
+    state, _ = jax.lax.scan(lambda state, part: added(state, function(part, *shared)), state, parts)
+    return summation.value(state)
+
+
+def placed(values: Any, mesh: Mesh | None) -> Any:
+    """Return a pytree whose arrays are on all devices of a mesh; each of its processes must have the same."""
+    if mesh is None:
+        return values
+    sharding = NamedSharding(mesh, PartitionSpec())
+
+    def of_leaf(leaf: Any) -> Any:
+        if isinstance(leaf, Tracer):
+            return leaf
+        if isinstance(leaf, Array) and jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+            return jax.random.wrap_key_data(
+                of_leaf(jax.random.key_data(leaf)), impl=jax.random.key_impl(leaf)
+            )
+        leaf = np.asarray(leaf)
+        return jax.make_array_from_callback(leaf.shape, sharding, lambda place: leaf[place])
+
+    return jax.tree.map(of_leaf, values)
+
+
+def local(values: Any, mesh: Mesh | None) -> Any:
+    """Return what all devices of a mesh hold as arrays of this process's first one."""
+    if mesh is None:
+        return values
+    return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) else leaf.addressable_data(0), values)
+
+
+def is_first(mesh: Mesh | None) -> bool:
+    """Tell whether this process is the one that writes what all processes of a mesh share."""
+    return mesh is None or mesh.devices.flat[0].process_index == jax.process_index()
+
+
+def agree(word: int, mesh: Mesh | None) -> bool:
+    """Tell whether all processes of a mesh ask this about the same uint32."""
+    if mesh is None or processes(mesh) == 1:
+        return True
+    spread = NamedSharding(mesh, PartitionSpec(_AXIS))
+    own = np.full(mesh.size, word, np.uint32)
+    words = jax.make_array_from_callback(own.shape, spread, lambda place: own[place])
+    everywhere = jax.jit(lambda words: words, out_shardings=NamedSharding(mesh, PartitionSpec()))(words)
+    return bool((np.asarray(local(everywhere, mesh)) == word).all())

@@ -1,0 +1,66 @@
+"""A bar for what takes long."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+from qmcjax.core import checks
+
+__all__ = ["progress_bar"]
+
+
+def progress_bar(label: str = "") -> Callable[[float], None]:
+    """Return a bar with the remaining time, for any argument ``progress``.
+
+    It is drawn to ``sys.stderr`` in a terminal or a notebook, and nowhere else: batch jobs' logs stay short.
+
+    Parameters
+    ----------
+    label : str
+        What stands before it.
+
+    Returns
+    -------
+    callable
+        A function of the finished part, in [0, 1]. What was finished when it is first called, such as what
+        is compiled or found in a checkpoint, does not count for the time that remains. After 1, or where
+        less is finished than before, a new bar begins.
+
+    Raises
+    ------
+    TypeError
+        If ``label`` is no str.
+
+    Examples
+    --------
+    >>> from qmcjax import progress_bar, render, samplers, scenes, sequences
+    >>> sampler = samplers.independent(sequences.sobol(2), key=1)
+    >>> image = render(scenes.disc(), sampler, 16, 16, spp=4, progress=progress_bar("disc"))
+    """
+    if not isinstance(label, str):
+        raise TypeError(f"label must be a str, got {checks.shown(label)}")
+    from tqdm import tqdm  # Only who wants a bar is to wait for it.
+
+    bar: Any = None
+
+    def report(finished: float) -> None:
+        nonlocal bar
+        if bar is not None and finished < bar.n:
+            bar.close()
+            bar = None
+        if bar is None:
+            seen = sys.stderr.isatty() or "ipykernel" in sys.modules
+            bar = tqdm(
+                desc=label or None,
+                total=1.0,
+                initial=finished,
+                bar_format="{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}",
+                smoothing=0,
+                disable=not seen,
+            )
+        bar.update(finished - bar.n)
+        if finished >= 1:
+            bar.close()
+            bar = None
+
+    return report

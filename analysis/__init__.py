@@ -44,11 +44,11 @@ from analysis._perceived import perceived_error as perceived_error
 from analysis._pixel_means import pixel_means as pixel_means
 from analysis._point_spectrum import point_spectrum as point_spectrum
 from analysis._promises import broken_promises as broken_promises
-from analysis._reading import SequenceEngine as SequenceEngine
-from analysis._reading import read_points as read_points
 from analysis._spectra import error_spectrum as error_spectrum
 from analysis._spectra import mean_spectrum as mean_spectrum
 from analysis._spectra import radial_anisotropy as radial_anisotropy
 from analysis._spectra import radial_average as radial_average
 from analysis._star_bounds import star_discrepancy_bounds as star_discrepancy_bounds
 from analysis._star_discrepancy import star_discrepancy as star_discrepancy
+from qmcjax.bridges import SequenceEngine as SequenceEngine
+from qmcjax.bridges import read_points as read_points

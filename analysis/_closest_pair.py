@@ -39,7 +39,7 @@ def squared_closest_pair(columns: Floats, bound: float) -> float | None:
     Parameters
     ----------
     columns : float64 array, shape (d, n)
-        At least two points, C-contiguous.
+        At least two points, C-contiguous; they are sorted in place.
     bound : float
         Positive; not less than the smallest distance.
 
@@ -62,9 +62,11 @@ def squared_closest_pair(columns: Floats, bound: float) -> float | None:
         if crowd <= 8 or thinner > side / 2:
             break
         side = thinner
+        del bars  # A tiling's memory is for the next one.
     if crowd > _CROWDED:
         return None
     best = _compare_with_windows(bars, best)
+    del bars
     for shift in shifted:
         best = _compare_with_windows(_sort(columns, low, extent, side, shift), best)
     return best
@@ -85,7 +87,7 @@ class _Bars(NamedTuple):
 
 
 def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tuple[float, ...]) -> _Bars:
-    """Sort points into bars.
+    """Sort points into bars, in place.
 
     The numbers of bars are folded: where there are too many for the bits, distant ones share a number,
     which adds comparisons and misses none.
@@ -98,26 +100,24 @@ def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tupl
     position_bits = 63 - index_bits - sum(bar_bits)
     scale = (2.0**position_bits - 1) / max(extent[0], side) / _SLACK
     keys = np.zeros(n, np.int64)
-    real, whole = np.empty(n), np.empty(n, np.int64)
-    for k, bits in enumerate(bar_bits):
-        np.subtract(columns[k + 1], low[k + 1], out=real)
-        real *= 1 / side
-        real += shift[k]
-        np.copyto(whole, real, casting="unsafe")
-        whole &= (1 << bits) - 1
-        keys <<= bits
-        keys |= whole
-    np.subtract(columns[0], low[0], out=real)
-    real *= scale
-    np.copyto(whole, real, casting="unsafe")
-    keys <<= position_bits
-    keys |= whole
-    keys <<= index_bits
-    keys |= np.arange(n)
+    parts = [slice(start, start + _BLOCK) for start in range(0, n, _BLOCK)]
+    for part in parts:
+        key = keys[part]
+        for k, bits in enumerate(bar_bits):
+            key <<= bits
+            bar = (columns[k + 1, part] - low[k + 1]) * (1 / side) + shift[k]
+            key |= bar.astype(np.int64) & ((1 << bits) - 1)
+        key <<= position_bits
+        key |= ((columns[0, part] - low[0]) * scale).astype(np.int64)
+        key <<= index_bits
+        key |= np.arange(part.start, part.start + len(key))
     keys.sort()
-    np.bitwise_and(keys, (1 << index_bits) - 1, out=whole)
+    order, sorted_column = np.bitwise_and(keys, (1 << index_bits) - 1), np.empty(n)
     keys >>= index_bits
-    return _Bars(np.stack([column.take(whole) for column in columns]), keys, scale)
+    for column in columns:
+        # The indices are in range: to say so spares a copy of what is taken.
+        np.copyto(column, np.take(column, order, out=sorted_column, mode="clip"))
+    return _Bars(columns, keys, scale)
 
 
 def _crowd(bars: _Bars, best: float) -> float:

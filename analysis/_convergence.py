@@ -1,10 +1,12 @@
 """Error and run time of samplers against the number of samples."""
 
+import json
 import math
+import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from analysis import _arguments
-from qmcjax.core import checks
+from qmcjax.core import checkpoints, checks
 from qmcjax.rendering import render
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
@@ -134,6 +136,7 @@ def convergence(
     repeats: int = 3,
     reference: tuple[Any, Any] | None = None,
     progress: Callable[[float], None] | None = None,
+    checkpoint: str | os.PathLike | None = None,
 ) -> ConvergenceTable:
     """Render a scene with each sampler and number of samples, and measure error and time.
 
@@ -163,6 +166,9 @@ def convergence(
         the errors of its values or an array of bounds, as :func:`qmcjax.estimated_reference` returns them.
     progress : callable, optional
         Called with the finished part in (0, 1] after each image.
+    checkpoint : path, optional
+        Of a file that keeps finished images' rows, written every half a minute: called again with the same
+        arguments, times of the rows that are there are those that were measured then. It stays there.
 
     Returns
     -------
@@ -175,7 +181,7 @@ def convergence(
     ValueError
         If an argument is out of range, a region is empty, a sampler refuses the image size or a number of
         samples, or the reference has another shape, no bound, or values that are not finite: before anything
-        is rendered.
+        is rendered. If ``checkpoint`` is damaged, or that of other arguments or versions.
 
     References
     ----------
@@ -212,13 +218,19 @@ def convergence(
     for _, spp, sampler in plan:
         sampler.check(width, height, spp)
     exact, bound = _reference(scene, reference, width, height)
-    rows = []
-    for done, (name, spp, sampler) in enumerate(plan, start=1):
+    rows, kept = [], None
+    if checkpoint is not None:
+        of_rows = {"samplers": plan, "regions": regions, "reference": exact, "repeats": repeats}
+        kept = checkpoints.begin(checkpoint, scene=scene, width=width, height=height, **of_rows)
+        rows = [ConvergenceRow(**row) for row in json.loads(str(kept.state.get("rows", "[]")))]
+    for name, spp, sampler in plan[len(rows) :]:
         first_seconds, image = _timed(scene, sampler, width, height, spp)
         seconds = statistics.median(_timed(scene, sampler, width, height, spp)[0] for _ in range(repeats))
         rows.append(ConvergenceRow(name, spp, _errors(image, exact, regions), seconds, first_seconds))
+        if kept is not None and kept.due(last=len(rows) == len(plan)):
+            kept.write(rows=json.dumps([asdict(row) for row in rows]))
         if progress is not None:
-            progress(done / len(plan))
+            progress(len(rows) / len(plan))
     return ConvergenceTable(tuple(rows), bound)
 
 

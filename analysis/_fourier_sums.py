@@ -94,7 +94,7 @@ def direct_gradient(points: Array, factors: Array) -> Array:
         ]
         return 2 * np.pi * jnp.stack([*found, jnp.imag(other * weighted).sum(axis=1)], axis=1)
 
-    parts, _ = _batches(points, len(both) ** (dims - 1) + len(positive))
+    parts = _batches(points, len(both) ** (dims - 1) + len(positive))
     return lax.map(batch, parts).reshape(-1, dims)[:n]
 
 
@@ -133,17 +133,23 @@ def _over_batches(
     batch: Callable[[Array, Array, Array], Array], zero: Array, points: Array, width: int
 ) -> Array:
     """Add up over batches of points, filled up with points of weight 0 to equal sizes."""
-    step = jax.checkpoint(batch)
-    return lax.scan(lambda sums, part: (step(sums, *part), None), zero, _batches(points, width))[0]
+    step, parts = jax.checkpoint(batch), _batches(points, width)
+    count, size, _ = parts.shape
+
+    def add(sums: Array, turn: tuple[Array, Array]) -> tuple[Array, None]:
+        number, part = turn
+        weights = (number * size + jnp.arange(size) < len(points)).astype(points.dtype)
+        return step(sums, part, weights), None
+
+    return lax.scan(add, zero, (jnp.arange(count), parts))[0]
 
 
-def _batches(points: Array, width: int) -> tuple[Array, Array]:
-    """Return batches of points and their weights, for so many numbers a point."""
+def _batches(points: Array, width: int) -> Array:
+    """Return batches of points, the last one filled up with zeros, for so many numbers a point."""
     n, dims = points.shape
     count = -(-n // max(1, _BATCH // width))
     size = -(-n // count)
-    padded = jnp.zeros((count * size, dims)).at[:n].set(points).reshape(count, size, dims)
-    return padded, jnp.zeros(count * size).at[:n].set(1.0).reshape(count, size)
+    return jnp.pad(points, ((0, count * size - n), (0, 0))).reshape(count, size, dims)
 
 
 def _waves(x: Array, frequencies: NDArray[np.float64]) -> Array:

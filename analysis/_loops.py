@@ -4,20 +4,23 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
-__all__ = ["compiled"]
+__all__ = ["COMPILED", "compiled"]
+
+COMPILED = find_spec("numba") is not None
+"""Whether they are, or take a hundred times as long."""
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile at the first call, and keep the result on disk where there is a place for it.
 
     Sums keep their order. That there is no NaN and that zeros have no sign is assumed: then least and
-    greatest elements are found several at a time.
+    greatest elements are found several at a time. Other threads run meanwhile.
     """
-    if find_spec("numba") is None:
+    if not COMPILED:
         return function
     import numba  # pyright: ignore[reportMissingImports]
 
-    options = {"error_model": "numpy", "fastmath": {"nnan", "nsz"}}
+    options = {"error_model": "numpy", "fastmath": {"nnan", "nsz"}, "nogil": True}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # No folder for it can be written.

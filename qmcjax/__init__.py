@@ -11,6 +11,9 @@ Four nouns, each a pure function at random access and a JAX pytree:
 :func:`qmcjax.recommend` says which sampler to take.
 """
 
+import importlib
+import typing
+
 from qmcjax import orders as orders
 from qmcjax import samplers as samplers
 from qmcjax import scenes as scenes
@@ -25,10 +28,22 @@ from qmcjax.rendering import AdaptiveImage as AdaptiveImage
 from qmcjax.rendering import Passes as Passes
 from qmcjax.rendering import boundary_gradient as boundary_gradient
 from qmcjax.rendering import estimated_reference as estimated_reference
+from qmcjax.rendering import progress_bar as progress_bar
 from qmcjax.rendering import render as render
 from qmcjax.rendering import render_adaptive as render_adaptive
 from qmcjax.rendering import render_layers as render_layers
 from qmcjax.rendering import render_passes as render_passes
 from qmcjax.rendering import sliding_means as sliding_means
+
+if typing.TYPE_CHECKING:
+    from qmcjax import tracing as tracing
+else:
+
+    def __getattr__(name: str) -> typing.Any:
+        """Import what traces rays when it is asked for: half of the library, which few scenes need."""
+        if name != "tracing":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        return importlib.import_module("qmcjax.tracing")
+
 
 __version__ = "0.1.0"

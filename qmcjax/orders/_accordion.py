@@ -13,7 +13,7 @@ from qmcjax.orders._morton import gather, spread
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Accordion(SquareOrder):
     """Four smaller ones: two transposed, two transposed about the other diagonal.
 

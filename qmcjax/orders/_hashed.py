@@ -21,7 +21,7 @@ def with_random_words(first: Array, keys: Array) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Hashed(ScrambledMorton):
     """The word of a node is a hash of its parent's and its digit; the root's is the seed.
 
@@ -54,7 +54,7 @@ class Hashed(ScrambledMorton):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Multiplicative(ScrambledMorton):
     """The word of a node is its prefix of the Morton code, which Eq. 8 of the Z paper hashes."""
 

@@ -12,7 +12,7 @@ from qmcjax.orders._base import SquareOrder
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Hilbert(SquareOrder):
     """The Hilbert curve from (0, 0) to (side - 1, 0).
 

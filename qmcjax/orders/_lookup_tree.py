@@ -13,7 +13,7 @@ from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LookupTree(ScrambledMorton):
     """The word of a node is a letter, that of the root is 0 (Z paper, Eq. 13 to 18)."""
 

@@ -13,7 +13,7 @@ from qmcjax.orders._hilbert import Hilbert
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Moore(SquareOrder):
     """Four Hilbert curves, turned by a quarter: up through the left half, and down through the right."""
 

@@ -29,7 +29,7 @@ def gather(word: Array) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Morton(SquareOrder):
     """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""
 

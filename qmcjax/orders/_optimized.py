@@ -17,7 +17,7 @@ from qmcjax.orders._hashed import Hashed
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OptimizedOrder(SquareOrder):
     """A tile that repeats, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
 

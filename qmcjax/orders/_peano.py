@@ -21,7 +21,7 @@ def _reversed_if(odd: Array, digit: Array) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Peano(Order):
     """The Peano curve from (0, 0) to (side - 1, side - 1).
 

@@ -16,7 +16,7 @@ from qmcjax.orders._base import Order
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlugIn(Order):
     """An object that has the protocol's methods but no checks."""
 
@@ -53,7 +53,7 @@ class PlugIn(Order):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Permutation(Order):
     """Positions looked up in a table, and pixels in that of the inverse."""
 

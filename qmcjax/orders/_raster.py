@@ -11,7 +11,7 @@ from qmcjax.orders._base import Order
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Raster(Order):
     """Rows from top to bottom, each from left to right."""
 

@@ -18,6 +18,7 @@ from qmcjax.samplers._plug_in import as_sampler as as_sampler
 from qmcjax.samplers._plug_in import function as function
 from qmcjax.samplers._randomized import Randomized as Randomized
 from qmcjax.samplers._randomized import randomized as randomized
+from qmcjax.samplers._ranked import Ranked as Ranked
 from qmcjax.samplers._ranked import ranked as ranked
 from qmcjax.samplers._segments import segments as segments
 from qmcjax.samplers._shifted import shifted as shifted

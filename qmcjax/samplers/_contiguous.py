@@ -16,7 +16,7 @@ from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Contiguous(Sampler):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
 

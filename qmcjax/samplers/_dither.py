@@ -21,7 +21,7 @@ _STRIDE = (0.5698402909980532, 0.7548776662466927)
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Dithered(Sampler):
     """Sample s of a pixel is point s of the sequence plus the pixel's vector in a mask, modulo 1."""
 

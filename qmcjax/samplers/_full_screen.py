@@ -17,7 +17,7 @@ from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class FullScreen(Sampler):
     """A net stretched over the smallest square with a power of two as side that covers the image."""
 

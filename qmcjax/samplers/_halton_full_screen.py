@@ -14,6 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.digits import (
     digit_spans,
+    permuted_digit,
     permuted_radical_inverse,
     radical_inverse,
     reflection_tables,
@@ -24,7 +25,7 @@ from qmcjax.sequences import RadicalInverses
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class HaltonFullScreen(Sampler):
     """A Halton sequence stretched over the smallest raster of 2**a x 3**b pixels that covers the image.
 
@@ -91,7 +92,7 @@ class HaltonFullScreen(Sampler):
         for k in reversed(range(log_rows)):
             y, digit = y // np.uint32(3), y % np.uint32(3)
             if self.inverses is not None:
-                digit = self.inverses[k].at[digit].get(mode="promise_in_bounds")
+                digit = permuted_digit(self.inverses[k], digit)
             by_row = by_row * np.uint32(3) + digit
         # Garner's form of the Chinese remainder theorem with the power of three first: the second digit
         # is needed modulo a power of two only, which words that wrap give exactly.

@@ -33,7 +33,7 @@ _RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": _shift,
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Independent(Sampler):
     """The points of a sequence, randomised with a seed from pixel and coordinate."""
 

@@ -18,7 +18,7 @@ _ON_SCREEN = 2
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Interleaved(Sampler):
     """The pixels of a tile take one block of the sequence after the other, in every tile the same."""
 

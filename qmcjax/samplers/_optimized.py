@@ -26,7 +26,7 @@ MAX_SPP = 2**31
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Optimized(Sampler):
     """Pixel p of the order of a pair of coordinates takes the points spp * p, ..., in an order of its own."""
 
@@ -154,8 +154,8 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
     than this one under others. This is our own idea: the papers permute at random [1]_.
 
     Errors of integrands of several pairs are diffused less, as [1]_ says of all such orders. With several
-    samples a joint scrambled sequence along the order, by :func:`contiguous`, leaves less of these; with a
-    single one, :func:`ranked` does.
+    samples a joint scrambled sequence, by :func:`contiguous`, leaves less of these, and less along Hilbert's
+    order than along this one; with a single one, :func:`ranked` does.
 
     References
     ----------

@@ -17,7 +17,7 @@ from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, unifor
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PaddedReplications(Sampler):
     """Sample s of all pixels: a net of one point in each, shifted on the torus by vector s of a sequence."""
 

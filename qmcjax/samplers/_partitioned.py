@@ -10,7 +10,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.digits import word
+from qmcjax.core.digits import permuted_digit, word
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
@@ -19,7 +19,7 @@ from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Partitioned(Sampler):
     """Pixel j of the curve takes every N-th point from number j on, without the partitioning component."""
 
@@ -83,7 +83,7 @@ class Partitioned(Sampler):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ExactlyPartitioned(Partitioned):
     """Pixel j takes the points whose partitioning component lies in [j/N, (j+1)/N)."""
 
@@ -104,7 +104,7 @@ class ExactlyPartitioned(Partitioned):
         for k in reversed(range(self.count)):
             position, digit = position // base, position % base
             if self.inverses is not None:
-                digit = self.inverses[k].at[digit].get(mode="promise_in_bounds")
+                digit = permuted_digit(self.inverses[k], digit)
             index = index * base + digit
         return index
 

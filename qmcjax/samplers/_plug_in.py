@@ -23,7 +23,7 @@ _BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0*
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlugIn(Sampler):
     """An object that has the protocol's methods but no defaults."""
 
@@ -59,7 +59,7 @@ class PlugIn(Sampler):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Function(Sampler):
     """The points that a function makes of pixel and sample."""
 

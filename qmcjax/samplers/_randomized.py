@@ -18,7 +18,7 @@ from qmcjax.samplers._plug_in import as_sampler
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Randomized(Sampler):
     """Sample s is sample ``s % spp`` of a sampler made with a key of its own for pass ``s // spp``."""
 

@@ -18,7 +18,7 @@ from qmcjax.sequences import BinarySequence, Owen, sobol
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ranked(Sampler):
     """Sample s of a pixel is point s xor its ranking key, xor its scrambling keys, of one sequence."""
 

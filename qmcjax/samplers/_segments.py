@@ -21,7 +21,7 @@ from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Segments(Sampler):
     """An iteration of n samples after the first S: pixel j takes the n points from number S N + j n on."""
 

@@ -13,7 +13,7 @@ from qmcjax.sequences import Sequence, as_sequence
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ShiftedAlong(Sampler):
     """Sample s of pixel j is point s of one sequence plus point j of another, modulo 1."""
 

@@ -20,7 +20,7 @@ from qmcjax.sequences import BinarySequence
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Z(Sampler):
     """Pixel p of a constituent's order takes the points spp * p, ..., in an order of its own."""
 
@@ -219,7 +219,7 @@ class Z(Sampler):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class AdaptiveZ(Sampler):
     """The Z-sampler with an own number of samples for each pixel."""
 

@@ -1,5 +1,8 @@
 """Scenes: functions on the unit cube with names for their dimensions, and exact images of them."""
 
+import importlib
+import typing
+
 from qmcjax.scenes._ball import Ball as Ball
 from qmcjax.scenes._ball import ball as ball
 from qmcjax.scenes._base import Scene as Scene
@@ -41,12 +44,38 @@ from qmcjax.scenes._triangle import Triangle as Triangle
 from qmcjax.scenes._triangle import triangle as triangle
 from qmcjax.scenes._zone_plate import ZonePlate as ZonePlate
 from qmcjax.scenes._zone_plate import zone_plate as zone_plate
-from qmcjax.scenes.traced import Traced as Traced
-from qmcjax.scenes.traced import caustic as caustic
-from qmcjax.scenes.traced import cornell_box as cornell_box
-from qmcjax.scenes.traced import defocus as defocus
-from qmcjax.scenes.traced import helicopter as helicopter
-from qmcjax.scenes.traced import interior as interior
-from qmcjax.scenes.traced import moving_triangles as moving_triangles
-from qmcjax.scenes.traced import occluder as occluder
-from qmcjax.scenes.traced import sports as sports
+
+if typing.TYPE_CHECKING:
+    from qmcjax.scenes import traced as traced
+    from qmcjax.scenes.traced import Traced as Traced
+    from qmcjax.scenes.traced import caustic as caustic
+    from qmcjax.scenes.traced import cornell_box as cornell_box
+    from qmcjax.scenes.traced import defocus as defocus
+    from qmcjax.scenes.traced import helicopter as helicopter
+    from qmcjax.scenes.traced import interior as interior
+    from qmcjax.scenes.traced import moving_triangles as moving_triangles
+    from qmcjax.scenes.traced import occluder as occluder
+    from qmcjax.scenes.traced import sports as sports
+else:
+    _TRACED = (
+        "Traced",
+        "caustic",
+        "cornell_box",
+        "defocus",
+        "helicopter",
+        "interior",
+        "moving_triangles",
+        "occluder",
+        "sports",
+    )
+
+    def __getattr__(name: str) -> typing.Any:
+        """Import ray-traced scenes when one is asked for: with `qmcjax.tracing` half of the library."""
+        if name not in ("traced", *_TRACED):
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        module = importlib.import_module("qmcjax.scenes.traced")
+        globals().update({each: getattr(module, each) for each in _TRACED}, traced=module)
+        return globals()[name]
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), "traced", *_TRACED})

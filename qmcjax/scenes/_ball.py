@@ -17,7 +17,7 @@ from qmcjax.scenes._constancy import disc_sides
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ball(ExactScene):
     """A disc, 1 inside, which moves evenly along one straight line after the other and may jump between."""
 

@@ -17,7 +17,7 @@ from qmcjax.scenes._constancy import disc_sides
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BlinkingDisc(ExactScene):
     """A disc, 1 inside, which is there for ``on[0] <= time < on[1]``."""
 

@@ -16,7 +16,7 @@ from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Checkerboard(ExactScene):
     """A checkerboard seen in perspective up to the horizon, which is the upper edge of the image.
 

@@ -18,7 +18,7 @@ from qmcjax.scenes._constancy import linear, sign_varies
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class DefocusedEdge(ExactScene):
     """A half plane out of focus; see `defocused_edge`."""
 

@@ -21,7 +21,7 @@ from qmcjax.scenes._pixel_cuts import split
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Disc(ExactScene):
     """A disc: 1 where the distance from ``centre`` is less than ``radius``, 0 elsewhere."""
 

@@ -18,7 +18,7 @@ from qmcjax.scenes._edges import visible
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class FlatCheckerboard(ExactScene):
     """A checkerboard seen from above, turned about the centre of the image.
 

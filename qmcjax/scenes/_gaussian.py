@@ -17,7 +17,7 @@ from qmcjax.scenes._factors import bell_means, separable
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Gaussian(ExactScene):
     """The bump ``exp(-|p - centre|**2 / (2 width**2))``."""
 

@@ -24,7 +24,7 @@ FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuou
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Genz(ExactScene):
     """A member of one of Genz's families; see `genz`."""
 

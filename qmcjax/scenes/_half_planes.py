@@ -120,7 +120,7 @@ def half_plane_means(angle: float, offset: float, width: int, height: int) -> Fl
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Step(HalfPlanes):
     """A half plane: 1 where ``x cos(angle) + y sin(angle) < offset``, 0 elsewhere."""
 
@@ -139,7 +139,7 @@ class Step(HalfPlanes):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Staircase(HalfPlanes):
     """Stairs: the share of the offsets with ``x cos(angle) + y sin(angle) < offset``."""
 
@@ -162,7 +162,7 @@ class Staircase(HalfPlanes):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Line(HalfPlanes):
     """A straight line: 1 where ``-thickness/2 <= x cos(angle) + y sin(angle) - offset < thickness/2``."""
 

@@ -16,7 +16,7 @@ from qmcjax.scenes._constancy import linear, sign_varies
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class MovingEdge(ExactScene):
     """The half plane ``x < offset + velocity time``: 1 inside, 0 outside."""
 

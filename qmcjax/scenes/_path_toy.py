@@ -16,7 +16,7 @@ from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PathToy(ExactScene):
     """Light gathered along a path of random bounces with Russian roulette; see `path_toy`."""
 

@@ -16,7 +16,7 @@ _OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled"
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlugIn:
     """An object that is no pytree, as a scene: static by identity."""
 
@@ -41,7 +41,7 @@ class PlugIn:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Function:
     """A function of points with names for their dimensions; see `function`."""
 

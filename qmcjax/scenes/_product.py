@@ -17,7 +17,7 @@ from qmcjax.scenes._parameters import named
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Product(ExactScene):
     """The product over ``j`` of ``(|4 x_j - 2| + a_j) / (1 + a_j)``, whose integral is 1."""
 

@@ -14,7 +14,7 @@ from qmcjax.scenes._parameters import named
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ramp(ExactScene):
     """The scene whose value is one of the coordinates."""
 

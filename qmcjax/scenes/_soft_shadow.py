@@ -18,7 +18,7 @@ from qmcjax.scenes._constancy import linear, sign_varies
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class SoftShadow(ExactScene):
     """The shadow of a half plane in the light of a rectangle; see `soft_shadow`."""
 

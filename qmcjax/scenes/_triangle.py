@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Triangle(ExactScene):
     """A triangle: 1 inside, 0 elsewhere."""
 

@@ -16,7 +16,7 @@ from qmcjax.scenes._base import ExactScene, coordinates
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ZonePlate(ExactScene):
     """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: circles, ever finer away from a corner."""
 

@@ -24,6 +24,7 @@ from qmcjax.sequences._digital import digital as digital
 from qmcjax.sequences._digital import larcher_pillichshammer as larcher_pillichshammer
 from qmcjax.sequences._digital import sobol as sobol
 from qmcjax.sequences._digital_shift import digital_shift as digital_shift
+from qmcjax.sequences._direction_numbers import direction_numbers as direction_numbers
 from qmcjax.sequences._direction_numbers import direction_numbers_text as direction_numbers_text
 from qmcjax.sequences._direction_numbers import read_direction_numbers as read_direction_numbers
 from qmcjax.sequences._direction_numbers import sobol_of as sobol_of

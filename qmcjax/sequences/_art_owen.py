@@ -24,7 +24,7 @@ _SYMBOLS = 64
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Codes:
     """The scramblings of all coordinates, in tables over 64 symbols times all numbers of some digits."""
 
@@ -72,7 +72,7 @@ class Codes:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArtOwen(Scrambled):
     """A sequence whose coordinates go through nested permutations, one each, that can be inverted."""
 
@@ -96,7 +96,7 @@ class ArtOwen(Scrambled):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Unscrambled(Moved):
     """An invertible net after this scrambling."""
 

@@ -11,7 +11,7 @@ from qmcjax.sequences._fraction import Fraction
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Blocks:
     """Blocks of points: each is the xor of what its low digits and what the block's first index give."""
 

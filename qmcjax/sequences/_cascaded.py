@@ -23,7 +23,7 @@ CASCADED_DIMS = 1 + len(_CHOSEN)
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class DigitalNet(Digital):
     """The first 2**m points of matrices of order m, which are no matrices of a sequence."""
 

@@ -49,7 +49,7 @@ class Invertible(Protocol):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class NetByFrames:
     """A (0,2)-sequence cut into frames of one point in each cell of a raster."""
 
@@ -145,7 +145,7 @@ class Moved:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Flipped(Moved):
     """An invertible net after a digital shift."""
 

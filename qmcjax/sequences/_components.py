@@ -49,7 +49,7 @@ class Selection(PointByPoint):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Components(Selection):
     """Some components of any sequence."""
 
@@ -68,7 +68,7 @@ class Components(Selection):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BinaryComponents(Selection, BinarySequence):
     """Some components of a sequence in base 2, with all bits."""
 

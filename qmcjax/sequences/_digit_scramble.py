@@ -19,7 +19,7 @@ from qmcjax.sequences._scrambled_digits import ScrambledDigits
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PermutedDigits(ScrambledDigits):
     """A sequence whose digits go through permutations, one a digit, and so do the zeros behind them."""
 

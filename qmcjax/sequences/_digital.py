@@ -48,7 +48,7 @@ def _larcher_beyond(dim: int, high: Array) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Digital(BinarySequence):
     """Coordinate j of point i is C_j times the bits of i, over F2 (thesis Eq. 5.9)."""
 
@@ -135,7 +135,7 @@ class Digital(BinarySequence):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Digital64(BinarySequence):
     """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
 

@@ -17,7 +17,7 @@ from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class DigitalShift(Scrambled):
     """A sequence whose digits are flipped by the digits of one word a coordinate."""
 

@@ -12,6 +12,7 @@ from qmcjax.sequences._digital import Digital, digital
 from qmcjax.sequences._sobol_matrix import DirectionNumbers, checked_numbers, columns_of
 
 _HEAD = "d s a m_i"
+_IDENTITY = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
 
 
 def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers, ...]:
@@ -139,8 +140,97 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
      [0.25 0.75 0.75]
      [0.75 0.25 0.25]]
     """
-    identity = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
-    return digital(np.concatenate([identity[None], columns_of(_checked(numbers))]))
+    return digital(np.concatenate([_IDENTITY[None], columns_of(_checked(numbers))]))
+
+
+def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
+    """Find the direction numbers that make a given Sobol' sequence: the way back from :func:`sobol_of`.
+
+    Parameters
+    ----------
+    sequence : Digital
+        A Sobol' sequence, such as :func:`sobol`, :func:`one_two` or :func:`sobol_of` make it: the first
+        component is van der Corput's.
+
+    Returns
+    -------
+    tuple of DirectionNumbers
+        Those of dimensions 2, 3, ..., of the least degree that makes the same 32 x 32 matrices; for
+        :func:`direction_numbers_text`.
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` is no digital sequence in base 2.
+    ValueError
+        If it has a component that is none of Sobol's.
+
+    Notes
+    -----
+    The recurrence of Eq. 5.13 [1]_ is linear in the coefficients of the polynomial, so that they are found by
+    elimination, degree by degree.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+
+    Examples
+    --------
+    >>> from qmcjax.sequences import sobol
+    >>> print(direction_numbers(sobol(3)))
+    (DirectionNumbers(polynomial=3, initial=(1,)), DirectionNumbers(polynomial=7, initial=(1, 3)))
+    """
+    if not isinstance(sequence, Digital):
+        raise TypeError(f"sequence must be a digital sequence in base 2, got {checks.shown(sequence)}")
+    matrices = np.asarray(sequence.matrices)
+    if not np.array_equal(matrices[0], _IDENTITY):
+        raise ValueError("sequence must begin with the component of van der Corput's, got another one")
+    found: list[DirectionNumbers] = []
+    for dimension, columns in enumerate(matrices[1:], start=2):
+        # Degrees grow with the dimension in tables, so that the last one is the best guess.
+        guess = len(found[-1].initial) if found else 1
+        degrees = [*range(guess, 33), *range(1, guess)]
+        tried = (_of_degree(columns.tolist(), degree) for degree in degrees)
+        numbers = next((each for each in tried if each is not None), None)
+        if numbers is None:
+            raise ValueError(f"sequence must be one of Sobol's, got another matrix in dimension {dimension}")
+        found.append(numbers)
+    return tuple(found)
+
+
+def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
+    """Return direction numbers of a degree that make a matrix, None if there are none.
+
+    With the columns v_k as fractions, v_k + v_(k-s) + v_(k-s) / 2**s is the sum of a_i v_(k-i), 0 < i < s.
+    """
+    later = range(degree, 32)
+
+    def joined(words: Iterable[int]) -> int:
+        return sum(word << 32 * place for place, word in enumerate(words))
+
+    target = joined(columns[k] ^ columns[k - degree] ^ columns[k - degree] >> degree for k in later)
+    basis: list[tuple[int, int]] = []
+    for i in range(1, degree):
+        vector, chosen = _reduced(joined(columns[k - i] for k in later), 1 << (degree - i), basis)
+        if vector:
+            basis.append((vector, chosen))
+    left, middle = _reduced(target, 0, basis)
+    if left:
+        return None
+    initial = [column >> (31 - k) for k, column in enumerate(columns[:degree])]
+    try:
+        numbers = checked_numbers(1 << degree | middle | 1, initial)
+    except ValueError:
+        return None
+    return numbers if columns_of([numbers])[0].tolist() == columns else None
+
+
+def _reduced(vector: int, chosen: int, basis: list[tuple[int, int]]) -> tuple[int, int]:
+    """Return a vector without the leading bits of a basis, and which vectors it is the sum of."""
+    for other, others in basis:
+        if vector >> (other.bit_length() - 1) & 1:
+            vector, chosen = vector ^ other, chosen ^ others
+    return vector, chosen
 
 
 def _checked(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> list[DirectionNumbers]:

@@ -11,7 +11,7 @@ from qmcjax.sequences._fraction import Fraction
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Gray(BinarySequence):
     """Point i is the sequence's point i ^ (i >> 1)."""
 

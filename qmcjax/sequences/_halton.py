@@ -41,7 +41,7 @@ MANY = 64
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RadicalInverses(DigitSequence):
     """One radical inverse a coordinate (Hilbert paper, Eq. 1), of permuted digits or not."""
 
@@ -151,7 +151,7 @@ class RadicalInverses(DigitSequence):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RadicalInverses64(Sequence):
     """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
 

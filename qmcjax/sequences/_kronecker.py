@@ -20,7 +20,7 @@ _DIGITS = 96
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kronecker(WordFirst):
     """Point i is i times a vector modulo 1, rounded down to 32 digits."""
 
@@ -49,7 +49,7 @@ class Kronecker(WordFirst):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Kronecker64(WordFirst):
     """Point i is point ``high * 2**32 + i`` of a Kronecker sequence."""
 

@@ -21,7 +21,7 @@ def _rounds(n: int) -> int:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LatinHypercube(WordFirst):
     """In each coordinate, one uniform point in each of n equal intervals."""
 

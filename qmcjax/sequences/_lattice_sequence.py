@@ -18,7 +18,7 @@ LATTICE_DIMS = 250
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LatticeSequence(WordFirst):
     """Point i is phi_2(i) z modulo 1: as fractions of 32 bits, a product of words that wraps."""
 
@@ -52,7 +52,7 @@ class LatticeSequence(WordFirst):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Lattice64(WordFirst):
     """Point i is point ``high * 2**32 + i`` of a lattice sequence, rounded down to 32 digits."""
 

@@ -18,7 +18,7 @@ from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Linear(Scrambled):
     """A sequence whose digits are multiplied by one matrix a coordinate."""
 

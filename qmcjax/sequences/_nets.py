@@ -112,7 +112,7 @@ def _reverse_low(word: Array, count: int) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class HammersleyNet(Net):
     """The points (i / 2**m, phi_2(i))."""
 
@@ -128,7 +128,7 @@ class HammersleyNet(Net):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LarcherPillichshammerNet(Net):
     """The points (i / 2**m, C'1 times the bits of i)."""
 
@@ -147,7 +147,7 @@ class LarcherPillichshammerNet(Net):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PermutationNet(Net):
     """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""
 

@@ -68,7 +68,7 @@ class OverPlane(BinarySequence):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Net3D(OverPlane):
     """A (0,m,3)-net in base 2: i / 2**m and the two components of a (0,2)-sequence."""
 
@@ -98,7 +98,7 @@ _PERMUTATIONS = {
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PermutationNet3D(BinarySequence):
     """One of P_2, ..., P_5, tiled until there are 2**m points (thesis Sect. 5.3.2)."""
 
@@ -136,8 +136,17 @@ class PermutationNet3D(BinarySequence):
             outer, inner = (b, (c << 1) | a) if dim == 1 else (c, ((a ^ b) << 1) | a)
             coordinate = coordinate | (((outer << (m - 1)) | inner) << done)
             rest, m, done = (rest >> 2) & np.uint32(2 ** (m - 3) - 1), m - 3, done + 2
-        table = jnp.asarray(_PERMUTATIONS[m][dim - 1], jnp.uint32)
-        return coordinate | (table[rest] << done)
+        for bit, values in enumerate(_truth_tables(_PERMUTATIONS[m][dim - 1])):
+            coordinate = coordinate | (((values >> rest) & np.uint32(1)) << (done + bit))
+        return coordinate
+
+
+def _truth_tables(permutation: tuple[int, ...]) -> list[np.uint32]:
+    """Return a word for each bit of at most 32 numbers, its bit i that of number i: no gather is needed."""
+    bits = (len(permutation) - 1).bit_length()
+    return [
+        np.uint32(sum((number >> k & 1) << i for i, number in enumerate(permutation))) for k in range(bits)
+    ]
 
 
 def sobol_net_3d(m: int) -> Net3D:

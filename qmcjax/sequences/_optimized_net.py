@@ -14,7 +14,7 @@ from qmcjax.sequences._nets import Net, _above, _low, _reverse_low
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class MatrixNet(Net):
     """The points (i / 2**m, C times the bits of i) for C = L U with unit triangular factors over F2."""
 

@@ -17,7 +17,7 @@ from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Owen(Scrambled):
     """A sequence whose coordinates go through nested random permutations, one each."""
 

@@ -18,7 +18,7 @@ from qmcjax.sequences._scrambled_digits import ScrambledDigits
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OwenDigits(ScrambledDigits):
     """A sequence whose coordinates go through nested random permutations, one each.
 

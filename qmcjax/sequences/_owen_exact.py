@@ -18,7 +18,7 @@ from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OwenExact(Scrambled):
     """A sequence whose coordinates go through nested uniform permutations, one each."""
 

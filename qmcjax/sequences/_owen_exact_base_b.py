@@ -19,7 +19,7 @@ _DRAWN = 2**13
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class OwenExactDigits(ScrambledDigits):
     """A sequence whose coordinates go through nested uniform permutations, one each."""
 

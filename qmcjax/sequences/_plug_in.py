@@ -18,7 +18,7 @@ _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns p
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlugIn(Sequence):
     """An object with ``dims``, a call, and perhaps a ``size``; or a function that is the call."""
 

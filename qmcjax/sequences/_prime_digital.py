@@ -18,7 +18,7 @@ from qmcjax.sequences._digit_sequence import DigitSequence
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PrimeDigital(DigitSequence):
     """Coordinate j of point i is C_j times the digits of i, over F_q (thesis Eq. 5.9).
 

@@ -21,7 +21,7 @@ def _draw(index: Array, seeds: Array) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Uniform(BinarySequence):
     """Independent uniform points: a hash of the index."""
 
@@ -41,7 +41,7 @@ class Uniform(BinarySequence):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Jittered(WordFirst):
     """One uniform point in each cell of a regular grid."""
 

@@ -29,7 +29,7 @@ _BELOW_ONE = np.float32(1 - 2.0**-24)
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rank1Lattice(Sequence):
     """The multiples of a vector g / n modulo 1, for any n."""
 
@@ -62,7 +62,7 @@ class Rank1Lattice(Sequence):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BinaryRank1Lattice(WordFirst):
     """The multiples of a vector modulo 1 for n = 2**m: as fractions of 32 bits, products that wrap."""
 

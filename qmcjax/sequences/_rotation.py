@@ -17,7 +17,7 @@ from qmcjax.sequences._scrambled import Scrambled, of_dims
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RotatedBinary(Scrambled):
     """A sequence in base 2 plus one fraction a coordinate, modulo 1: sums of integers that wrap."""
 
@@ -38,7 +38,7 @@ class RotatedBinary(Scrambled):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rotated(PointByPoint):
     """Any sequence plus one fraction a coordinate, modulo 1, rounded once in float64."""
 

@@ -15,7 +15,7 @@ from qmcjax.sequences._optimized_net import MatrixNet, _columns, _factors, _inve
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class MatrixNet3D(OverPlane):
     """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
 

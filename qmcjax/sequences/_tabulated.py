@@ -15,7 +15,7 @@ from qmcjax.sequences._word_first import WordFirst
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tabulated(WordFirst):
     """A table of points."""
 

@@ -45,7 +45,7 @@ class _Pieces(NamedTuple):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class AnalyticVisibility:
     """See :func:`analytic_visibility`."""
 

@@ -93,7 +93,7 @@ class _Surface(NamedTuple):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Bidirectional(Estimator):
     """See :func:`bidirectional`."""
 

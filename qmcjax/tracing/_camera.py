@@ -43,7 +43,7 @@ class View(NamedTuple):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Camera:
     """A camera; see :func:`camera`."""
 

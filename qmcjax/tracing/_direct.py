@@ -21,7 +21,7 @@ from qmcjax.tracing._world import World
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class DirectLight(Estimator):
     """See :func:`direct_light`."""
 

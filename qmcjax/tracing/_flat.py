@@ -25,7 +25,7 @@ from qmcjax.tracing._vectors import (
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plane(Shape):
     """Planes without end. u and v are lengths along two orthogonal directions from the point."""
 
@@ -55,7 +55,7 @@ class Plane(Shape):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Rectangle(Shape):
     """Rectangles, or parallelograms, with normals along ``edge_u`` x ``edge_v``."""
 
@@ -101,7 +101,7 @@ class Rectangle(Shape):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Disc(Shape):
     """Discs. u is the angle in turns, v the distance from the centre."""
 
@@ -139,7 +139,7 @@ class Disc(Shape):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Box(Shape):
     """Boxes with faces along the axes of coordinates. u and v run along the two axes after the face's."""
 

@@ -122,7 +122,7 @@ def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LensLine:
     """See :func:`lens_line`."""
 
@@ -295,7 +295,7 @@ def _line(value: Any) -> Any:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Shear:
     """The motion of an object that is still while a point moves along a line on the lens."""
 

@@ -95,7 +95,7 @@ class Source(Light):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PointLight(Source):
     """See :func:`point_light`."""
 
@@ -125,7 +125,7 @@ class PointLight(Source):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RectangleLight(Source):
     """See :func:`rectangle_light`."""
 
@@ -179,7 +179,7 @@ class RectangleLight(Source):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class SphereLight(Source):
     """See :func:`sphere_light`."""
 
@@ -234,7 +234,7 @@ class SphereLight(Source):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Environment(Light):
     """See :func:`environment`."""
 

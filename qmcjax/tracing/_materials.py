@@ -54,7 +54,7 @@ class Material(ABC):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Diffuse(Material):
     """A Lambertian surface; see :func:`diffuse`."""
 
@@ -66,7 +66,7 @@ class Diffuse(Material):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mirror(Material):
     """A mirror; see :func:`mirror`."""
 
@@ -78,7 +78,7 @@ class Mirror(Material):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Glossy(Material):
     """Microfacets, over a Lambertian surface if there is one; see :func:`glossy`."""
 
@@ -96,7 +96,7 @@ class Glossy(Material):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Emitter(Material):
     """A surface that shines; see :func:`emitter`."""
 

@@ -64,7 +64,7 @@ def _combined(vectors: tuple[Vector, Vector, Vector], factors: Vector) -> Vector
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Object:
     """Shapes in a space of their own, and how that moves in the world."""
 

@@ -46,7 +46,7 @@ class _Path(NamedTuple):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PathTracing(Estimator):
     """See :func:`path_tracing`."""
 

@@ -23,7 +23,7 @@ from qmcjax.tracing._vectors import (
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sphere(Shape):
     """Spheres. The pole of their coordinates is z; v runs from the south to the north pole."""
 
@@ -56,7 +56,7 @@ class Sphere(Shape):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Cylinder(Shape):
     """Sides of cylinders, open at both ends. v runs along the axis."""
 

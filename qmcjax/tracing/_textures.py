@@ -17,7 +17,7 @@ from qmcjax.tracing._vectors import Vector, components, each
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pattern:
     """Two colours by turns; see :func:`checker` and :func:`stripes`."""
 
@@ -53,7 +53,7 @@ class Pattern:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Stripes(Pattern):
     """Two colours along u by turns; see :func:`stripes`."""
 

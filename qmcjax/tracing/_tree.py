@@ -29,7 +29,7 @@ _STEP = 1.0
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tree:
     """A binary tree in depth-first order: children of a node are the next one, and that one's skip.
 

@@ -21,7 +21,7 @@ class _Sheared(NamedTuple):
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Triangles(Shape):
     """Triangles with normals along (b - a) x (c - a). u and v are the weights of b and c."""
 

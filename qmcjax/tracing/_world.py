@@ -15,7 +15,7 @@ from qmcjax.tracing._shape import Shape
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class World:
     """What rays can hit, and where light comes from."""
 

@@ -18,7 +18,7 @@ _DEVIATIONS = 5
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Traced:
     """A ray-traced scene with a name; the functions that make them are `cornell_box`, `helicopter` etc."""
 

@@ -13,7 +13,7 @@ from qmcjax.tracing import motion
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Spin:
     """Rotations about an axis at constant speed, as unit quaternions."""
 
@@ -41,7 +41,7 @@ class Spin:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Carried:
     """The motion of a part in that of a whole: first the inner one, then the outer one."""
 
@@ -62,7 +62,7 @@ class Carried:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Drift:
     """The motion of a pattern: a path in the plane, coordinate by coordinate."""
 

@@ -17,7 +17,7 @@ from qmcjax.tracing.motion._quaternions import rotation_matrix
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Affine:
     """A map x -> matrix x + translation that depends on time."""
 

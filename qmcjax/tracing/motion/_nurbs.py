@@ -19,7 +19,7 @@ MAX_DEGREE = 16
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Nurbs:
     """A curve over ``[knots[0], knots[-1]]``; parameters outside are moved to the nearest end."""
 

@@ -29,7 +29,7 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ArcLength:
     """Chords between points of a curve that are equally far apart along it."""
 
@@ -126,7 +126,7 @@ def _evaluated(curve: Curve, u: Array) -> tuple[Array, Array]:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class LinearSegments:
     """Straight lines from point to point, each of them left and reached at given times."""
 

@@ -202,7 +202,7 @@ def _shorter(q: Array) -> Array:
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class RotationSpline:
     """Cubic Hermite curves of rotations between keys, with continuous angular velocity."""
 

@@ -16,7 +16,7 @@ from qmcjax.tracing.motion._rows import fetched, span
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Straightened:
     """Matrices and translations, interpolated linearly between times."""
 

@@ -13,7 +13,7 @@ from qmcjax.tracing.trees import _boxes
 
 
 @pytree
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tree:
     """A binary tree with one box in each leaf.
 

@@ -14,9 +14,18 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from figures import _store, page
+from figures import _programs, _store, page
 from figures._catalogue import CATALOGUE, Entry
-from figures._update import update
+from figures._job import Job, Where
+from figures._update import update, warn
+
+COMMANDS = {
+    "compare": "figures.arena",
+    "compilations": "figures.compilations",
+    "gpu": "figures._gpu",
+    "plan": "figures._plan",
+}
+"""Commands beside the figures, by the modules whose ``main`` they are."""
 
 
 def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CATALOGUE) -> int:
@@ -40,8 +49,8 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         With status 2 for wrong usage, with 0 after ``--help``.
     """
     argv = sys.argv[1:] if argv is None else argv
-    if argv and argv[0] == "compare":
-        return importlib.import_module("figures.arena").main(argv[1:])  # It imports JAX.
+    if argv and argv[0] in COMMANDS:
+        return importlib.import_module(COMMANDS[argv[0]]).main(argv[1:])  # They import JAX.
     parser = _parser(catalogue)
     options = parser.parse_args(argv)
     for name in options.names:
@@ -51,17 +60,30 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     if options.list:
         print(_listing(names, catalogue))
         return 0
+    _check_job(parser, options)
     try:
         _store.prepare(options.out)
     except OSError as error:
         parser.error(f"--out {str(options.out)!r} cannot be written: {error}")
+    if options.no_cache:
+        os.environ[_programs.SWITCH] = "0"
+    else:
+        _programs.keep(warn)
     # Figures mostly wait for compilations, which take one core each.
     jobs = options.jobs or min(2, os.cpu_count() or 1)
+    job = None
     try:
-        failed = update(names, catalogue, options.out, options.quality, jobs)
-        shown = _show(options.out, catalogue, failed)
+        if options.distributed or options.coordinator:
+            job = _join(options)
+        failed = update(names, catalogue, options.out, options.quality, jobs, job)
+        shown = (job is not None and job.process > 0) or _show(options.out, catalogue, failed)
+        if job is not None:
+            job.meet("shown")
+            job.leave()
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C would only disturb the exit
+        if job is not None:
+            job.desert()
         print(f"interrupted: what was finished stays in {options.out}", file=sys.stderr)
         return 130
     if failed:
@@ -79,6 +101,12 @@ def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -
     return True
 
 
+def _join(options: argparse.Namespace) -> Job:
+    """Meet the other processes of a job, or end with a message."""
+    where = Where(options.coordinator, options.processes, options.process_id)
+    return Job(where, f"what was finished stays in {options.out}, and the same command goes on with the rest")
+
+
 def _parser(catalogue: Mapping[str, Entry]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m figures",
@@ -91,11 +119,17 @@ examples:
   python -m figures                                all figures, as drafts, into out/
   python -m figures thesis-6.1 --quality paper     one figure as printed
   python -m figures --out gallery --jobs 4         four at a time, into gallery/
+  python -m figures --distributed --out gallery    on all machines of a SLURM job, say
   python -m figures compare --help                 your own sampler against those of the papers
+  python -m figures compilations --help            which programs take longest to compile
+  python -m figures gpu                            how fast a GPU is, and whether it computes the same
+  python -m figures plan --samples 1e12            how long an image will take, and how much memory
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
 papers print in numbers.json there; index.html there shows all of it. A second run makes only what
-is missing or whose code or quality changed. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
+is missing or whose code or quality changed. Compiled programs are kept in the user's folder for caches,
+at most 1 GiB, so that another run need not compile them; in paper quality figures that measure time
+compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
 130 after Ctrl-C.
 """,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -111,11 +145,60 @@ is missing or whose code or quality changed. Exit status: 0, 1 if a figure faile
     )
     parser.add_argument(
         "--jobs",
-        type=_jobs,
+        type=_count,
         metavar="N",
         help="figures made at a time (default: 2); in paper quality those that measure time run alone",
     )
+    parser.add_argument(
+        "--no-cache", action="store_true", help="compile all programs anew, and keep none for the next run"
+    )
+    several = parser.add_argument_group(
+        "several machines", "each runs the same command, with the same output folder, and makes its share"
+    )
+    several.add_argument(
+        "--distributed",
+        action="store_true",
+        help="as SLURM, Open MPI, Kubernetes or Cloud TPU have started it",
+    )
+    several.add_argument(
+        "--coordinator", type=_address, metavar="HOST:PORT", help="where process 0 is, by hand; any free port"
+    )
+    several.add_argument(
+        "--processes", type=_count, metavar="N", help="with --coordinator: how many there are"
+    )
+    several.add_argument(
+        "--process-id", type=_number, metavar="K", help="with --coordinator: this one, 0 to N-1"
+    )
     return parser
+
+
+def _check_job(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """End with a message unless the options of a job belong together."""
+    by_hand = {
+        "--coordinator": options.coordinator,
+        "--processes": options.processes,
+        "--process-id": options.process_id,
+    }
+    missing = [name for name, value in by_hand.items() if value is None]
+    if options.distributed and len(missing) < 3:
+        parser.error(
+            "--distributed asks the cluster for --coordinator, --processes and --process-id: not both"
+        )
+    if not options.distributed and 0 < len(missing) < 3:
+        parser.error(
+            f"--coordinator, --processes and --process-id belong together, got no {', '.join(missing)}"
+        )
+    if not missing and options.process_id >= options.processes:
+        parser.error(
+            f"--process-id: must be below the {options.processes} processes, got {options.process_id}"
+        )
+
+
+def _address(text: str) -> str:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 2**16:
+        raise argparse.ArgumentTypeError(f"must be HOST:PORT, got {text!r}")
+    return text
 
 
 def _folder(text: str) -> Path:
@@ -124,14 +207,22 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _jobs(text: str) -> int:
+def _count(text: str) -> int:
+    return _integer(text, 1)
+
+
+def _number(text: str) -> int:
+    return _integer(text, 0)
+
+
+def _integer(text: str, least: int) -> int:
     try:
-        jobs = int(text)
+        value = int(text)
     except ValueError:
-        jobs = 0
-    if jobs < 1:
-        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r}")
-    return jobs
+        value = least - 1
+    if value < least:
+        raise argparse.ArgumentTypeError(f"must be an integer of at least {least}, got {text!r}")
+    return value
 
 
 def _advice(name: str, catalogue: Mapping[str, Entry]) -> str:

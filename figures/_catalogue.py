@@ -10,6 +10,8 @@ class Entry(NamedTuple):
     """Whether the scene stands in for the paper's own, which is not to be had."""
     timed: bool = False
     """Whether it measures time: in paper quality nothing runs beside it."""
+    long: bool = False
+    """Whether it is among the longest in paper quality: begun first, it is not what the rest waits for."""
 
 
 CATALOGUE = {
@@ -98,7 +100,7 @@ CATALOGUE = {
     "thesis-6.5": Entry("figures.thesis_6_5", "The Cornell box at 64 samples per pixel", our_scene=True),
     "thesis-6.6": Entry("figures.thesis_6_6", "Convergence on the Cornell box", our_scene=True),
     "thesis-6.7": Entry("figures.thesis_6_7", "The helicopter at 64 samples per pixel", our_scene=True),
-    "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter", our_scene=True),
+    "thesis-6.8": Entry("figures.thesis_6_8", "Convergence on the helicopter", our_scene=True, long=True),
     "tree-builders": Entry(
         "figures.tree_builders", "Trees by other ways than the surface area heuristic", timed=True
     ),
@@ -120,6 +122,9 @@ CATALOGUE = {
     "benchmark-traced": Entry(
         "figures.benchmark_traced", "Run time against error of ray-traced scenes, beside Mitsuba", timed=True
     ),
+    "mitsuba-samplers": Entry(
+        "figures.mitsuba_samplers", "Samplers of ours in Mitsuba 3, beside its own", timed=True
+    ),
     "spp-slider": Entry("figures.spp_slider", "One scene by eight samplers, from 1 to 256 samples per pixel"),
     "scenes-sheet": Entry("figures.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.skipping", "Pixels that are constant are not sampled", timed=True),
@@ -137,12 +142,22 @@ CATALOGUE = {
     "measure-speed": Entry(
         "figures.measure_speed", "Speed of the measures, beside peers and with gradients", timed=True
     ),
+    "roofline": Entry("figures.roofline", "What an H100 could make of our programs, at most"),
     "measure-cost": Entry(
         "figures.measure_cost", "Time and memory of the measures over the number of points", timed=True
+    ),
+    "scaling": Entry("figures.scaling", "Images of more pixels and samples: time and memory", timed=True),
+    "measures-at-scale": Entry(
+        "figures.measures_at_scale", "Measures of up to 2^24 points: time and memory", timed=True
     ),
     "optimized-orders": Entry(
         "figures.optimized_orders",
         "Orders with searched permutations beside the samplers of the papers",
+        timed=True,
+    ),
+    "optimized-dimensions": Entry(
+        "figures.optimized_dimensions",
+        "Searched orders in 4 and 8 dimensions, and in traced scenes",
         timed=True,
     ),
     "scramblings": Entry("figures.scramblings", "Ways to scramble Sobol's sequence: errors and distances"),
@@ -162,7 +177,7 @@ CATALOGUE = {
     "hilbert-2": Entry("figures.hilbert_2", "Differences of positions between neighbouring pixels"),
     "hilbert-3": Entry("figures.hilbert_3", "Radical inverses along the curves"),
     "hilbert-4": Entry("figures.hilbert_4", "Scrambled radical inverses along the curves"),
-    "hilbert-5": Entry("figures.hilbert_5", "An interior along the Hilbert curve", our_scene=True),
+    "hilbert-5": Entry("figures.hilbert_5", "An interior along the Hilbert curve", our_scene=True, long=True),
     "z-1": Entry(
         "figures.z_1", "An interior at one sample a pixel, and the spectra of the errors", our_scene=True
     ),
@@ -181,8 +196,10 @@ CATALOGUE = {
     "z-10": Entry(
         "figures.z_10", "Motion blur, a lens, paths and a caustic, by four samplers", our_scene=True
     ),
-    "z-11": Entry("figures.z_11", "Convergence on rendered scenes", our_scene=True),
-    "z-12": Entry("figures.z_12", "Variants of the Z-sampler and sizes of its alphabet", our_scene=True),
+    "z-11": Entry("figures.z_11", "Convergence on rendered scenes", our_scene=True, long=True),
+    "z-12": Entry(
+        "figures.z_12", "Variants of the Z-sampler and sizes of its alphabet", our_scene=True, long=True
+    ),
     "z-table-1": Entry(
         "figures.z_table_1", "Run times of images by sampler, Table 1", our_scene=True, timed=True
     ),

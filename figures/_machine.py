@@ -13,11 +13,19 @@ def machine() -> dict[str, Any]:
     return {"processor": _processor(), "cores": cores, "jax": importlib.metadata.version("jax")}
 
 
+def features() -> str:
+    """Return which instructions the processor understands, or its name where the system does not tell."""
+    return _told("flags") or _told("Features") or _processor()
+
+
 def _processor() -> str:
-    """Return its name: Linux tells it in a file only, others by ``platform``."""
+    return _told("model name") or platform.processor() or platform.machine()
+
+
+def _told(key: str) -> str:
+    """Return what Linux tells of the first core, and nothing elsewhere."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
-        lines = []
-    named = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
-    return next(named, platform.processor() or platform.machine())
+        return ""
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith(key)), "")

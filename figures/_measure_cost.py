@@ -77,7 +77,7 @@ MEASURES = {
 }
 
 
-def peak_of(call: Callable[[Any], Any], points: NDArray[np.float64]) -> int | None:
+def peak_of(call: Callable[[Any], Any], points: Any) -> int | None:
     """Return by how many bytes a call raises the memory in use at most, where the system tells (Linux)."""
     if sys.platform != "linux":
         return None

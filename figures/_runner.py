@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import signal
 from collections import deque
-from collections.abc import Collection, Generator, Sequence
+from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
@@ -12,7 +12,9 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from figures._worker import Failed, Message, Progress, Task, serve
 
 
-def run(tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Message], None, None]:
+def run(
+    tasks: Sequence[Task], jobs: int, claim: Callable[[Task], bool] = lambda task: True
+) -> Generator[tuple[Task, Message], None, None]:
     """Yield what the workers report, ``jobs`` tasks at a time if they may, and kill them when closed.
 
     Parameters
@@ -21,11 +23,13 @@ def run(tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Message], Non
         Started in this order.
     jobs : int
         At least 1; a worker is kept for the next task.
+    claim : callable
+        Asked before a task is started; one for which it returns False is left out.
 
     Yields
     ------
     task, message : Task, Message
-        For each task any number of `Progress`, then one `Done` or `Failed`.
+        For each task that is started any number of `Progress`, then one `Done` or `Failed`.
     """
     # XLA's buffers come from malloc, whose fresh 4 KiB pages can cost more than the arithmetic;
     # huge pages are a matter of the environment before a process starts.
@@ -37,14 +41,17 @@ def run(tasks: Sequence[Task], jobs: int) -> Generator[tuple[Task, Message], Non
     try:
         while waiting or busy:
             while waiting and len(busy) < jobs and not _disturbs(waiting[0], busy.values()):
+                task = waiting.popleft()
+                if not claim(task):
+                    continue
                 idle = next((connection for connection in workers if connection not in busy), None)
                 if idle is None:
                     idle, process = _start(context)
                     workers[idle] = process
-                busy[idle] = waiting.popleft()
+                busy[idle] = task
                 with suppress(BrokenPipeError):  # a dead worker is noticed below
-                    idle.send(busy[idle])
-            ready = wait(list(busy))
+                    idle.send(task)
+            ready = wait(list(busy)) if busy else []
             for connection in [each for each in busy if each in ready]:
                 task = busy[connection]
                 try:

@@ -10,6 +10,9 @@ from pathlib import Path
 from typing import Any
 
 NUMBERS = "numbers.json"
+OF_PROCESS = "numbers-of-process-*.json"
+"""What processes of a job have made, until it is gathered in one file."""
+
 IMAGE_PARTS = ("file", "difference", "spectrum")
 """The files of an image that is handed out."""
 
@@ -38,8 +41,8 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")
 
 
-def read_numbers(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the entries of ``numbers.json`` by the figures' names.
+def read_numbers(folder: Path, file: str = NUMBERS) -> dict[str, dict[str, Any]]:
+    """Return the entries of ``numbers.json``, or of another file, by the figures' names.
 
     Raises
     ------
@@ -48,20 +51,20 @@ def read_numbers(folder: Path) -> dict[str, dict[str, Any]]:
     ValueError
         If it is no such file.
     """
-    entries = json.loads((folder / NUMBERS).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    entries = json.loads((folder / file).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
         raise ValueError("it is not an object of objects")
     return entries
 
 
-def known(folder: Path, warn: Callable[[str], None]) -> dict[str, dict[str, Any]]:
+def known(folder: Path, warn: Callable[[str], None], file: str = NUMBERS) -> dict[str, dict[str, Any]]:
     """Return the entries, if any; keep a file that cannot be read under another name, and ``warn``."""
     try:
-        return read_numbers(folder)
+        return read_numbers(folder, file)
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        path = folder / NUMBERS
+        path = folder / file
         names = (path.with_name(f"{path.stem}.damaged-{k}{path.suffix}") for k in count(1))
         kept = next(name for name in names if not name.exists())
         os.rename(path, kept)
@@ -69,11 +72,27 @@ def known(folder: Path, warn: Callable[[str], None]) -> dict[str, dict[str, Any]
         return {}
 
 
-def record(folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str], None]) -> None:
-    """Add or replace one figure's entry; what others wrote since the start of this run is kept."""
-    entries = known(folder, warn) | {name: entry}
+def record(
+    folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str], None], process: int | None = None
+) -> None:
+    """Add or replace one figure's entry; what others wrote since the start of this run is kept.
+
+    Processes of a job, which write at the same time, have a file each (see :func:`gather`).
+    """
+    file = NUMBERS if process is None else OF_PROCESS.replace("*", str(process))
+    _replace(folder, known(folder, warn, file) | {name: entry}, file)
+
+
+def gather(folder: Path, warn: Callable[[str], None]) -> None:
+    """Put what processes of a job have made with the other entries."""
+    for path in sorted(folder.glob(OF_PROCESS)):
+        _replace(folder, known(folder, warn) | known(folder, warn, path.name), NUMBERS)
+        path.unlink(missing_ok=True)
+
+
+def _replace(folder: Path, entries: Mapping[str, Any], file: str) -> None:
     text = json.dumps(dict(sorted(entries.items())), indent=2, ensure_ascii=False, allow_nan=False)
-    write(folder / NUMBERS, (text + "\n").encode())
+    write(folder / file, (text + "\n").encode())
 
 
 def image_files(name: str, entry: Mapping[str, Any]) -> list[str]:

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import scenes
+from qmcjax.choosing import CANDIDATES
 
-SIZES = {"draft": (64, (4, 16), 2), "paper": (256, (1, 4, 16, 64, 256), 7)}
+SIZES = {"draft": (64, (4, 16), 2), "paper": (256, (1, 4, 16, 64, 256), 5)}
 """Side of the image, samples per pixel, calls after the first."""
 
 SCENES = {
@@ -32,27 +33,20 @@ Make = Callable[[int, int, int, int], Any]
 """From side, samples per pixel, dimensions and key to a sampler."""
 
 
-def _along(order: Any, sequence: Callable[[int, int], Any]) -> Make:
-    return lambda side, spp, dims, key: samplers.contiguous(order(side, side), sequence(dims, key), spp)
+def _candidate(name: str) -> Make:
+    make = CANDIDATES[name].make
+    return lambda side, spp, dims, key: make(dims, side, side, spp, key)
 
 
-def _owen(dims: int, key: int) -> sequences.Sequence:
-    return sequences.owen(sequences.sobol(dims), key)
-
-
-SAMPLERS: dict[str, Make] = {
-    "random": _along(orders.raster, sequences.uniform),
-    "Owen, each pixel": lambda side, spp, dims, key: samplers.independent(sequences.sobol(dims), key),
-    "global Sobol', xor": lambda side, spp, dims, key: samplers.full_screen(
-        sequences.digital_shift(sequences.sobol(dims), key), side, side
-    ),
-    "raster, Owen": _along(orders.raster, _owen),
-    "Hilbert, Owen": _along(orders.hilbert, _owen),
-    "Hilbert, Halton": _along(orders.hilbert, lambda dims, key: sequences.owen(sequences.halton(dims), key)),
-    "Z": lambda side, spp, dims, key: samplers.z(side, side, spp, key, dims=dims + dims % 2),
-    "lattice, rotated": lambda side, spp, dims, key: samplers.independent(
-        sequences.lattice(dims), key, randomize="shift"
-    ),
+SAMPLERS = {
+    "random": _candidate("random"),
+    "Owen, each pixel": _candidate("(0,2), Owen"),
+    "global Sobol', xor": _candidate("Sobol', full screen"),
+    "raster, Owen": _candidate("raster, Owen-Sobol'"),
+    "Hilbert, Owen": _candidate("Hilbert, Owen-Sobol'"),
+    "Hilbert, Halton": _candidate("Hilbert, Halton (2,3)"),
+    "Z": _candidate("Z, hash"),
+    "lattice, rotated": _candidate("rank-1 lattice"),
 }
 ADAPTIVE = "Hilbert, Owen"
 """Also measured where constant pixels are skipped."""

@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from figures import _programs
 from figures._schema import check_numbers
 
 DPI = 150
@@ -32,7 +33,7 @@ class Task(NamedTuple):
     module: str
     quality: str
     alone: bool = False
-    """Whether no other task may run beside it."""
+    """Whether no other task may run beside it: it measures time, that of compiling as well."""
 
 
 class Progress(NamedTuple):
@@ -65,13 +66,16 @@ def serve(connection: Connection) -> None:
     """Answer each task with any number of `Progress` and one `Done` or `Failed`."""
     os.environ["MPLBACKEND"] = "Agg"
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    _programs.heal()
     with suppress(EOFError, OSError):  # nobody is left to hear about it
         while True:
             connection.send(_answer(connection.recv(), connection))
-            _forget_programs()
+            forget_programs()
 
 
 def _answer(task: Task, connection: Connection) -> Done | Failed:
+    if task.alone:
+        _programs.measure_without()
     start = time.perf_counter()
     progress = _reporter(connection)
     progress(0.0)
@@ -127,7 +131,7 @@ def _drawn(picture: Any) -> tuple[bytes, bytes]:
     return png.getvalue(), webp.getvalue()
 
 
-def _forget_programs() -> None:
+def forget_programs() -> None:
     jax, maps = sys.modules.get("jax"), Path("/proc/self/maps")
     if jax and maps.exists() and maps.read_bytes().count(b"\n") > MAPS:
         jax.clear_caches()

@@ -25,7 +25,7 @@ class Size(NamedTuple):
 
 SIZES = {
     "draft": Size(64, (4, 16), 2, 2, 1, 512),
-    "paper": Size(128, (1, 4, 16, 64), 3, 4, 5, 2048),
+    "paper": Size(128, (1, 4, 16, 64), 3, 4, 5, 1024),
 }
 
 STYLES = {name: style(name) for name in OURS} | {

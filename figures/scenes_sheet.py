@@ -39,7 +39,9 @@ NOTE = (
 
 def every_scene() -> dict[str, Any]:
     """Return the scenes with exact images that `qmcjax.scenes` makes when asked for nothing special."""
-    factories = {name: make for name, make in vars(scenes).items() if inspect.isfunction(make)}
+    factories = {
+        name: make for name, make in vars(scenes).items() if inspect.isfunction(make) and name[0] != "_"
+    }
     named = {name: make() for name, make in factories.items() if name not in WITH_ARGUMENTS}
     exact = {name: scene for name, scene in named.items() if not isinstance(scene, traced.Traced)}
     return exact | {f"genz, {family}": scenes.genz(family, GENZ_DIMS, 3.0) for family in FAMILIES}

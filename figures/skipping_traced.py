@@ -32,7 +32,7 @@ class Size(NamedTuple):
 
 SIZES = {
     "draft": Size(64, 16, 1, ("cornell_box",), 256, 8, 8, (0.02,)),
-    "paper": Size(128, 64, 5, ("cornell_box", "helicopter"), 2048, 16, 16, (0.02, 0.01, 0.005)),
+    "paper": Size(128, 64, 3, ("cornell_box", "helicopter"), 1024, 16, 16, (0.02, 0.01, 0.005)),
 }
 
 KEY = 3

@@ -20,7 +20,7 @@ from qmcjax.core.pytrees import pytree
 SIZE = {"draft": (480, 270), "paper": (1920, 1080)}
 COUNTS = {"draft": (1, 4, 16), "paper": (1, 4, 16, 64, 256)}
 RATE_SPP = 16
-CALLS = 5
+CALLS = 3
 
 ALIKE = 1.25
 """Ratio of times that are about the same."""

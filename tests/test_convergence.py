@@ -10,6 +10,7 @@ import analysis._convergence
 import qmcjax as qj
 from analysis import ConvergenceRow, ConvergenceTable, convergence
 from qmcjax import samplers, scenes, sequences
+from qmcjax.core import checkpoints
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,29 @@ def test_progress(rendered):
     parts = []
     convergence(Scene(), SAMPLERS, [1, 2], width=4, height=4, progress=parts.append)
     assert parts == [0.25, 0.5, 0.75, 1.0]
+
+
+def test_an_interrupted_sweep_goes_on(rendered, tmp_path, monkeypatch):
+    """What was measured is neither measured again nor lost, and no other sweep takes it for its own."""
+    monkeypatch.setattr(checkpoints, "EVERY", 0.0)
+    monkeypatch.setattr(checkpoints, "SHARE", math.inf)
+    given = {"width": 6, "height": 8, "reference": Scene().reference(6, 8), "checkpoint": tmp_path / "sweep"}
+
+    def stop(part):
+        if part == 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convergence(scenes.disc(), SAMPLERS, [1, 4], progress=stop, **given)
+    assert len(rendered) == 2 * 4
+    parts = []
+    table = convergence(scenes.disc(), SAMPLERS, [1, 4], progress=parts.append, **given)
+    assert (len(rendered), parts) == (4 * 4, [0.75, 1.0])
+    assert convergence(scenes.disc(), SAMPLERS, [1, 4], **given) == table
+    assert len(rendered) == 4 * 4
+    assert convergence(scenes.disc(), SAMPLERS, [1, 4], **{**given, "checkpoint": None}) == table
+    with pytest.raises(ValueError, match=r"^checkpoint .*sweep', where samplers is another one: "):
+        convergence(scenes.disc(), SAMPLERS, [1, 16], **given)
 
 
 GOOD = {"samplers": SAMPLERS, "spps": [1, 4], "width": 8, "height": 8}
@@ -279,7 +303,10 @@ class Random:
         pass
 
     def __call__(self, x, y, sample, dims, dtype):
-        return jax.random.uniform(jax.random.fold_in(self.key, sample[0, 0]), (*x.shape, len(dims)), dtype)
+        key = self.key
+        for number in (x, y, sample):  # of the first of these pixels
+            key = jax.random.fold_in(key, number.ravel()[0])
+        return jax.random.uniform(key, (*x.shape, len(dims)), dtype)
 
 
 @pytest.mark.slow

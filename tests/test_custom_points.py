@@ -86,7 +86,7 @@ def test_points_outside_of_colours():
     [
         (
             lambda x, y, s, dims, dtype: half(x, y, s, (0,), dtype),
-            r"shape \(4, 4, 2\) .* got float32 \(4, 4, 1\)",
+            r"shape \(16, 2\) .* got float32 \(16, 1\)",
         ),
         (lambda x, y, s, dims, dtype: half(x, y, s, dims, jnp.int32), "float"),
         (lambda x, y, s, dims, dtype: None, "got None"),

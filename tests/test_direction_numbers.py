@@ -37,6 +37,29 @@ def test_there_and_back(dims, tmp_path):
     assert sequences.direction_numbers_text(numbers) == (tmp_path / "a.txt").read_text()
 
 
+@pytest.mark.parametrize(
+    "sequence", [sequences.sobol(200), sequences.one_two(20), sequences.sobol_of([(0b11111, [1, 3, 5, 7])])]
+)
+def test_numbers_are_found_in_matrices(sequence):
+    """They make the same matrices; of Joe and Kuo's they are those of the table."""
+    numbers = sequences.direction_numbers(sequence)
+    assert np.array_equal(sequences.sobol_of(numbers).matrices, sequence.matrices)
+    if sequence.dims == 200:
+        assert [(p, list(initial)) for p, initial in numbers] == joe_kuo(200)
+
+
+def test_other_matrices_have_no_numbers():
+    random = np.random.default_rng(1).integers(0, 2**32, 32, np.uint32)
+    upper = np.array([(column | 1) << (31 - k) & 2**32 - 1 for k, column in enumerate(random.tolist())])
+    matrices = np.stack([sequences.sobol(1).matrices[0], upper.astype(np.uint32)])
+    with pytest.raises(ValueError, match="got another matrix in dimension 2"):
+        sequences.direction_numbers(sequences.digital(matrices))
+    with pytest.raises(ValueError, match="sequence must begin with the component of van der Corput's"):
+        sequences.direction_numbers(sequences.digital(matrices[::-1]))
+    with pytest.raises(TypeError, match="sequence must be a digital sequence in base 2"):
+        sequences.direction_numbers(sequences.halton(2))
+
+
 def test_heading_and_empty_lines_may_be_missing_or_there(tmp_path):
     (tmp_path / "a.txt").write_text("2 1 0 1\n\n3\t2 1   1 3\n")
     assert sequences.read_direction_numbers(tmp_path / "a.txt") == ((0b11, (1,)), (0b111, (1, 3)))

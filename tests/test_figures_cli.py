@@ -59,6 +59,8 @@ def make(quality, progress):
 class Project:
     """A folder with a package of figures and the command line on it."""
 
+    command = COMMAND
+
     def __init__(self, folder, **modules):
         self.folder = folder
         self.out = folder / "out"
@@ -74,11 +76,12 @@ class Project:
         path.write_text(text)
 
     def start(self, *arguments, stderr=subprocess.PIPE, **environment):
+        # One after the other, unless a test is about that; and nothing is left in the user's folders.
+        more = () if "--jobs" in arguments else ("--jobs", "1")
+        more += () if "XDG_CACHE_HOME" in environment else ("--no-cache",)
         environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-        # One after the other, unless a test is about that.
-        jobs = () if "--jobs" in arguments else ("--jobs", "1")
         return subprocess.Popen(
-            [sys.executable, "-c", COMMAND, *arguments, *jobs],
+            [sys.executable, "-c", self.command, *arguments, *more],
             cwd=self.folder,
             env=environment,
             stdout=subprocess.PIPE,
@@ -139,6 +142,15 @@ def alive(pid):
         (["--out", ""], 2, "--out: must name a folder, got ''"),
         (["--out="], 2, "--out: must name a folder, got ''"),
         (["--nonsense"], 2, "--nonsense"),
+        (["--coordinator", "a:1", "--processes", "2"], 2, "belong together, got no --process-id"),
+        (["--process-id", "1"], 2, "belong together, got no --coordinator, --processes"),
+        (["--coordinator", "a", "--processes", "2"], 2, "--coordinator: must be HOST:PORT, got 'a'"),
+        (
+            ["--coordinator", "a:1", "--processes", "2", "--process-id", "2"],
+            2,
+            "below the 2 processes, got 2",
+        ),
+        (["--distributed", "--processes", "2"], 2, "not both"),
     ],
 )
 def test_usage_is_answered_without_numerics(tmp_path, arguments, status, said):
@@ -325,11 +337,12 @@ def test_workers_end_with_a_killed_command(tmp_path):
 def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypatch):
     asked = []
 
-    def update(names, catalogue, folder, quality, jobs):
+    def update(names, catalogue, folder, quality, jobs, job):
         asked.append((quality, jobs))
         return []
 
     monkeypatch.setattr(command_line, "update", update)
+    monkeypatch.setattr(command_line._programs, "keep", lambda warn: None)
     monkeypatch.setattr(command_line.os, "cpu_count", lambda: 8)
     out = ["--out", str(tmp_path / "out")]
     for options in ([], ["--quality", "paper"], ["--jobs", "3"], ["--quality", "paper", "--jobs", "4"]):
@@ -387,10 +400,10 @@ def test_tasks_that_are_to_be_alone_run_alone(tmp_path, monkeypatch):
 def test_programs_are_forgotten_before_a_process_has_too_many(monkeypatch):
     program = jax.jit(lambda x: x + 1)
     program(1.0)
-    _worker._forget_programs()
+    _worker.forget_programs()
     assert program._cache_size() == 1
     monkeypatch.setattr(_worker, "MAPS", 0)
-    _worker._forget_programs()
+    _worker.forget_programs()
     assert program._cache_size() == 0
 
 
@@ -405,14 +418,17 @@ def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp
 
     asked = []
 
-    def no_run(tasks, jobs):
+    def no_run(tasks, jobs, claim):
         asked.append([(task.name, task.alone) for task in tasks])
         yield from ()
 
     monkeypatch.setattr(_update, "run", no_run)
     for quality in ("draft", "paper"):
-        _update.update(["ray-speed", "z-2"], CATALOGUE, tmp_path, quality, 2)
-    assert asked == [[("ray-speed", False), ("z-2", False)], [("z-2", False), ("ray-speed", True)]]
+        _update.update(["ray-speed", "z-2", "z-11"], CATALOGUE, tmp_path, quality, 2)
+    assert asked == [
+        [("ray-speed", False), ("z-2", False), ("z-11", False)],
+        [("z-11", False), ("z-2", False), ("ray-speed", True)],
+    ]
 
 
 def test_progress_moves_within_a_figure_on_a_terminal(tmp_path):

@@ -7,10 +7,12 @@ and right ones in all places at once. What is right is small and always the same
 import inspect
 import math
 import re
+import tempfile
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 
 import jax
@@ -23,7 +25,7 @@ from scipy.stats import qmc
 
 import analysis
 import qmcjax
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import bridges, orders, samplers, scenes, sequences
 
 pytestmark = pytest.mark.slow
 
@@ -95,6 +97,12 @@ def wrong_things():
 
 
 @cache
+def folder():
+    """Return a folder for files."""
+    return Path(tempfile.mkdtemp())
+
+
+@cache
 def right_of_functions():
     """Return what is right for a parameter of one function only."""
     noun = nouns()
@@ -141,6 +149,16 @@ def right_of_functions():
         "analysis.mean_spectrum.make": [lambda key: np.ones(2)],
         "analysis.search_net.m": [1, 2],
         "analysis.search_discrepancy.start": [None],
+        "qmcjax.bridges.tabulate.generator": [SimpleNamespace(random=lambda n: np.zeros((n, 2)))],
+        "plain.start.pixel": [(1, 2)],
+        "plain.array.dims": [(0, 1)],
+        "qmcjax.bridges.bake.dims": [(0, 1)],
+        "qmcjax.bridges.bake.tile": [(2, 2)],
+        "qmcjax.sequences.direction_numbers.sequence": [sequences.sobol(3)],
+        "qmcjax.bridges.bake_ranked.sampler": [samplers.ranked(2, 1)],
+        "qmcjax.bridges.write_points.path": [folder() / "points.csv"],
+        "qmcjax.bridges.write_image.path": [folder() / "image.png"],
+        "qmcjax.bridges.write_image.transfer": ["srgb"],
     }
 
 
@@ -205,6 +223,7 @@ def right_of_names():
         "reference": [0 * IMAGE],
         "spectrum": [IMAGE],
         "keys": [(1, 2)],
+        "bits": [16],
         "digits": [(1, 1)],
         "targets": [{2: 1}],
         "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])],
@@ -214,6 +233,7 @@ def right_of_names():
         "cls": [],
         "dtype": [jnp.float32],
         "level": [0.5],
+        "label": ["a"],
         "resamples": [9],
         "region": ["whole"],
         "offset_or_key": [1],
@@ -228,14 +248,15 @@ def right_things(name, qualified):
 NEVER_OMITTED = {"width", "height", "repeats", "steps", "budget_s", "iterations", "resamples"}
 """What they are by default would take long."""
 
-LEFT_OUT = {"name", "progress"}
+LEFT_OUT = {"name", "progress", "checkpoint"}
+"""A checkpoint would be left in the folder."""
 
 FUNCTIONS = {"function", "f", "measure", "make", "sampler_of_key", "cls"}
 """Anything that can be called is a function: what goes wrong inside of it is its own matter."""
 
 
 def modules():
-    return (qmcjax, sequences, orders, samplers, scenes, analysis)
+    return (qmcjax, sequences, orders, samplers, scenes, bridges, analysis)
 
 
 @cache
@@ -243,7 +264,7 @@ def targets():
     """Return all public functions by name, and the methods of one noun of each kind."""
     found = {}
     for module in modules():
-        for name, value in vars(module).items():
+        for name, value in ((name, getattr(module, name)) for name in dir(module)):
             public = callable(value) and not inspect.isclass(value) and not name.startswith("_")
             if public:
                 found[f"{module.__name__}.{name}"] = value
@@ -265,7 +286,10 @@ def targets():
         "table.errors": table.errors,
         "table.slope_interval": table.slope_interval,
         "estimate.interval": qmcjax.Estimate(1.0, 0.1, 5).interval,
-        "SequenceEngine": analysis.SequenceEngine,
+        "SequenceEngine": bridges.SequenceEngine,
+        "PlainSampler": bridges.PlainSampler,
+        "plain.start": bridges.PlainSampler(noun["sampler"]).start,
+        "plain.array": bridges.PlainSampler(noun["sampler"]).array,
     }
     return found
 

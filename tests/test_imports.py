@@ -11,6 +11,8 @@ ROOMS = (
     "analysis/tables",
     "figures",
     "qmcjax",
+    "qmcjax/bridges",
+    "qmcjax/bridges/mitsuba",
     "qmcjax/choosing",
     "qmcjax/core",
     "qmcjax/orders",

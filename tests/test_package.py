@@ -12,15 +12,33 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_imports_stay_light():
+    """What takes long, or is half of the library, comes when it is asked for; modules count, not seconds."""
     code = """import sys
+import jax
+print(*sys.modules)
 for package in ("qmcjax", "analysis"):
     __import__(package)
-    print(*{name.split(".")[0] for name in sys.modules})
+    print(*sys.modules)
 """
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    of_qmcjax, of_analysis = (set(line.split()) for line in loaded.splitlines())
-    assert "qmcjax" in of_qmcjax and not {"scipy", "matplotlib"} & of_qmcjax
+    of_jax, of_qmcjax, of_analysis = (set(line.split()) for line in loaded.splitlines())
+    more = of_qmcjax - of_jax
+    assert not {"scipy", "matplotlib", "numba", "jax._src.pallas", "qmcjax.tracing"} & of_qmcjax
+    assert {name for name in more if name.split(".")[0] not in ("qmcjax", "jax", "numpy")} <= {"fractions"}
+    assert 100 < len(more) < 250, len(more)
     assert "analysis" in of_analysis and "matplotlib" not in of_analysis
+
+
+def test_what_traces_rays_is_there_when_it_is_asked_for():
+    code = """import sys
+import qmcjax as qj
+assert "qmcjax.tracing" not in sys.modules and "caustic" in dir(qj.scenes) and not hasattr(qj, "trace")
+assert not hasattr(qj.scenes, "caustics") and "qmcjax.tracing" not in sys.modules
+from qmcjax.scenes import Traced, caustic
+assert qj.scenes.traced.caustic is caustic is qj.scenes.caustic and qj.scenes.Traced is Traced
+assert qj.tracing.sphere is not None
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_version_is_the_packages():

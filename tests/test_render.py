@@ -9,7 +9,9 @@ import pytest
 from tables import SAMPLERS, SIDE, SPP, first, some
 
 import qmcjax as qj
-from qmcjax import orders, samplers, sequences
+from figures._measure_cost import peak_of
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.rendering import _render
 
 
 @jax.tree_util.register_dataclass
@@ -202,9 +204,9 @@ def test_gradient_through_scene_parameters(spp):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(4, 4\) and float32"),
-        (lambda p: p[..., 0] < 0.5, r"float64, got \(4, 4\) and bool"),
-        (lambda p: p[0, 0, 0], r"got \(\) and float64"),
+        (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(16,\) and float32"),
+        (lambda p: p[..., 0] < 0.5, r"float64, got \(16,\) and bool"),
+        (lambda p: p[0, 0], r"got \(\) and float64"),
     ],
 )
 def test_values_have_the_dtype_and_shape_of_the_points(values, message):
@@ -297,3 +299,19 @@ SCENE = qj.scenes.zone_plate()
 def test_bad_values_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.slow
+def test_a_large_image_is_kept_once(monkeypatch):
+    """However many parts it is made of."""
+    monkeypatch.setattr(_render, "_CALL", 2**16)
+    sampler = samplers.z(4096, 4096, 1, 1)
+
+    def make(scene):
+        return qj.render(scene, sampler, 4096, 4096, 1)
+
+    image = make(scenes.disc())
+    size = image.nbytes
+    del image  # its program is compiled
+    peak = peak_of(make, scenes.disc())
+    assert peak is None or peak < 1.5 * size

@@ -99,10 +99,10 @@ def integer_operations(scene):
     """
     width, height, dims = 8, 8, tuple(range(len(scene.needs)))
     sampler = along(width, height, 4)
-    state = _accumulation.zeros(scene, (height, width), jnp.float32)
+    state = _accumulation.zeros(scene, (1, width * height), jnp.float32)
     none = jnp.uint32(0)
     lowered = _accumulation.accumulate.lower(
-        (scene, sampler), None, state, none, none, width, height, 2, dims
+        (scene, sampler), none[None], state, none, none, width * height, width, height, 2, dims, None
     )
     lines = [re.sub(r"[%@]\w+(#\d)?", "%", line).strip() for line in lowered.as_text().splitlines()]
     return [line for line in lines if "ui32" in line and line.startswith("% =") and "while" not in line]

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import samplers, scenes, sequences
+from qmcjax.choosing import CANDIDATES
 
 Maker = Callable[..., samplers.Sampler]
 
@@ -15,56 +16,28 @@ class Rival(NamedTuple):
     make: Maker
 
 
-def _owen(dims: int, key: int) -> sequences.Sequence:
-    return sequences.owen(sequences.sobol(dims), key)
+def _candidate(name: str) -> Rival:
+    """Return one of those to choose from, in as many of the dimensions as it has."""
+    make, most_dims = CANDIDATES[name].make, CANDIDATES[name].most_dims
+    return Rival(name, lambda dims, w, h, spp, key: make(min(dims, most_dims), w, h, spp, key))
 
 
 RIVALS = {
-    "random": Rival(
-        "random",
-        lambda dims, w, h, spp, key: samplers.contiguous(
-            orders.raster(w, h), sequences.uniform(dims, key), spp
-        ),
-    ),
-    "owen": Rival(
-        "(0,2), Owen", lambda dims, w, h, spp, key: samplers.independent(sequences.sobol(dims), key)
-    ),
-    "lattice": Rival(
-        "rank-1 lattice",
-        lambda dims, w, h, spp, key: samplers.independent(sequences.lattice(dims), key, "shift"),
-    ),
+    "random": _candidate("random"),
+    "owen": _candidate("(0,2), Owen"),
+    "lattice": _candidate("rank-1 lattice"),
     "sz": Rival("SZ, Owen", lambda dims, w, h, spp, key: samplers.independent(sequences.sz(dims), key)),
     "r2": Rival(
         "R2, rotated",
         lambda dims, w, h, spp, key: samplers.independent(sequences.roberts(dims), key, "shift"),
     ),
-    "sobol": Rival(
-        "Sobol', full screen",
-        lambda dims, w, h, spp, key: samplers.full_screen(
-            sequences.digital_shift(sequences.sobol(dims), key), w, h
-        ),
-    ),
-    "dither": Rival(
-        "dither mask",
-        lambda dims, w, h, spp, key: samplers.dither(
-            samplers.blue_noise_mask(min(dims, 2)), sequences.rotate(sequences.lattice(min(dims, 2)), key)
-        ),
-    ),
-    "ranked": Rival("ranked (Heitz)", lambda dims, w, h, spp, key: samplers.ranked(min(dims, 4), key)),
-    "z": Rival("Z, hash", lambda dims, w, h, spp, key: samplers.z(w, h, spp, key, dims=dims + dims % 2)),
-    "optimized": Rival(
-        "optimised orders", lambda dims, w, h, spp, key: samplers.optimized(w, h, spp, key, dims)
-    ),
-    "hilbert": Rival(
-        "Hilbert, Owen-Sobol'",
-        lambda dims, w, h, spp, key: samplers.contiguous(orders.hilbert(w, h), _owen(dims, key), spp),
-    ),
-    "hilbert-halton": Rival(
-        "Hilbert, Halton (2,3)",
-        lambda dims, w, h, spp, key: samplers.contiguous(
-            orders.hilbert(w, h), sequences.owen(sequences.halton(dims), key), spp
-        ),
-    ),
+    "sobol": _candidate("Sobol', full screen"),
+    "dither": _candidate("dither mask"),
+    "ranked": _candidate("ranked (Heitz)"),
+    "z": _candidate("Z, hash"),
+    "optimized": _candidate("optimised orders"),
+    "hilbert": _candidate("Hilbert, Owen-Sobol'"),
+    "hilbert-halton": _candidate("Hilbert, Halton (2,3)"),
 }
 
 SCENES: dict[str, Callable[[], Any]] = {

@@ -12,6 +12,8 @@ MODULES = (
     "qmcjax.tracing",
     "qmcjax.tracing.motion",
     "qmcjax.tracing.trees",
+    "qmcjax.bridges",
+    "qmcjax.bridges.mitsuba",
     "analysis",
     "figures.plot",
     "figures.ledger",
@@ -22,10 +24,13 @@ KINDS = ("functions", "classes", "data")
 
 
 def names(module: str) -> dict[str, list[str]]:
-    """Return the public names of a module by their kind."""
+    """Return the public names of a module by their kind, but those from below, which are listed there."""
     found: dict[str, list[str]] = {kind: [] for kind in KINDS}
-    for name, value in sorted(vars(importlib.import_module(module)).items()):
-        if not name.startswith("_") and not isinstance(value, ModuleType):
+    of = importlib.import_module(module)
+    for name, value in ((name, getattr(of, name)) for name in sorted(dir(of))):
+        home = getattr(value, "__module__", None) or module
+        ours = home.split(".")[0] == module.split(".")[0]
+        if ours and not name.startswith("_") and not isinstance(value, ModuleType):
             kind = "classes" if isinstance(value, type) else "functions" if callable(value) else "data"
             found[kind].append(name)
     return found

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 from jax import Array
+from jax.sharding import Mesh
 from numpy.typing import NDArray
 
 from analysis import _arguments
-from qmcjax.core import checkpoints, checks
+from qmcjax.core import checkpoints, checks, devices
 from qmcjax.rendering import render
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
@@ -137,6 +138,7 @@ def convergence(
     reference: tuple[Any, Any] | None = None,
     progress: Callable[[float], None] | None = None,
     checkpoint: str | os.PathLike | None = None,
+    mesh: Mesh | None = None,
 ) -> ConvergenceTable:
     """Render a scene with each sampler and number of samples, and measure error and time.
 
@@ -169,6 +171,10 @@ def convergence(
     checkpoint : path, optional
         Of a file that keeps finished images' rows, written every half a minute: called again with the same
         arguments, times of the rows that are there are those that were measured then. It stays there.
+    mesh : jax.sharding.Mesh, optional
+        Devices, as in :func:`qmcjax.render`. Its processes, which all make the same call, share the images,
+        and the devices of each the pixels of one; each gets all rows. Times are those of the process that
+        made an image, while the others made theirs.
 
     Returns
     -------
@@ -214,24 +220,38 @@ def convergence(
     if regions is None:
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
     _check_regions(regions, width, height)
+    mesh = devices.checked(mesh)
     plan = [(name, spp, _sampler(name, made, spp)) for name, made in samplers.items() for spp in wanted]
+    places = {(name, spp): place for place, (name, spp, _) in enumerate(plan)}
     for _, spp, sampler in plan:
         sampler.check(width, height, spp)
     exact, bound = _reference(scene, reference, width, height)
     rows, kept = [], None
     if checkpoint is not None:
         of_rows = {"samplers": plan, "regions": regions, "reference": exact, "repeats": repeats}
-        kept = checkpoints.begin(checkpoint, scene=scene, width=width, height=height, **of_rows)
+        kept = checkpoints.shared(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
         rows = [ConvergenceRow(**row) for row in json.loads(str(kept.state.get("rows", "[]")))]
-    for name, spp, sampler in plan[len(rows) :]:
-        first_seconds, image = _timed(scene, sampler, width, height, spp)
-        seconds = statistics.median(_timed(scene, sampler, width, height, spp)[0] for _ in range(repeats))
-        rows.append(ConvergenceRow(name, spp, _errors(image, exact, regions), seconds, first_seconds))
-        if kept is not None and kept.due(last=len(rows) == len(plan)):
+    process, own = devices.of_process(mesh)
+    finished = {(row.sampler, row.spp) for row in rows}
+    rest = [planned for planned in plan if planned[:2] not in finished]
+    while rest:
+        # Processes of a mesh render side by side what takes as long, so that none waits for the others.
+        rest.sort(key=lambda planned: _expected(rows, *planned[:2]))
+        at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
+        measured = np.zeros(2 + len(regions))
+        if process < len(at_once):
+            _, spp, sampler = at_once[process]
+            measured[0], image = _timed(scene, sampler, width, height, spp, own)
+            repeated = [_timed(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
+            measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
+        told = devices.told(measured.view(np.uint32), mesh).view(np.float64).tolist()
+        for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
+            rows.append(ConvergenceRow(name, spp, dict(zip(regions, errors, strict=True)), seconds, first))
+        if kept is not None and kept.due(last=not rest):
             kept.write(rows=json.dumps([asdict(row) for row in rows]))
         if progress is not None:
             progress(len(rows) / len(plan))
-    return ConvergenceTable(tuple(rows), bound)
+    return ConvergenceTable(tuple(sorted(rows, key=lambda row: places[row.sampler, row.spp])), bound)
 
 
 def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -294,9 +314,17 @@ def _sampler(name: str, made: Any, spp: int) -> Any:
     return as_sampler(f"samplers[{name!r}]", made)
 
 
-def _timed(scene: Any, sampler: Any, width: int, height: int, spp: int) -> tuple[float, Array]:
+def _expected(rows: list[ConvergenceRow], sampler: str, spp: int) -> float:
+    """Return the seconds that an image will take, by the last one of the same sampler; 0 if there is none."""
+    last = next((row for row in reversed(rows) if row.sampler == sampler), None)
+    return 0.0 if last is None else last.seconds * spp / last.spp
+
+
+def _timed(
+    scene: Any, sampler: Any, width: int, height: int, spp: int, mesh: Mesh | None
+) -> tuple[float, Array]:
     start = time.perf_counter()
-    image = render(scene, sampler, width, height, spp).block_until_ready()
+    image = render(scene, sampler, width, height, spp, mesh=mesh).block_until_ready()
     return time.perf_counter() - start, image
 
 

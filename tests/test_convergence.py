@@ -58,7 +58,7 @@ def rendered(monkeypatch):
             clock[0] += [10.0, 1.0, 2.0, 9.0][(len(calls) - 1) % 4]
             return self
 
-    def render(scene, sampler, width, height, spp):
+    def render(scene, sampler, width, height, spp, mesh):
         calls.append((sampler, width, height, spp))
         sign = 1 - 2 * (np.indices((height, width)).sum(axis=0) % 2)
         size = np.where(np.arange(height) < 4, 1.0, 10.0)[:, None]

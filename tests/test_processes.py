@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from test_job import free_port
 
+import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -56,9 +57,21 @@ def computed(mesh):
         "image": qj.render(scene, one_pass(jax.random.key(1)), *size, SPP, mesh=mesh),
         "adaptive": qj.render_adaptive(scene, one_pass(jax.random.key(1)), *size, SPP, mesh=mesh),
         "passes": qj.render_passes(scene, samplers.randomized(one_pass, 1), *size, 2, mesh=mesh),
+        "sweep": sweep(mesh),
         "reference": qj.estimated_reference(scene, *size, 16, 1, mesh=mesh),
     }
     return {name: digest(value) for name, value in found.items()}
+
+
+def sweep(mesh, **given):
+    """Return the errors of a sweep: four images, which three processes cannot share evenly."""
+    compared = {name: samplers.independent(sequences.sobol(2), key) for name, key in (("a", 1), ("b", 2))}
+    table = analysis.convergence(
+        scenes.disc(), compared, [1, 4], width=WIDTH, height=HEIGHT, repeats=1, mesh=mesh, **given
+    )
+    assert [(row.sampler, row.spp) for row in table.rows] == [("a", 1), ("a", 4), ("b", 1), ("b", 4)]
+    assert all(row.seconds > 0 for row in table.rows)
+    return [tuple(row.errors.values()) for row in table.rows]
 
 
 def digest(values):

@@ -153,6 +153,19 @@ SPREAD = {
     "boundary_gradient": lambda mesh: qj.boundary_gradient(
         scenes.disc(), sequences.van_der_corput(), 24, 17, 2**13, mesh=mesh
     ),
+    "convergence": lambda mesh: (
+        analysis.convergence(
+            scenes.disc(),
+            {"Owen": samplers.independent(SOBOL, 1)},
+            [4],
+            width=24,
+            height=17,
+            repeats=1,
+            mesh=mesh,
+        )
+        .rows[0]
+        .errors
+    ),
     "pixel_means": lambda mesh: analysis.pixel_means(
         lambda p: p[..., 0] * p[..., 1], samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
     ),
@@ -162,7 +175,7 @@ SPREAD = {
 def check_meshes(make, counts):
     plain = jax.tree.leaves(make(None))
     for count in counts:
-        made = jax.tree.leaves(make(Mesh(np.array(jax.devices()[:count]).reshape(-1, 1), ("a", "b"))))
+        made = jax.tree.leaves(make(Mesh(np.array(jax.devices()[-count:]).reshape(-1, 1), ("a", "b"))))
         for one, other in zip(made, plain, strict=True):
             np.testing.assert_array_equal(one, other)
 

@@ -16,9 +16,10 @@ from typing import Any, Protocol
 
 import jax
 import numpy as np
+from jax.sharding import Mesh
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, devices
 from qmcjax.core.digests import digest, versions
 
 EVERY = 30.0
@@ -165,6 +166,21 @@ def begin(path: Any, writes: bool = True, **made_of: Any) -> Checkpoint:
     if writes and not state:
         made._write({})
     return made
+
+
+def shared(path: Any, mesh: Mesh | None, **made_of: Any) -> Checkpoint:
+    """Return the checkpoint of what the processes of a mesh compute together, or raise as :func:`begin` does.
+
+    The first process writes it when it is due; all have read it before that, since what it writes they make
+    together.
+    """
+    kept = begin(path, devices.is_first(mesh), **made_of)
+    if not devices.agree(int(digest("checkpoint", kept.state)[:8], 16), mesh):
+        raise ValueError(
+            f"checkpoint must be a file that all processes of the mesh see, got {checks.shown(path)}, "
+            "which is not the same for all"
+        )
+    return kept
 
 
 def _prefix(path: Path) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from numpy.typing import NDArray
 
 from qmcjax.core import checks, summation
 from qmcjax.core.varying import alike
@@ -18,6 +19,8 @@ _AXIS = "parts"
 
 def checked(mesh: Any) -> Mesh | None:
     """Return the devices of a mesh in a row, or raise unless they are some that this process can use.
+
+    That of the device that JAX computes on anyway is None: nothing is to be spread.
 
     Raises
     ------
@@ -41,7 +44,13 @@ def checked(mesh: Any) -> Mesh | None:
         raise ValueError(
             f"mesh must have a device of each process that takes part, got none of {jax.process_index()}"
         )
-    return Mesh(devices, (_AXIS,))
+    return None if list(devices) == [_usual()] else Mesh(devices, (_AXIS,))
+
+
+def _usual() -> Any:
+    """Return the device that JAX computes on by default."""
+    usual = jax.config.jax_default_device
+    return usual if isinstance(usual, jax.Device) else jax.local_devices(backend=usual)[0]
 
 
 def count(mesh: Mesh | None) -> int:
@@ -147,10 +156,25 @@ def is_first(mesh: Mesh | None) -> bool:
 
 def agree(word: int, mesh: Mesh | None) -> bool:
     """Tell whether all processes of a mesh ask this about the same uint32."""
+    return bool((told(np.array([word], np.uint32), mesh) == word).all())
+
+
+def told(words: NDArray[np.uint32], mesh: Mesh | None) -> NDArray[np.uint32]:
+    """Return what each process of a mesh tells all of them, row by row: the same number of words each."""
     if mesh is None or processes(mesh) == 1:
-        return True
+        return words[None]
     spread = NamedSharding(mesh, PartitionSpec(_AXIS))
-    own = np.full(mesh.size, word, np.uint32)
-    words = jax.make_array_from_callback(own.shape, spread, lambda place: own[place])
-    everywhere = jax.jit(lambda words: words, out_shardings=NamedSharding(mesh, PartitionSpec()))(words)
-    return bool((np.asarray(local(everywhere, mesh)) == word).all())
+    shape = (mesh.size, len(words))
+    rows = jax.make_array_from_callback(shape, spread, lambda place: np.tile(words, (mesh.size, 1))[place])
+    everywhere = jax.jit(lambda rows: rows, out_shardings=NamedSharding(mesh, PartitionSpec()))(rows)
+    _, firsts = np.unique([device.process_index for device in mesh.devices.flat], return_index=True)
+    return np.asarray(local(everywhere, mesh))[firsts]
+
+
+def of_process(mesh: Mesh | None) -> tuple[int, Mesh | None]:
+    """Return this process's place among those of a mesh, and a mesh of its own devices of it."""
+    if mesh is None:
+        return 0, None
+    own = [device for device in mesh.devices.flat if device.process_index == jax.process_index()]
+    others = {device.process_index for device in mesh.devices.flat}
+    return sorted(others).index(jax.process_index()), checked(Mesh(np.array(own), (_AXIS,)))

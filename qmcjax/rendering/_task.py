@@ -11,8 +11,7 @@ from jax.core import Tracer
 from jax.sharding import Mesh
 from numpy.typing import NDArray
 
-from qmcjax.core import checkpoints, checks, devices
-from qmcjax.core.digests import digest
+from qmcjax.core import checkpoints, checks
 from qmcjax.rendering import _accumulation
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
@@ -101,24 +100,13 @@ def check_progress(progress: Any, task: Task) -> None:
 def opened(
     checkpoint: Any, function: str, task: Task, mesh: Mesh | None, **made_of: Any
 ) -> checkpoints.Checkpoint | None:
-    """Return the checkpoint of a function's result, which depends on a task or on something else.
-
-    The first process of a mesh writes it when it is due; all have read it before that, since what it writes
-    they make together.
-    """
+    """Return the checkpoint of a function's result, which depends on a task or on something else."""
     if checkpoint is None:
         return None
     _check_outside("checkpoint", checkpoint, task)
     made_of = made_of or {"sampler": task.sampler, "spp": task.spp}
     size = {"width": task.width, "height": task.height, "dtype": task.dtype.name}
-    first = devices.is_first(mesh)
-    kept = checkpoints.begin(checkpoint, first, function=function, scene=task.scene, **size, **made_of)
-    if not devices.agree(int(digest("checkpoint", kept.state)[:8], 16), mesh):
-        raise ValueError(
-            f"checkpoint must be a file that all processes of the mesh see, got {checks.shown(checkpoint)}, "
-            "which is not the same for all"
-        )
-    return kept
+    return checkpoints.shared(checkpoint, mesh, function=function, scene=task.scene, **size, **made_of)
 
 
 def _check_outside(name: str, value: Any, task: Task) -> None:

@@ -18,8 +18,8 @@ from qmcjax import render, samplers, scenes
 SIDES = {"draft": (64, 128), "paper": (64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384)}
 AT = 4
 """Samples per pixel of the images over pixels."""
-SPP = {"draft": (1, 4), "paper": (1, 4, 16, 64, 256, 1024, 4096, 16384)}
-SIDE = 256
+SPP = {"draft": (1, 4), "paper": tuple(4**k for k in range(10))}
+SIDE = 128
 """Of the images over samples."""
 SHARED = {"draft": (64, 2), "paper": (1024, 16)}
 """Side and samples per pixel of the images on a mesh of one device."""

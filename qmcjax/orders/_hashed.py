@@ -15,6 +15,7 @@ GOLDEN = np.uint32(0x9E3779B9)
 """The fractional part of the golden ratio, as a 32-bit fraction rounded down."""
 
 
+@jax.jit
 def with_random_words(first: Array, keys: Array) -> Array:
     """Return a word, and one drawn with each key: uint32 (len(keys) + 1,)."""
     return jnp.concatenate([first[None], jax.vmap(lambda key: jax.random.bits(key, (), jnp.uint32))(keys)])

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -153,6 +154,7 @@ class Digital64(BinarySequence):
         return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)
 
 
+@partial(jax.jit, static_argnums=0)
 def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:
     unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
     return jnp.stack([reverse(step(unit)) for step in steps])

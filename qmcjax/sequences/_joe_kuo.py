@@ -8,16 +8,19 @@ import numpy as np
 from qmcjax.sequences._sobol_matrix import DirectionNumbers, columns_of
 
 
+@lru_cache(maxsize=16)
 def matrices_of(dims: int) -> np.ndarray:
-    """Return the matrices of components 1 to dims - 1 (component 0 is the identity), by Eq. 5.13."""
+    """Return the matrices of components 1 to dims - 1 (component 0 is the identity), by Eq. 5.13; read-only."""
     polynomials, initial = _table(dims)
     degrees = [int(p).bit_length() - 1 for p in polynomials]
-    return columns_of(
+    matrices = columns_of(
         [
             DirectionNumbers(int(p), tuple(numbers[:degree]))
             for p, numbers, degree in zip(polynomials, initial.tolist(), degrees, strict=True)
         ]
     )
+    matrices.flags.writeable = False
+    return matrices
 
 
 @lru_cache

@@ -48,6 +48,7 @@ class Linear(Scrambled):
         return fraction if self.linear is self else super().of_linear(fraction, dims)
 
 
+@jax.jit
 def _product(columns: Array, reversed_bits: Array) -> Array:
     """Xor the columns that the digits select: (..., 32), (...) -> (...)."""
 

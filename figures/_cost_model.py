@@ -31,12 +31,14 @@ TIME: Terms = {
     "samples": lambda s: s.pixels * s.spp / s.devices,
     "samples, further coordinates": lambda s: s.pixels * s.spp * (s.dims - 2) / s.devices,
     "samples, further pairs": lambda s: s.pixels * s.spp * ((s.dims + 1) // 2 - 1) / s.devices,
+    "samples, digits of their numbers": lambda s: s.pixels * s.spp * math.log2(s.spp) / s.devices,
     "scene": lambda s: s.pixels * s.spp * s.scene / s.devices,
     # What devices that share a memory take from each other: nothing alone, nearly all of it among many.
     "sharing": lambda s: s.pixels * s.spp / s.devices * (1 - 1 / s.devices),
 }
 """Each device has an equal share, so that all but calls is divided among them. The first two coordinates of
-many sequences take less time than others, and some samplers make coordinates in pairs."""
+many sequences take less time than others, and some samplers make coordinates in pairs, or go through the
+digits of a sample's number."""
 
 MEMORY: Terms = {
     "process": lambda s: 1.0,

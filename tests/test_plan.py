@@ -99,7 +99,10 @@ def test_durations():
         (["--samples", "1e3"], "at least one for each of 1024^2 pixels"),
         (["--samples", "1e9", "--devices", "0"], "must be an integer of at least 1, got '0'"),
         (["--samples", "1e9", "--scene", "moon"], "invalid choice: 'moon'"),
-        (["--samples", "1e9", "--scene", "defocus", "--sampler", "ranked"], "has fewer dimensions than defocus"),
+        (
+            ["--samples", "1e9", "--scene", "defocus", "--sampler", "ranked"],
+            "has fewer dimensions than defocus",
+        ),
         ([], "required: --samples"),
     ],
 )

@@ -21,9 +21,9 @@ from figures._cost_model import Sizes
 from figures._machine import machine
 
 SPP = (16, 64)
-"""Samples per pixel in the fit; one size has MORE, too."""
+"""Samples per pixel in the fit; one size has those of MORE, too."""
 
-MORE = 1024
+MORE = (256, 1024)
 
 DIMS = (2, 3, 4, 8)
 """Coordinates in the fit, as far as the sampler has them."""
@@ -170,10 +170,10 @@ def _base(worker: Worker) -> tuple[int, float]:
 def _alone(base: int, dims: int) -> tuple[list[Sizes], list[Sizes]]:
     """Return sizes for one device, in the fit and held out. With dims 0 the scene is evaluated."""
     fit = [Sizes(side**2, spp, 0) for side in (base // 2, base, 2 * base) for spp in SPP]
-    fit.append(Sizes(base**2, MORE, 0))
+    fit += [Sizes(base**2, spp, 0) for spp in MORE]
     fit += [Sizes(base**2, spp, d, 1, False) for d in DIMS if d <= dims for spp in SPP]
     held = [Sizes((3 * base // 2) ** 2, 32, 0), Sizes((4 * base) ** 2, 64, 0)]
-    held.append(Sizes((base // 2) ** 2, 4 * MORE, 0))
+    held.append(Sizes((base // 2) ** 2, 4 * MORE[-1], 0))
     if dims >= HELD_DIMS:
         held.append(Sizes(base**2, 32, HELD_DIMS, 1, False))
     return fit, held

@@ -12,11 +12,13 @@ TRUE = {
     "samples": 3e-9,
     "samples, further coordinates": 1e-9,
     "samples, further pairs": 2e-9,
+    "samples, digits of their numbers": 2e-10,
     "scene": 5e-9,
     "sharing": 4e-10,
 }
 GRID = [
     *(Sizes(p, s, 2) for p in (4096, 16384, 65536) for s in (16, 64)),
+    *(Sizes(16384, s, 2) for s in (256, 1024)),
     *(Sizes(16384, s, d, 1, False) for d in (2, 3, 4, 8) for s in (16, 64)),
     *(Sizes(p, 64, 2, 2) for p in (16384, 65536)),
 ]

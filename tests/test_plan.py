@@ -18,7 +18,7 @@ def seconds(sizes):
 
 
 def measurements():
-    one = [Sizes(p, s, 2) for p in (2**12, 2**14, 2**16) for s in (16, 64)]
+    one = [Sizes(p, s, 2) for p in (2**12, 2**14, 2**16) for s in (16, 64, 256, 1024)]
     alone = [Sizes(2**14, s, 2, 1, False) for s in (16, 64)]
     pair = [Sizes(p, 64, 2, 2) for p in (2**14, 2**16)]
     memory = [Sizes(p, 16, 2) for p in (2**16, 2**18, 2**20)]

@@ -10,7 +10,7 @@ from qmcjax.sequences._sobol_matrix import DirectionNumbers, columns_of
 
 @lru_cache(maxsize=16)
 def matrices_of(dims: int) -> np.ndarray:
-    """Return the matrices of components 1 to dims - 1 (component 0 is the identity), by Eq. 5.13; read-only."""
+    """Return the matrices of components 1 to dims - 1 by Eq. 5.13 (0 is the identity), read-only."""
     polynomials, initial = _table(dims)
     degrees = [int(p).bit_length() - 1 for p in polynomials]
     matrices = columns_of(

@@ -64,7 +64,8 @@ def render(
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
         process, or of several that all make the same call. The image is the same bit by bit, whatever they
-        are, and whole in each process. By default the one that JAX computes on.
+        are, and whole in each process; derivatives with respect to parameters may differ in the last bits.
+        By default the one that JAX computes on.
 
     Returns
     -------

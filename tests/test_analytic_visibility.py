@@ -111,6 +111,7 @@ def test_means_over_shading_are_integrals():
     np.testing.assert_allclose(found[:, 0], exact + dark * SKY, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_the_shutter_is_what_is_averaged_over():
     """Of a part, and of no length at all: then it is what is seen at that time."""
     for shutter in ((0.35, 0.6), (0.3, 0.3), (0.0, 0.0), (1.0, 1.0)):

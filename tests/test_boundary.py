@@ -149,7 +149,11 @@ def randomly(name, key):
 
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [("disc", 10), pytest.param("triangle", 10, marks=pytest.mark.slow), ("flat board", 3)],
+    [
+        ("disc", 10),
+        pytest.param("triangle", 10, marks=pytest.mark.slow),
+        pytest.param("flat board", 3, marks=pytest.mark.slow),
+    ],
 )
 def test_low_discrepancy_beats_random(name, factor):
     """By ``factor`` and more at 2**12 samples; 16 times as many lower the error to 1/16, random ones to 1/4.

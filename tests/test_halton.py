@@ -181,6 +181,7 @@ def test_faure_lemieux_multiplies_in_all_360_bases():
         assert np.array_equal(np.rint(points[:b, j] * b), factors[j] * np.arange(b) % b)
 
 
+@pytest.mark.slow
 def test_random_permutations_are_uniform_and_independent():
     """All 6 x 6 pairs of the permutations of two digits, and of two components, are equally frequent."""
     keys = jax.random.split(jax.random.key(1), 3600)

@@ -57,6 +57,7 @@ FLOOR = tracing.plane([0, 0, 0], [0, 1, 0], material=tracing.diffuse(0.8))
 # White furnaces.
 
 
+@pytest.mark.slow
 def test_a_convex_body_in_a_furnace_reflects_its_reflectance():
     """Directions are sampled by the cosine: every single sample has the mean's value."""
     ball = tracing.sphere([0, 0, 0], 1.0, material=tracing.diffuse([0.2, 0.5, 1.0]))

@@ -161,6 +161,7 @@ def test_slerp_turns_evenly_the_shorter_way():
         assert (expected.inv() * Rotation.from_quat(found)).magnitude().max() < 1e-14
 
 
+@pytest.mark.slow
 def test_a_spline_of_rotations_is_smooth_and_interpolates():
     times = np.array([0.0, 0.4, 1.0, 1.3, 2.0])
     keys = Rotation.random(5, random_state=1)

@@ -105,6 +105,7 @@ def test_intervals_are_the_limit_of_many_times():
     assert (exact < 0.9 * unit).any() and (exact > 0.999 * unit).any()
 
 
+@pytest.mark.slow
 def test_what_moves_is_hit_at_one_time():
     """There where it is then; the pieces of one photon share its energy."""
     world = shadowed()

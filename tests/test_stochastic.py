@@ -37,6 +37,7 @@ def test_latin_hypercubes_are_uniform_within_the_intervals():
     assert abs(np.corrcoef(points[:-1, 0], points[1:, 0])[0, 1]) < 5 / np.sqrt(n)
 
 
+@pytest.mark.slow
 def test_every_permutation_is_equally_likely():
     """A rotation only, or too few rounds, would show."""
     n, count = 5, 24000

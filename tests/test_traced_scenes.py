@@ -122,6 +122,7 @@ def test_the_ball_touches_the_floor_and_jumps():
     assert before < -1 and after > 1
 
 
+@pytest.mark.slow
 def test_rotors_turn_about_the_mast_in_opposite_directions():
     """Points of a blade stay at their distance from the hub, which flies with the hull."""
     hull, _, lower, upper, _ = scenes.helicopter().estimator.world.objects

@@ -136,7 +136,11 @@ def test_without_numba_few_triangles_need_no_tree(monkeypatch):
     assert [item.shapes[0].tree is None for item in fewer.objects] == [True, False, True]
 
 
-@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
+@pytest.mark.parametrize(
+    "way",
+    [_search.by_program, pytest.param(_compiled_world.search, marks=[needs_numba, pytest.mark.slow])],
+    ids=WAYS,
+)
 @pytest.mark.parametrize(
     ("name", "dtype"),
     [("moving", "float32")]

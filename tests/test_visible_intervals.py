@@ -193,9 +193,9 @@ def test_random_and_degenerate_triangles(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", DTYPES)
-def test_a_million_random_and_degenerate_triangles(name):
-    for key in range(10, 10 + 10**6 // BATCH):
+@pytest.mark.parametrize(("name", "count"), [("float32", 10**6), ("float64", 10**5)])
+def test_a_million_random_and_degenerate_triangles(name, count):
+    for key in range(10, 10 + count // BATCH):
         check_configurations(BATCH, name, key)
 
 
@@ -268,9 +268,8 @@ def test_worlds_are_seen_as_at_many_times():
 @pytest.mark.slow
 def test_parts_of_worlds_are_seen_as_at_many_times():
     objects = everything()
-    for k, item in enumerate(objects):
-        if item.motion is not None or k == 0:
-            check_against_times([item], 200, 2000, 1, key=k)
+    for k, part in enumerate((objects[::2], objects[1::2])):
+        check_against_times(part, 300, 2000, 2, key=k)
     check_against_times(objects, 300, 2000, 6, key=20)
     check_against_times(objects[:2] + objects[3:], 300, 2000, 6, key=21)
 
@@ -346,6 +345,7 @@ def many(count, depth):
     return tracing.triangles(flat + x + [1.2, 0, depth], flat + x + [-2.5 * count, 0, depth])
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_is_told():
     world, ray = tracing.world([many(8, 5.0)]), (jnp.zeros(3), jnp.asarray(AHEAD, jnp.float32))
     whole = tracing.visible_intervals(world, *ray, 8)
@@ -462,6 +462,7 @@ def test_derivatives_are_refused():
 CORNERS = np.array([[[-1.0, -1, 5], [1, -1, 5], [0, 2, 5]]], np.float32)
 
 
+@pytest.mark.slow
 def test_straightened_motions_are_the_motion_at_their_times():
     turning = motion.affine(spin, path([0.5, 0, 4.0], [-1, 0, 6], [2, 1, 3]))
     times = np.array([0.1, 0.25, 0.5, 0.8])

@@ -22,8 +22,8 @@ NOTE = (
     "calls, or one. Processor time is that of all threads, and other programs disturb it less than "
     "they do the clock. The factor of a doubling is the square root of that from one size to the next, four "
     "times as large. {factors}A call takes {start:.1f} ms however small the image. Memory is the peak over "
-    "that before, less the image's own; it does not grow with the samples of a pixel, with pixels only up "
-    "to the few parts that are worked on at a time: {most:.0f} MiB at most here. A mesh of one device takes "
+    "that before, less the image's own; it does not grow with the samples of a pixel. With pixels it "
+    "does: {each:.2f} bytes for each in the largest image, {most:.0f} MiB. A mesh of one device takes "
     "{overhead:+.1%} of the processor time of none at {side} x {side}. Drafts are small and say little."
 )
 
@@ -75,6 +75,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         factors=_told(table),
         start=1e3 * min(row["seconds"] for row in every),
         most=max((row["beyond"] or 0) for row in every) / 2**20,
+        each=(measured["pixels"][-1]["beyond"] or 0) / measured["pixels"][-1]["side"] ** 2,
         overhead=shared["processor seconds"],
         side=shared["side"],
     )

@@ -36,7 +36,7 @@ assert "qmcjax.tracing" not in sys.modules and "caustic" in dir(qj.scenes) and n
 assert not hasattr(qj.scenes, "caustics") and "qmcjax.tracing" not in sys.modules
 from qmcjax.scenes import Traced, caustic
 assert qj.scenes.traced.caustic is caustic is qj.scenes.caustic and qj.scenes.Traced is Traced
-assert qj.tracing.sphere is not None
+assert qj.tracing is sys.modules["qmcjax.tracing"]
 """
     subprocess.run([sys.executable, "-c", code], check=True)
 

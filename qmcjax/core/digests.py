@@ -168,12 +168,12 @@ class _Walk:
         """Take an object apart as ``copy`` and ``pickle`` do."""
         try:
             reduced = value.__reduce_ex__(4)
-        except Exception:
+        except Exception as error:  # Whatever code of the object's own raises.
             raise TypeError(
                 f"{name} must be made of dataclasses, functions, arrays and plain values, so that its "
                 f"checkpoint can be told from others, got {checks.shown(value)}: leave it out of what is "
                 "computed, or do without a checkpoint"
-            ) from None
+            ) from error
         if isinstance(reduced, str):
             return [_hashed("global", reduced.encode())]
         make, args, state, *items = (*reduced, *[None] * 5)[:5]

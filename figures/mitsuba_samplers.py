@@ -214,6 +214,8 @@ def _missing() -> tuple[Figure, dict]:
 
 def _style(sampler: str) -> plot.Style:
     name = _shown(sampler)
+    if name == "Mitsuba, multijitter":  # Its colour elsewhere is that of our optimised orders.
+        return plot.Style(plot.style("rank-1 lattice").color, "v", "--")
     return benchmark_traced.STYLES[name] if name in benchmark_traced.STYLES else plot.style(sampler)
 
 

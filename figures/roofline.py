@@ -110,15 +110,17 @@ def _roofline(axes: Axes, rows: dict[str, dict], exact: list[str]) -> None:
         axes.plot(intensity, np.minimum(intensity * H100.bandwidth / TERA, peak), line, color="black", lw=1)
         axes.text(64, peak * 1.03, f"{title}: {peak:.1f}", ha="right", fontsize=8)
     axes.text(2.1, 11.5, f"memory: {H100.bandwidth / TERA:g} TB/s", fontsize=8)
-    order = sorted(exact, key=lambda name: rows[name]["operations a byte"])
+    along = sorted(rows, key=lambda name: rows[name]["operations a byte"])
+    order, images = [name for name in along if name in exact], [name for name in along if name not in exact]
     for number, (name, row) in enumerate(rows.items(), start=1):
         x, y = row["operations a byte"], row["samples a second"] * sum(row[kind] for kind in KINDS) / TERA
         look = POINTS if name in exact else IMAGES
         axes.plot(x, y, look.marker, color=look.color, ms=5)
-        # Of points above and below in turns, of images to the right: neighbours are close to each other.
-        offset = (9, 0)
+        # Points have theirs above and below in turns, images to the right and left: neighbours are close.
         if name in exact:
             offset = (0, -10) if order.index(name) % 2 else (0, 8)
+        else:
+            offset = (-9, 0) if images.index(name) % 2 else (8, 5)
         axes.annotate(
             str(number), (x, y), offset, textcoords="offset points", fontsize=8, ha="center", va="center"
         )

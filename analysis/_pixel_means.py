@@ -10,8 +10,8 @@ from jax import Array
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, devices, plug_ins, summation
-from qmcjax.core.pytrees import jit
+from qmcjax.core import checks, devices, parts, plug_ins, summation
+from qmcjax.core.pytrees import is_traced, jit
 from qmcjax.samplers import as_sampler
 
 __all__ = ["pixel_means"]
@@ -84,22 +84,27 @@ def pixel_means(
     mesh = devices.checked(mesh)
     held = plug_ins.held("function", function)
     with checks.precision(dtype):
+        traced = is_traced((function, sampler))
+        # Derivatives add up parts: where they may be wanted, these do not depend on devices.
+        rows = -(-height // (parts.FEW if traced else devices.count(mesh)))
         arguments = devices.placed((held, sampler, np.uint32(spp)), mesh)
-        return devices.local(_means(*arguments, (height, width), wanted, dtype, mesh), mesh)
+        made = _means(*arguments, (height, width), rows, wanted, dtype, mesh, traced)
+        return devices.local(made, mesh)
 
 
-@jit("shape", "dims", "dtype", "mesh")
+@jit("shape", "rows", "dims", "dtype", "mesh", "traced")
 def _means(
     function: Any,
     sampler: Any,
     spp: Array,
     shape: tuple[int, int],
+    rows: int,
     dims: tuple[int, ...],
     dtype: DTypeLike,
     mesh: Mesh | None,
+    traced: bool,
 ) -> Array:
     height, width = shape
-    rows = -(-height // devices.count(mesh))
 
     def of_rows(start: Array, function: Any, sampler: Any, spp: Array) -> Array:
         x = jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 1)
@@ -121,5 +126,5 @@ def _means(
         return summation.value(state) / spp.astype(dtype)
 
     starts = np.arange(0, height, rows, dtype=np.uint32)
-    made = devices.mapped(of_rows, mesh, starts, function, sampler, spp)
+    made = parts.mapped(of_rows, mesh, traced, starts, function, sampler, spp)
     return made.reshape(-1, *made.shape[2:])[:height]

@@ -22,8 +22,9 @@ NOTE = (
     "calls, or one. Processor time is that of all threads, and other programs disturb it less than "
     "they do the clock. The factor of a doubling is the square root of that from one size to the next, four "
     "times as large. {factors}A call takes {start:.1f} ms however small the image. Memory is the peak over "
-    "that before, less the image's own; it does not grow with the samples of a pixel. With pixels it "
-    "does: {each:.2f} bytes for each in the largest image, {most:.0f} MiB. A mesh of one device takes "
+    "that before, less the image's own: at most {of_spp:.1f} MiB over samples and {of_pixels:.0f} MiB over "
+    "pixels, where large images are made in several calls, {largest:.0f} MiB, or {each:.2f} bytes a pixel, "
+    "for the largest. A mesh of one device takes "
     "{overhead:+.1%} of the processor time of none at {side} x {side}. Drafts are small and say little."
 )
 
@@ -45,11 +46,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             each = np.array([row[key] for row in rows]) / sizes * 1e9
             label = f"{name}, {'processors' if line == 'o-' else 'clock'}"
             times.loglog(sizes, each, line, ms=4, lw=1, color=color, label=label)
-        beyond = [None if row["beyond"] is None else row["beyond"] / 2**20 for row in rows]
-        if None not in beyond:
-            memory.semilogx(sizes, beyond, "o-", ms=4, lw=1, color=color)
+        more = [None if row["beyond"] is None else row["beyond"] / 2**20 for row in rows]
+        if None not in more:
+            memory.semilogx(sizes, more, "o-", ms=4, lw=1, color=color)
         factors = [None, *_doublings([row["processor seconds"] for row in rows])]
-        for row, size, factor, extra in zip(rows, sizes, factors, beyond, strict=True):
+        for row, size, factor, extra in zip(rows, sizes, factors, more, strict=True):
             table.append(
                 {
                     "pixels": f"{row['side']} x {row['side']}",
@@ -70,12 +71,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure.legend(loc="outside lower center", ncols=2, frameon=False)
     shared = measured["overhead"]
     every = [row for kind in NAMES for row in measured[kind]]
+    beyond = {kind: [(row["beyond"] or 0) / 2**20 for row in measured[kind]] for kind in NAMES}
     note = NOTE.format(
         cores=machine()["cores"],
         factors=_told(table),
         start=1e3 * min(row["seconds"] for row in every),
-        most=max((row["beyond"] or 0) for row in every) / 2**20,
-        each=(measured["pixels"][-1]["beyond"] or 0) / measured["pixels"][-1]["side"] ** 2,
+        of_spp=max(beyond["spp"]),
+        of_pixels=max(beyond["pixels"]),
+        largest=beyond["pixels"][-1],
+        each=beyond["pixels"][-1] * 2**20 / measured["pixels"][-1]["side"] ** 2,
         overhead=shared["processor seconds"],
         side=shared["side"],
     )

@@ -13,8 +13,8 @@ from jax.core import Tracer
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, devices, plug_ins, summation
-from qmcjax.core.pytrees import jit, pytree
+from qmcjax.core import checks, devices, parts, plug_ins, summation
+from qmcjax.core.pytrees import is_traced, jit, pytree
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence, owen, rotate
 
 __all__ = ["Estimate", "integrate"]
@@ -213,8 +213,9 @@ def integrate(
         function = _prepared(function, sequence.dims, dtype)
         means = []
         for copy in copies:
-            arguments = devices.placed((function, copy, np.uint32(start)), mesh)
-            means.append(devices.local(_mean(*arguments, n, dtype, start % _ROWS == 0, mesh), mesh))
+            arguments = function, copy, np.uint32(start)
+            how = n, dtype, start % _ROWS == 0, mesh, is_traced(arguments)
+            means.append(devices.local(_mean(*devices.placed(arguments, mesh), *how), mesh))
         for copy, mean in zip(copies, means, strict=True):
             _refuse_infinite(mean, function, copy, start, n, dtype)
         return means[0] if replicates is None else _estimate(means)
@@ -254,7 +255,7 @@ def _is_number(dtype: Any) -> bool:
     return jnp.issubdtype(dtype, jnp.number) or dtype == jnp.bool_
 
 
-@jit("n", "dtype", "aligned", "mesh")
+@jit("n", "dtype", "aligned", "mesh", "traced")
 def _mean(
     function: Any,
     sequence: Sequence,
@@ -263,6 +264,7 @@ def _mean(
     dtype: np.dtype,
     aligned: bool,
     mesh: Mesh | None,
+    traced: bool,
 ) -> Any:
     dims = tuple(range(sequence.dims))
     points = jax.ShapeDtypeStruct((_ROWS, len(dims)), dtype)
@@ -297,7 +299,8 @@ def _mean(
 
     edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS if batches >= _PARTS else [0, batches]
     edges = np.array(edges, np.uint32)
-    total = devices.summed(of_part, mesh, (edges[:-1], edges[1:]), function, sequence, blocks, start)
+    parameters = (edges[:-1], edges[1:]), function, sequence, blocks, start
+    total = parts.summed(of_part, mesh, traced, *parameters)
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
         total = total + _tree_sum(values(function, sequence.coordinates(index, dims, dtype)))

@@ -59,8 +59,23 @@ def computed(mesh):
         "passes": qj.render_passes(scene, samplers.randomized(one_pass, 1), *size, 2, mesh=mesh),
         "sweep": sweep(mesh),
         "reference": qj.estimated_reference(scene, *size, 16, 1, mesh=mesh),
+        "derivatives": derivatives(mesh),
     }
     return {name: digest(value) for name, value in found.items()}
+
+
+def derivatives(mesh):
+    """Return those of an image and an integral, forward and in reverse."""
+    sampler, sequence = samplers.independent(sequences.sobol(2), 1), sequences.sobol(2)
+
+    def energy(f):
+        return (qj.render(scenes.zone_plate(f), sampler, WIDTH, HEIGHT, SPP, mesh=mesh) ** 2).sum()
+
+    def mean(x):
+        return qj.integrate(lambda p: jax.numpy.exp(-((p - x) ** 2).sum(-1)), sequence, 2**21 + 77, mesh=mesh)
+
+    at = jax.numpy.float32(20), jax.numpy.float32(0.3)
+    return [d(f)(x) for f, x in zip((energy, mean), at, strict=True) for d in (jax.jacfwd, jax.grad)]
 
 
 def sweep(mesh, **given):

@@ -172,6 +172,36 @@ SPREAD = {
 }
 
 
+def derivatives(function, *at):
+    """Return those forward and in reverse."""
+    at = [jnp.float32(x) for x in at]
+    every = tuple(range(len(at)))
+    return jax.jacfwd(function, every)(*at), jax.grad(function, every)(*at), jax.jit(jax.grad(function))(*at)
+
+
+def bump(x, width):
+    """Return a function whose closure holds what derivatives are wanted of."""
+    return lambda p: jnp.exp(-width * jnp.sum((p - x) ** 2, axis=-1))
+
+
+PLATE = partial(samplers.independent, sequences.owen(SOBOL, 1))
+DIFFERENTIATED = {
+    "render": lambda mesh: derivatives(
+        lambda f: (qj.render(scenes.zone_plate(f), PLATE(1), 150, 133, SPP, mesh=mesh) ** 2).sum(), 20
+    ),
+    "integrate": lambda mesh: derivatives(
+        lambda x, width: qj.integrate(bump(x, width), SOBOL, 2**21 + 77, mesh=mesh), 0.3, 5
+    ),
+    "pixel_means": lambda mesh: derivatives(
+        lambda x, width: (
+            analysis.pixel_means(bump(x, width), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh) ** 2
+        ).sum(),
+        0.3,
+        5,
+    ),
+}
+
+
 def check_meshes(make, counts):
     plain = jax.tree.leaves(make(None))
     for count in counts:
@@ -185,10 +215,16 @@ def test_a_mesh_changes_no_bit(make):
     check_meshes(make, (1, 2))
 
 
+@some("make", DIFFERENTIATED, "pixel_means")
+def test_a_mesh_changes_no_bit_of_derivatives(make):
+    check_meshes(make, (1, 2))
+
+
 @pytest.mark.slow
-def test_a_mesh_of_eight_changes_no_bit():
+@pytest.mark.parametrize(("table", "counts"), [("SPREAD", (4, 8)), ("DIFFERENTIATED", (2, 3, 4, 8))])
+def test_a_mesh_of_eight_changes_no_bit(table, counts):
     """In a process that has so many."""
-    program = "import test_sharding as t\nfor make in t.SPREAD.values(): t.check_meshes(make, (4, 8))"
+    program = f"import test_sharding as t\nfor make in t.{table}.values(): t.check_meshes(make, {counts})"
     devices = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8"}
     folder = str(Path(__file__).parent)
     paths = {"PYTHONPATH": os.pathsep.join([folder, str(Path(folder).parent)])}

@@ -1,4 +1,4 @@
-"""What is computed part by part, on one device or spread over a mesh of them: all that touches meshes."""
+"""Meshes of devices: all that touches them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,8 +11,7 @@ from jax.core import Tracer
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, summation
-from qmcjax.core.varying import alike
+from qmcjax.core import checks
 
 _AXIS = "parts"
 
@@ -63,64 +62,24 @@ def processes(mesh: Mesh | None) -> int:
     return 1 if mesh is None else len({device.process_index for device in mesh.devices.flat})
 
 
-def mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
-    """Return ``function(part, *shared)`` of each part, one after the other on each device.
-
-    Parameters
-    ----------
-    function : callable
-        From a part and what all parts share to a pytree of arrays.
-    mesh : Mesh or None
-        Of :func:`checked`.
-    parts : pytree of Arrays
-        Parts along their first axes.
-    *shared : pytrees
-
-    Returns
-    -------
-    pytree of Arrays
-        Made of the parts, along the first axes; on all devices of the mesh.
-    """
-
-    def one_by_one(parts: Any, *shared: Any) -> Any:
-        if jax.tree.leaves(parts)[0].shape[0] == 1:  # No loop: its results would be copied.
-            made = function(jax.tree.map(lambda leaf: leaf[0], parts), *shared)
-            return jax.tree.map(lambda leaf: leaf[None], made)
-        return jax.lax.map(lambda part: function(part, *shared), parts)
-
-    if mesh is None:
-        return one_by_one(parts, *shared)
+def over(function: Callable[..., Any], mesh: Mesh, parts: Any, *shared: Any) -> Any:
+    """Return ``function(parts, *shared)`` of each device's share of parts, put together, on all of them."""
     length = jax.tree.leaves(parts)[0].shape[0]
     # The last part once more for each device that would have none.
     numbers = np.minimum(np.arange(-(-length // mesh.size) * mesh.size), length - 1)
-
-    def of_device(parts: Any, *shared: Any) -> Any:
-        made = one_by_one(parts, *shared)
-        return jax.tree.map(lambda leaf: jax.lax.all_gather(leaf, _AXIS, tiled=True), made)
-
-    spread, everywhere = PartitionSpec(_AXIS), PartitionSpec()
-    in_specs = (spread, *(everywhere for _ in shared))
-    on_devices = jax.shard_map(of_device, mesh=mesh, in_specs=in_specs, out_specs=everywhere, check_vma=False)
+    spread = PartitionSpec(_AXIS)
+    in_specs = (spread, *(PartitionSpec() for _ in shared))
+    on_devices = jax.shard_map(function, mesh=mesh, in_specs=in_specs, out_specs=spread, check_vma=False)
     made = on_devices(jax.tree.map(lambda leaf: leaf[numbers], parts), *shared)
-    return jax.tree.map(lambda leaf: leaf[:length], made)
+    # Not gathered inside, since derivatives of that are sums over devices.
+    return jax.tree.map(lambda leaf: leaf[:length], everywhere(made, mesh))
 
 
-def summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shared: Any) -> Array:
-    """Return the sum of an array of each part, compensated, in the order of the parts on any devices."""
-
-    def added(state: summation.State, of_part: Array) -> tuple[summation.State, None]:
-        return summation.compensated(state, of_part), None
-
-    if mesh is not None:
-        made = mapped(function, mesh, parts, *shared)
-        return summation.value(jax.lax.scan(added, summation.zeros(made[0]), made)[0])
-    first = jax.tree.map(lambda leaf: leaf[0], parts)
-    if jax.tree.leaves(parts)[0].shape[0] == 1:
-        return function(first, *shared)
-    state = summation.zeros(jax.eval_shape(function, first, *shared))
-    state, parts, shared = alike((state, parts, shared))
-    state, _ = jax.lax.scan(lambda state, part: added(state, function(part, *shared)), state, parts)
-    return summation.value(state)
+def everywhere(values: Any, mesh: Mesh | None) -> Any:
+    """Return arrays of a program, and in reverse what is pulled back to them, on all devices of a mesh."""
+    if mesh is None:
+        return values
+    return jax.lax.with_sharding_constraint(values, NamedSharding(mesh, PartitionSpec()))
 
 
 def placed(values: Any, mesh: Mesh | None) -> Any:

@@ -9,6 +9,8 @@ from dataclasses import fields
 from typing import Any, Generic, TypeVar
 
 import jax
+import jax.numpy as jnp
+from jax.core import Tracer
 
 from qmcjax.core import records
 
@@ -79,6 +81,17 @@ def _generated(method: Any) -> bool:
     """Tell whether ``dataclass`` made a method, or one is inherited from object."""
     code = getattr(method, "__code__", None)
     return code is None or code.co_filename in ("<string>", dataclasses.__file__, reprlib.__file__)
+
+
+def is_traced(values: Any) -> bool:
+    """Tell whether values are not known yet, or what functions among them close over.
+
+    Inside ``jax.jit`` not even those of new arrays are.
+    """
+    leaves = jax.tree.leaves((values, jnp.zeros(())))
+    cells = [cell for leaf in leaves for cell in getattr(leaf, "__closure__", None) or ()]
+    leaves += jax.tree.leaves([cell.cell_contents for cell in cells])
+    return any(isinstance(leaf, Tracer) for leaf in leaves)
 
 
 class Compiled(Generic[R]):

@@ -9,7 +9,7 @@ from jax import Array
 from jax.sharding import Mesh
 from numpy.typing import DTypeLike
 
-from qmcjax.core import devices, summation
+from qmcjax.core import devices, parts, summation
 from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
 from qmcjax.core.summation import State
@@ -22,6 +22,9 @@ TILE = {"cpu": 2**14}
 
 _ANYWHERE = 2**20
 """Pixels of a tile elsewhere, which has many more threads."""
+
+_LEAST = 2**11
+"""Pixels of a tile whose derivatives may be wanted: fewer take longer each."""
 
 
 @jit("size", "width", "height", "batch", "dims", "mesh")
@@ -50,10 +53,10 @@ def accumulate(
         tile, state = part
         return _added(pair, tile, state, first, batches, size, width, height, batch, dims)
 
-    return devices.mapped(of_tile, mesh, (tiles, states), pair, first, batches)
+    return parts.mapped(of_tile, mesh, False, (tiles, states), pair, first, batches)
 
 
-@jit("size", "width", "height", "batch", "dims", "dtype", "mesh")
+@jit("size", "width", "height", "batch", "dims", "dtype", "mesh", "traced")
 def means(
     pair: tuple[Any, Any],
     tiles: Array,
@@ -65,6 +68,7 @@ def means(
     dims: tuple[int, ...],
     dtype: np.dtype,
     mesh: Mesh | None,
+    traced: bool,
 ) -> Array:
     """Return the means over all samples of some tiles, whose sums never leave the cache."""
 
@@ -74,7 +78,7 @@ def means(
         state = _added(pair, tile, state, jnp.uint32(0), batches, size, width, height, batch, dims)
         return mean(state, spp)
 
-    return devices.mapped(of_tile, mesh, tiles, pair, spp)
+    return parts.mapped(of_tile, mesh, traced, tiles, pair, spp)
 
 
 def _added(
@@ -118,9 +122,14 @@ def or_nan(values: Array, points: Array) -> Array:
     return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
 
-def tile_size(pixels: int, mesh: Mesh | None) -> int:
-    """Return how many pixels to take together: no device goes without, as long as there are enough."""
-    return min(TILE.get(jax.default_backend(), _ANYWHERE), -(-pixels // devices.count(mesh)))
+def tile_size(pixels: int, mesh: Mesh | None, traced: bool) -> int:
+    """Return how many pixels to take together: no device goes without, as long as there are enough.
+
+    Where derivatives may be wanted, which add up tiles, these do not depend on devices.
+    """
+    least, count = (_LEAST, parts.FEW) if traced else (1, devices.count(mesh))
+    most = min(TILE.get(jax.default_backend(), _ANYWHERE), pixels)
+    return min(most, max(least, -(-pixels // count)))
 
 
 @jax.jit

@@ -148,6 +148,7 @@ def means(
                 dims,
                 task.dtype,
                 mesh,
+                False,
             )
             begun.append((part, devices.local(made, mesh)))
         for part, values in begun:

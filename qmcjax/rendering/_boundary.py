@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, devices, summation
+from qmcjax.core import checks, devices, parts, summation
 from qmcjax.core.pytrees import jit
 from qmcjax.scenes import as_scene
 from qmcjax.sequences import Sequence, as_sequence
@@ -136,8 +136,8 @@ def boundary_gradient(
     with checks.precision(dtype):
         scene = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
         blocks = -(-n // rows)
-        parts = min(blocks, _PARTS)
-        edges = (np.arange(parts + 1, dtype=np.uint64) * np.uint64(blocks) // np.uint64(parts)).astype(
+        count = min(blocks, _PARTS)
+        edges = (np.arange(count + 1, dtype=np.uint64) * np.uint64(blocks) // np.uint64(count)).astype(
             np.uint32
         )
         arguments = devices.placed((scene, sequence, np.uint32(n), edges), mesh)
@@ -188,7 +188,7 @@ def _gradient(
         state = summation.add_terms(block, False, parameters, state, first, end - first)
         return summation.value(state)  # pyright: ignore[reportArgumentType]
 
-    total = devices.summed(of_part, mesh, (edges[:-1], edges[1:]), scene, sequence, n)
+    total = parts.summed(of_part, mesh, False, (edges[:-1], edges[1:]), scene, sequence, n)
     sums = total * (width * height / n.astype(dtype))
     ends = np.cumsum([leaf.size for leaf in leaves])
     images = jnp.split(sums, ends[:-1], axis=1)

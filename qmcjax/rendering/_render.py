@@ -64,8 +64,7 @@ def render(
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
         process, or of several that all make the same call. The image is the same bit by bit, whatever they
-        are, and whole in each process; derivatives with respect to parameters may differ in the last bits.
-        By default the one that JAX computes on.
+        are, and whole in each process; so are derivatives. By default the one that JAX computes on.
 
     Returns
     -------
@@ -124,7 +123,7 @@ def _everywhere(
         # counts.
         batch = in_one_pass(scene, sampler, spp, dims)
         pair = devices.placed((scene, sampler), mesh)
-        pixels, size = width * height, _accumulation.tile_size(width * height, mesh)
+        pixels, size = width * height, _accumulation.tile_size(width * height, mesh, task.traced)
         at_a_time = pixels if task.traced else max(min(_PIXELS, _CALL // spp) // size, devices.count(mesh))
         image, finished, state, samples = None, 0, None, 0
         if kept is not None and kept.state:
@@ -140,7 +139,8 @@ def _everywhere(
             means = None
             if state is None and (task.traced or count * size * spp <= _CALL):
                 arguments = devices.placed((tiles, np.uint32(spp)), mesh)
-                means = _accumulation.means(pair, *arguments, size, width, height, batch, dims, dtype, mesh)
+                how = size, width, height, batch, dims, dtype, mesh, task.traced
+                means = _accumulation.means(pair, *arguments, *how)
                 means = devices.local(means, mesh)
             else:
                 if state is None:
@@ -194,4 +194,12 @@ def _shaped(image: Array, width: int, height: int) -> tuple[Array, Array]:
     return image.reshape(height, width, *image.shape[1:]), jnp.isfinite(image).all()
 
 
-_in_place = jax.jit(_shaped, static_argnums=(1, 2), donate_argnums=0)
+@partial(jax.jit, static_argnums=(1, 2), donate_argnums=0)
+def _in_place(image: Array, width: int, height: int) -> tuple[Array, Array]:
+    """Do the same in the memory of the pixels: row by row, or XLA would keep a byte a pixel meanwhile."""
+    image = image.reshape(height, width, *image.shape[1:])
+
+    def of_row(row: Array, finite: Array) -> Array:
+        return finite & jnp.isfinite(image[row]).all()
+
+    return image, jax.lax.fori_loop(np.uint32(0), np.uint32(height), of_row, jnp.bool_(True))

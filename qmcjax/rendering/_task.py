@@ -3,15 +3,14 @@
 import math
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer
 from jax.sharding import Mesh
 from numpy.typing import NDArray
 
 from qmcjax.core import checkpoints, checks
+from qmcjax.core.pytrees import is_traced
 from qmcjax.rendering import _accumulation
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
@@ -32,9 +31,8 @@ class Task(NamedTuple):
 
     @property
     def traced(self) -> bool:
-        """Whether values are not known yet: inside ``jax.jit`` not even those of new arrays are."""
-        arrays = (self.scene, self.sampler, jnp.zeros(()))
-        return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(arrays))
+        """Whether values are not known yet."""
+        return is_traced((self.scene, self.sampler))
 
 
 def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any) -> Task:

@@ -1,0 +1,186 @@
+"""What is computed part by part, on one device or several, with derivatives of the same bits on any."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+from jax import Array
+from jax.custom_derivatives import SymbolicZero
+from jax.sharding import Mesh
+
+from qmcjax.core import devices, summation
+from qmcjax.core.varying import alike
+
+FEW = 8
+"""Parts that any devices share where derivatives are wanted and there is little to do."""
+
+_GROUPS = (FEW, 64)
+"""Groups of parts that a derivative adds up, at least and at most, unless there are fewer parts."""
+
+_COPIED = 2**24
+"""Bytes up to which tangents are copied for more groups."""
+
+
+def mapped(function: Callable[..., Any], mesh: Mesh | None, traced: bool, parts: Any, *shared: Any) -> Any:
+    """Return ``function(part, *shared)`` of each part, one after the other on each device.
+
+    Parameters
+    ----------
+    function : callable
+        From a part and what all parts share to a pytree of arrays.
+    mesh : Mesh or None
+        Of :func:`checked`.
+    traced : bool
+        Whether derivatives may be wanted: they are the same bit by bit on any devices.
+    parts : pytree of Arrays
+        Parts along their first axes.
+    *shared : pytrees
+
+    Returns
+    -------
+    pytree of Arrays
+        Made of the parts, along the first axes; on all devices of the mesh.
+    """
+    if not traced:
+        return _mapped(function, mesh, parts, *shared)
+    function, closed_over = _converted(function, mesh, parts, *shared)
+
+    def moved(primals: Any, moves: Any) -> tuple[Any, Any]:
+        return _moved(function, mesh, primals, moves)
+
+    return _with_tangents(partial(_mapped, function, mesh), moved)(parts, *shared, closed_over)
+
+
+def summed(
+    function: Callable[..., Array], mesh: Mesh | None, traced: bool, parts: Any, *shared: Any
+) -> Array:
+    """Return the sum of an array of each part, compensated, in the order of the parts on any devices."""
+    if not traced:
+        return _summed(function, mesh, parts, *shared)
+    function, closed_over = _converted(function, mesh, parts, *shared)
+
+    def moved(primals: Any, moves: Any) -> tuple[Any, Any]:
+        made, moves = _moved(function, mesh, primals, moves)
+        return _in_order(made), _in_order(moves)
+
+    return _with_tangents(partial(_summed, function, mesh), moved)(parts, *shared, closed_over)
+
+
+def _summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shared: Any) -> Array:
+    if mesh is not None:
+        return _in_order(_mapped(function, mesh, parts, *shared))
+    first = jax.tree.map(lambda leaf: leaf[0], parts)
+    if jax.tree.leaves(parts)[0].shape[0] == 1:
+        return function(first, *shared)
+    state = summation.zeros(jax.eval_shape(function, first, *shared))
+    state, parts, shared = alike((state, parts, shared))
+
+    def added(state: summation.State, part: Any) -> tuple[summation.State, None]:
+        return summation.compensated(state, function(part, *shared)), None
+
+    return summation.value(jax.lax.scan(added, state, parts)[0])
+
+
+def _converted(
+    function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any
+) -> tuple[Callable[..., Any], Any]:
+    """Return a function that takes as its last argument what it closed over and may be differentiated by."""
+    example = alike((jax.tree.map(lambda leaf: leaf[0], parts), *shared))
+    if mesh is not None:  # Inside, devices are not those of the arrays outside.
+        example = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), example)
+    converted, closed_over = jax.closure_convert(function, *example)
+
+    def opened(*given: Any) -> Any:
+        *others, closed_over = alike(given)
+        return converted(*others, *closed_over)
+
+    return opened, tuple(closed_over)
+
+
+def _mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
+    def one_by_one(parts: Any, *shared: Any) -> Any:
+        if jax.tree.leaves(parts)[0].shape[0] == 1:  # No loop: its results would be copied.
+            made = function(jax.tree.map(lambda leaf: leaf[0], parts), *shared)
+            return jax.tree.map(lambda leaf: leaf[None], made)
+        return jax.lax.map(lambda part: function(part, *shared), parts)
+
+    if mesh is None:
+        return one_by_one(parts, *shared)
+    return devices.over(one_by_one, mesh, parts, *shared)
+
+
+def _in_order(terms: Array) -> Array:
+    """Return the compensated sum along the first axis."""
+
+    def added(state: summation.State, term: Array) -> tuple[summation.State, None]:
+        return summation.compensated(state, term), None
+
+    state, terms = alike((summation.zeros(terms[0]), terms))
+    return summation.value(jax.lax.scan(added, state, terms)[0])
+
+
+def _with_tangents(
+    function: Callable[..., Any], moved: Callable[[Any, dict[int, Array]], tuple[Any, Any]]
+) -> Callable[..., Any]:
+    """Return a function that ``moved`` differentiates.
+
+    That takes its arguments and, by the numbers of their leaves, those tangents that are not zero.
+    """
+    differentiable = jax.custom_jvp(function)
+
+    @partial(differentiable.defjvp, symbolic_zeros=True)
+    def _(primals: Any, tangents: Any) -> tuple[Any, Any]:
+        moves = dict(enumerate(jax.tree.leaves(tangents)))
+        return moved(primals, {j: m for j, m in moves.items() if not isinstance(m, SymbolicZero)})
+
+    return differentiable
+
+
+def _moved(
+    function: Callable[..., Any], mesh: Mesh | None, primals: Any, moves: dict[int, Array]
+) -> tuple[Any, Any]:
+    """Return what is mapped, and its tangents.
+
+    A derivative with respect to what is shared is a sum over parts. If each device added up its own, sums
+    would be rounded otherwise on more of them: so parts come in groups that do not depend on devices, each
+    with a copy of the tangents, and the transpose of copying adds up groups in their order.
+    """
+    parts, *shared = primals
+    leaves, tree = jax.tree.flatten(parts)
+    length = leaves[0].shape[0]
+    of_shared = {j: move for j, move in moves.items() if j >= len(leaves)}
+    copies = np.clip(_COPIED // max(sum(move.nbytes for move in of_shared.values()), 1), *_GROUPS)
+    size = -(-length // int(copies))
+    count = -(-length // size)
+    numbers = np.minimum(np.arange(count * size), length - 1).reshape(count, size)
+    own = [leaf[numbers] for leaf in leaves], {j: moves[j][numbers] for j in moves if j not in of_shared}
+    theirs = {j: _copies(move, count, mesh) for j, move in of_shared.items()}
+
+    def of_group(group: Any, *shared: Any) -> Any:
+        own, theirs = group
+        others, rest = jax.tree.flatten(shared)
+
+        def of_part(own: tuple[list[Array], dict[int, Array]]) -> Any:
+            values, moves = [*own[0], *others], own[1] | theirs
+
+            def of_moved(*some: Array) -> Any:
+                given = list(values)
+                for j, value in zip(moves, some, strict=True):
+                    given[j] = value
+                part = tree.unflatten(given[: len(leaves)])
+                return function(part, *rest.unflatten(given[len(leaves) :]))
+
+            return jax.jvp(of_moved, [values[j] for j in moves], list(moves.values()))
+
+        return _mapped(of_part, None, own)
+
+    made = mapped(of_group, mesh, True, (own, theirs), *shared)
+    return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:length], made)
+
+
+def _copies(value: Array, count: int, mesh: Mesh | None) -> Array:
+    """Return an array so many times along a new first axis, by a loop: so its transpose adds one by one."""
+    _, copies = jax.lax.scan(lambda value, _: (value, value), value, length=count)
+    return devices.everywhere(copies, mesh)

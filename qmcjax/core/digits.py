@@ -1,4 +1,4 @@
-"""Digits in any base: radical inverses, plain and with permuted digits, as exact fractions divided once.
+"""Digits in any base: radical inverses, as exact fractions divided once.
 
 An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with ``base**K >= 2**32``.
 Reflected at the radix point they are an integer over ``base**K``. It can exceed a word, so that its last
@@ -8,9 +8,8 @@ digits are kept apart, and joined in float64, where it is exact.
 which compiles faster but divides slower than one with the divisor built in.
 """
 
-from functools import cache
 from itertools import groupby
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +20,7 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import reverse, to_unit
 
 __all__ = [
+    "BELOW_ONE",
     "Base",
     "alike",
     "base_of",
@@ -29,28 +29,16 @@ __all__ = [
     "digit_reversed",
     "digit_spans",
     "exact_fraction",
-    "joined",
-    "limit_64",
-    "looked_up",
-    "permuted_digit",
-    "permuted_radical_inverse",
-    "permuted_spans",
     "quotient",
     "radical_inverse",
-    "radical_inverse_64",
-    "reflection_tables",
     "span_numbers",
-    "table_starts",
     "word",
 ]
 
-_BELOW_ONE = np.float32(1 - 2.0**-24)
+BELOW_ONE = np.float32(1 - 2.0**-24)
 
 _TABLE_SIZE = 8192
 """Digits are permuted together as long as their table has no more entries: it stays in a near cache."""
-
-_SELECTED = 5
-"""Single digits of bases up to this one are permuted without a gather."""
 
 
 Base: TypeAlias = int | np.ndarray
@@ -124,7 +112,7 @@ def exact_fraction(
         value = exact / (exact * 0.0 + np.float64(base ** digit_count(base)))
         if dtype == jnp.float64:
             return value
-        return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
+        return jnp.minimum(value.astype(jnp.float32), BELOW_ONE)
 
 
 def cell_fraction(
@@ -222,43 +210,6 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
     return exact_fraction(leading, rest, base, dtype)
 
 
-def limit_64(base: int) -> int:
-    """Return the number of indices of :func:`radical_inverse_64`, in [2**48, 2**64)."""
-    return 2**32 * base ** (digit_count(base) - 1)
-
-
-def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
-    """Reflect the digits of a 64-bit index at the radix point.
-
-    Parameters
-    ----------
-    high, low : uint32 Array, shape (...)
-        The index ``high * 2**32 + low``, below :func:`limit_64`.
-    base : int
-        In [2, 2**16].
-    dtype : float32 or float64
-        In base 2 the first 32 digits. In others float64 is off by less than 2**-52, and float32 is this,
-        rounded to nearest; neither is ever 1.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
-    """
-    if base == 2:
-        return to_unit(reverse(low), dtype)
-    count = digit_count(base) - 1
-    with jax.enable_x64(True):
-        index = (high.astype(jnp.uint64) << 32) | low.astype(jnp.uint64)
-        # Both the first ``count`` digits and the others are numbers below 2**32.
-        rest = index // np.uint64(base**count)
-        first = (index - rest * np.uint64(base**count)).astype(jnp.uint32)
-        tail = radical_inverse(rest.astype(jnp.uint32), base, jnp.float64)
-        value = (digit_reversed(first, base, count).astype(jnp.float64) + tail) * np.float64(1 / base**count)
-        if dtype == jnp.float64:
-            return jnp.minimum(value, np.float64(1 - 2.0**-53))
-        return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
-
-
 def digit_spans(base: Base) -> tuple[int, ...]:
     """Return how many consecutive digits are permuted by one look-up each.
 
@@ -272,37 +223,6 @@ def digit_spans(base: Base) -> tuple[int, ...]:
     while smallest ** (widest + 1) <= _TABLE_SIZE:
         widest += 1
     return tuple(min(widest, count - first) for first in range(0, count, widest))
-
-
-def reflection_tables(rows: Any) -> list[Any]:
-    """Return tables of the permuted and reflected digits of all numbers of each span of digits.
-
-    Parameters
-    ----------
-    rows : uint32 numpy or JAX array, shape (digit_count(base), base)
-        Row k permutes digit k, the digit of ``base**k``.
-
-    Returns
-    -------
-    list of uint16 arrays, numpy or JAX as ``rows``, shapes (base**span,)
-        One for each of ``digit_spans(base)``.
-    """
-    base = rows.shape[1]
-    tables, first = [], 0
-    for span in digit_spans(base):
-        table = rows[first]
-        for k in range(first + 1, first + span):
-            table = (table[None, :] * np.uint32(base) + rows[k][:, None]).ravel()
-        tables.append(table.astype(np.uint16))
-        first += span
-    return tables
-
-
-@cache
-def table_starts(bases: tuple[int, ...]) -> np.ndarray:
-    """Return where the tables of each base begin, if they lie one after the other: int64."""
-    sizes = [sum(base**span for span in digit_spans(base)) for base in bases]
-    return np.cumsum([0, *sizes[:-1]], dtype=np.int64)
 
 
 def alike(bases: tuple[int, ...], dims: tuple[int, ...]) -> list[tuple[int, ...]]:
@@ -333,80 +253,3 @@ def digit_reversed(number: Array, base: Base, span: int) -> Array:
         number = quotient(number, base)
         reverse = reverse + number * word(base ** (span - 1 - k) - base ** (span + 1 - k))
     return reverse
-
-
-def looked_up(tables: Array, start: Array, number: Array) -> Array:
-    """Return entries of the table that begins at ``start``; without bounds checks."""
-    return tables.at[number + start].get(mode="promise_in_bounds").astype(jnp.uint32)
-
-
-def permuted_digit(permutation: Array, digit: Array) -> Array:
-    """Return an entry of a permutation; of a short one by selections: accelerators gather slowly."""
-    base = permutation.shape[0]
-    if base > _SELECTED:
-        return permutation.at[digit].get(mode="promise_in_bounds")
-    entry = jnp.broadcast_to(permutation[0], digit.shape)
-    for k in range(1, base):
-        entry = jnp.where(digit == np.uint32(k), permutation[k], entry)
-    return entry
-
-
-def permuted_spans(numbers: list[Array], base: Base, tables: Array, start: Array) -> list[Array]:
-    """Permute and reflect the digits of each span by its table, the first of which begins at ``start``."""
-    permuted = []
-    for number, span in zip(numbers, digit_spans(base), strict=True):
-        permuted.append(looked_up(tables, start, number))
-        start = start + word(base**span)
-    return permuted
-
-
-def joined(numbers: list[Array], base: Base) -> tuple[Array, Array]:
-    """Join reflected spans to one number of all digits but those of the last span, and keep the last."""
-    leading = jnp.zeros_like(numbers[0])
-    for number, span in zip(numbers[:-1], digit_spans(base), strict=False):
-        leading = leading * word(base**span) + number
-    return leading, numbers[-1]
-
-
-def permuted_radical_inverse(
-    index: Array, base: Base, tables: Array, dtype: DTypeLike = jnp.float32, offset: Base = 0
-) -> Array:
-    """Permute the digits of an index, then reflect them at the radix point.
-
-    All ``K = digit_count(base)`` digits are permuted, leading zeros of the index among them, and none
-    beyond. Where a permutation moves 0, the infinitely many zeros beyond would add the same constant to the
-    values of all indices, between 0 and ``base**-K``, at most 2**-32.
-
-    Parameters
-    ----------
-    index : uint32 Array, shape (...)
-    base : int, or int64 ndarray of the rank of ``index``
-        In [2, 2**16).
-    tables : uint16 Array
-        The permutations: the :func:`reflection_tables`, one after the other.
-    dtype : float32 or float64
-        Rounded as by :func:`radical_inverse`.
-    offset : int, or int64 ndarray of the shape of ``base``
-        Where the tables of this base start.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
-
-    References
-    ----------
-    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.1.
-
-    Examples
-    --------
-    >>> swap = jnp.array([[0, 2, 1]] * digit_count(3), jnp.uint32)
-    >>> tables = jnp.concatenate(reflection_tables(swap))
-    >>> print(permuted_radical_inverse(jnp.uint32(5), 3, tables))  # 0.21 becomes 0.12
-    0.5555556
-    """
-    start = jnp.asarray(word(offset))
-    leading, last = joined(permuted_spans(span_numbers(index, base), base, tables, start), base)
-    span = digit_spans(base)[-1]
-    if np.ndim(base) == 0 and base == 2:
-        return to_unit((leading << span) | last, dtype)
-    return exact_fraction(leading, last, base, dtype, span)

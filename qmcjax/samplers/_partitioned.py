@@ -10,7 +10,8 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.digits import permuted_digit, word
+from qmcjax.core.digits import word
+from qmcjax.core.permuted_digits import permuted_digit
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size

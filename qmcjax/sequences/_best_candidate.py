@@ -35,13 +35,14 @@ def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -
     n = words.shape[0]
     numbers = jax.lax.iota(jnp.uint32, candidates)[None, :, None] * np.uint32(0x9E3779B9)
     seeds_of_candidates = hash_word(seeds[:2, None, :] + numbers)
-    plane = words[:, :2]
-    for k in range((n - 1).bit_length()):
-        plane = _next_net(plane, jnp.uint32(k), steps[:2, k], seeds_of_candidates)
+
+    def put(k: Array, plane: Array) -> Array:
+        return _next_net(plane, k, steps[:2, k], seeds_of_candidates)
+
+    plane = jax.lax.fori_loop(np.uint32(0), np.uint32((n - 1).bit_length()), put, words[:, :2])
     return jnp.concatenate([plane, words[:, 2:]], axis=1)
 
 
-@jax.jit
 def _next_net(points: Array, k: Array, steps: Array, seeds: Array) -> Array:
     """Put the points 2**k, ..., 2**(k + 1) - 1, one after the other.
 

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core.digits import digit_count, digit_spans, reflection_tables
+from qmcjax.core.digits import digit_count, digit_spans
+from qmcjax.core.permuted_digits import reflection_tables
 
 FAURE_LEMIEUX_DIMS = 360
 """Number of factors in the table."""

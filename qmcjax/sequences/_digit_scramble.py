@@ -9,7 +9,8 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.digits import base_of, cell_fraction, digit_spans, joined, permuted_spans, table_starts, word
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
+from qmcjax.core.permuted_digits import joined, permuted_spans, table_starts
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._binary import BinarySequence
 from qmcjax.sequences._digit_permutations import random_tables

@@ -16,16 +16,13 @@ from qmcjax.core.digits import (
     base_of,
     digit_reversed,
     digit_spans,
-    limit_64,
-    permuted_radical_inverse,
-    permuted_spans,
     radical_inverse,
-    radical_inverse_64,
     span_numbers,
-    table_starts,
     word,
 )
+from qmcjax.core.digits_64 import limit_64, radical_inverse_64
 from qmcjax.core.finite_field import next_prime
+from qmcjax.core.permuted_digits import permuted_radical_inverse, permuted_spans, table_starts
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences import _digit_permutations, _radical_blocks
 from qmcjax.sequences._base import Sequence

@@ -10,7 +10,8 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.bits import hash_word, high_product
-from qmcjax.core.digits import base_of, cell_fraction, digit_spans, looked_up, word
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
+from qmcjax.core.permuted_digits import looked_up
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._digit_permutations import random_permutations
 from qmcjax.sequences._digit_sequence import DigitSequence

@@ -14,17 +14,8 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.bits import reverse, to_unit
-from qmcjax.core.digits import (
-    digit_count,
-    digit_reversed,
-    digit_spans,
-    exact_fraction,
-    joined,
-    looked_up,
-    permuted_spans,
-    span_numbers,
-    word,
-)
+from qmcjax.core.digits import digit_count, digit_reversed, digit_spans, exact_fraction, span_numbers, word
+from qmcjax.core.permuted_digits import joined, looked_up, permuted_spans
 
 PACKED = 8
 """Up to this base a permutation is a word: four bits a digit, looked up by a shift."""

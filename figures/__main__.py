@@ -17,7 +17,8 @@ from pathlib import Path
 from figures import _programs, _store, page
 from figures._catalogue import CATALOGUE, Entry
 from figures._job import Job, Where
-from figures._update import update, warn
+from figures._making import warn
+from figures._update import update
 
 COMMANDS = {
     "compare": "figures.arena",

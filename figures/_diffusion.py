@@ -1,14 +1,16 @@
 """Errors of rendered images as the eye sees them: how much of them is left from afar."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from figures import _images, plot
+from figures import _cells, _images, plot
 from qmcjax import samplers, sequences
+from qmcjax.core.digests import digest
 
 REPLICATES = 16
 
@@ -54,10 +56,12 @@ def reference(
         stored, bound = scene.reference(side, side)
     except ValueError:
         sobol = sequences.sobol(len(scene.needs))
-        images = [
-            image(scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)
+        replicates = {
+            f"{k}": partial(image, scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)
             for k in range(REPLICATES)
-        ]
+        }
+        label = f"reference of {digest('scene', scene)}, {side}, {spp}"
+        images = list(_cells.shared(label, replicates).values())
         error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
         return Reference(np.mean(images, axis=0), error, f"estimated from {spp} samples per pixel")
     return Reference(stored, bound / DEVIATIONS, "stored with the package")

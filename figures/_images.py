@@ -1,5 +1,7 @@
 """Images of traced scenes by one compiled program a scene, whatever the sampler, size and count."""
 
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -7,7 +9,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from figures import _cells
 from qmcjax import samplers
+from qmcjax.core.digests import digest
 from qmcjax.core.pytrees import jit
 
 POINTS = 2**14
@@ -37,6 +41,23 @@ def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
     return (total / spp).reshape(side, side, 3)
+
+
+def compared(
+    scene: Any,
+    side: int,
+    ways: Mapping[int, Mapping[str, samplers.Sampler]],
+    progress: Callable[[float], None] = lambda part: None,
+) -> dict[tuple[int, str], NDArray[np.float64]]:
+    """Return images by samples per pixel and name of the sampler, shared by the processes of a job."""
+    cells = {
+        f"{name}, {spp} spp": partial(image, scene, sampler, side, spp)
+        for spp, of_count in ways.items()
+        for name, sampler in of_count.items()
+    }
+    images = _cells.shared(f"images of {digest('scene', scene)}, {side}", cells, progress)
+    names = [(spp, name) for spp, of_count in ways.items() for name in of_count]
+    return dict(zip(names, images.values(), strict=True))
 
 
 def _evaluated(scene: Any, points: NDArray) -> NDArray[np.float64]:

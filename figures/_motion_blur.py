@@ -89,13 +89,14 @@ def pictures(
     scene, exact = getattr(scenes, name)(), _traced.reference(name, side, REPLICATE[quality])
     progress(0.3)
     panels = [_traced.Panel("reference", exact.image, crop)]
+    compared = {spp: {sampler: make_sampler(sampler, side, spp) for sampler in COMPARED}}
+    found = _images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
     images, errors, waves = {"reference": exact.image}, {}, {}
-    for done, sampler in enumerate(COMPARED, start=1):
-        images[sampler] = image = _images.image(scene, make_sampler(sampler, side, spp), side, spp)
+    for (_, sampler), image in found.items():
+        images[sampler] = image
         errors[sampler] = _traced.rms_error(image, exact)
         waves[sampler] = _strongest_wave(image, exact)
         panels.append(_traced.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", image, crop))
-        progress(0.3 + 0.7 * done / len(COMPARED))
     figure = _traced.sheet(panels, 3, title, 192 if quality == "draft" else 256)
     numbers = {
         "measured": {"rms_error": errors, "strongest wave": waves, "reference_error": exact.error},
@@ -137,15 +138,16 @@ def convergence(
     spps = [2**k for k in range(largest + 1)]
     scene, exact = getattr(scenes, name)(), _traced.reference(name, side, REPLICATE[quality])
     progress(0.3)
-    errors, waves = {}, {}
-    for done, sampler in enumerate(COMPARED, start=1):
-        images = {
-            spp: _images.image(scene, make_sampler(sampler, side, spp), side, spp)
-            for spp in counts(sampler, spps)
-        }
-        errors[sampler] = {spp: _traced.rms_error(image, exact) for spp, image in images.items()}
-        waves[sampler] = {spp: _strongest_wave(image, exact) for spp, image in images.items()}
-        progress(0.3 + 0.7 * done / len(COMPARED))
+    compared = {
+        spp: {name: make_sampler(name, side, spp) for name in COMPARED if spp in counts(name, spps)}
+        for spp in spps
+    }
+    images = _images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
+    errors = {sampler: {} for sampler in COMPARED}
+    waves = {sampler: {} for sampler in COMPARED}
+    for (spp, sampler), image in images.items():
+        errors[sampler][spp] = _traced.rms_error(image, exact)
+        waves[sampler][spp] = _strongest_wave(image, exact)
 
     figure = Figure(figsize=(9, 6), layout="constrained")
     plot.convergence(

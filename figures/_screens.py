@@ -1,6 +1,7 @@
 """The thesis's two planar test scenes: the samplers it compares, as images and as convergence graphs."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from matplotlib.patches import Rectangle
 
 import analysis
 import qmcjax as qj
-from figures import plot
+from figures import _cells, plot
 from figures._schema import Claims
 from qmcjax import samplers, sequences
 from qmcjax.orders import log_side
@@ -146,18 +147,15 @@ def convergence(
     side, largest = (512, 7) if quality == "paper" else (128, 5)
     spps = [4**k for k in range(largest + 1)]
     makers = {f"jittered grid {key}": _jittered(side, key) for key in range(KEYS)} | deterministic(side)
-    table = analysis.convergence(scene, makers, spps, width=side, height=side, repeats=1, progress=progress)
-    errors = {
-        name: {region: [float(e) for e in table.errors(name, region)[1]] for region in REGIONS}
-        for name in deterministic(side)
-    }
-    jittered = {
-        region: np.sqrt(
-            np.mean([table.errors(f"jittered grid {key}", region)[1] ** 2 for key in range(KEYS)], axis=0)
-        )
-        for region in REGIONS
-    }
-    errors = {"jittered grid": {region: jittered[region].tolist() for region in REGIONS}, **errors}
+
+    def errors_of(name: str) -> list[np.ndarray]:
+        table = analysis.convergence(scene, {name: makers[name]}, spps, width=side, height=side, repeats=1)
+        return [table.errors(name, region)[1] for region in REGIONS]
+
+    found = _cells.shared(title, {name: partial(errors_of, name) for name in makers}, progress)
+    jittered = np.sqrt(np.mean([found[f"jittered grid {key}"] ** 2 for key in range(KEYS)], axis=0))
+    found = {"jittered grid": jittered} | {name: found[name] for name in deterministic(side)}
+    errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
 
     figure = _curves(spps, errors, title)
     _errors_of_area(figure, scene, side, crop)

@@ -1,25 +1,21 @@
 """Bring an output folder up to date: make what is missing or whose code changed."""
 
-import json
 import shutil
 import sys
 import time
 import uuid
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
-from datetime import UTC, datetime
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
-
-from tqdm import tqdm
 
 from figures import _store
 from figures._catalogue import Entry
+from figures._cells import Place
 from figures._fingerprint import fingerprint
 from figures._job import Job
-from figures._machine import machine
+from figures._making import CELLS, make, outdated, say, warn
 from figures._runner import run
-from figures._worker import Done, Failed, Progress, Task
+from figures._worker import Failed, Task
 
 SEEN = 60
 """Seconds after which all machines see what one has written to a folder that they share."""
@@ -60,8 +56,10 @@ def update(
     if job is not None:
         return _shared(job, catalogue, folder, quality, jobs, fingerprints)
     _store.gather(folder, warn)
-    tasks = _told(_outdated(catalogue, folder, quality, fingerprints), names)
-    return _make(tasks, catalogue, folder, jobs, fingerprints)
+    tasks = _told(outdated(catalogue, folder, quality, fingerprints), names)
+    failed = make(tasks, catalogue, folder, jobs, fingerprints)
+    _forget_cells(folder, set(names) - set(failed))
+    return failed
 
 
 def _shared(
@@ -83,7 +81,7 @@ def _shared(
     about = [quality, dict(fingerprints)]
     job.meet(about)
     _until(token.exists)
-    tasks = _told(_outdated(catalogue, folder, quality, fingerprints), list(fingerprints))
+    tasks = _told(outdated(catalogue, folder, quality, fingerprints), list(fingerprints))
     # All wait here before one of them changes what others look at.
     job.meet([*about, token.read_text() if token.exists() else None, [task.name for task in tasks]])
 
@@ -95,8 +93,13 @@ def _shared(
             return False
         return True
 
-    together = [task for task in tasks if not task.alone]
-    failed = _make(together, catalogue, folder, jobs, fingerprints, job.process, claim)
+    together = [
+        task._replace(place=Place(folder / CELLS / task.name / fingerprints[task.name], place / task.name))
+        for task in tasks
+        if not task.alone
+    ]
+    failed = make(together, catalogue, folder, jobs, fingerprints, job.process, claim)
+    _help(together, jobs)
     job.meet("made")
     if job.process:
         return failed
@@ -104,12 +107,35 @@ def _shared(
 
     def missing() -> list[str]:
         _store.gather(folder, warn)
-        tasks = _outdated(catalogue, folder, quality, fingerprints)
+        tasks = outdated(catalogue, folder, quality, fingerprints)
         return [task.name for task in tasks if not task.alone]
 
     _until(lambda: set(missing()) <= set(failed))
     alone = [task for task in tasks if task.alone]
-    return missing() + _make(alone, catalogue, folder, jobs, fingerprints)
+    failed = missing() + make(alone, catalogue, folder, jobs, fingerprints)
+    _forget_cells(folder, set(fingerprints) - set(failed))
+    return failed
+
+
+def _help(tasks: Sequence[Task], jobs: int) -> None:
+    """Compute cells of figures that other processes are making, until all are made."""
+    helped: set[str] = set()
+    while places := {task: task.place for task in tasks if task.place and not task.place.ended()}:
+        ready = [task for task, place in places.items() if place.begun() and task.name not in helped]
+        for task, message in run(ready, jobs):
+            if isinstance(message, Failed) and not places[task].ended():
+                say(message.trace.rstrip(), sys.stderr)
+                places[task].end()
+        helped.update(task.name for task in ready)
+        time.sleep(0.2)
+
+
+def _forget_cells(folder: Path, names: Collection[str]) -> None:
+    """Delete what is not needed any more of figures that are finished."""
+    for name in names:
+        shutil.rmtree(folder / CELLS / name, ignore_errors=True)
+    with suppress(OSError):  # There is none, or others are not finished.
+        (folder / CELLS).rmdir()
 
 
 def _until(condition: Callable[[], bool]) -> None:
@@ -121,134 +147,8 @@ def _until(condition: Callable[[], bool]) -> None:
 
 def _told(tasks: list[Task], names: Sequence[str]) -> list[Task]:
     """Say which figures are up to date, and return the others."""
-    outdated = {task.name for task in tasks}
+    rest = {task.name for task in tasks}
     for name in names:
-        if name not in outdated:
-            _say(f"{name}: up to date")
+        if name not in rest:
+            say(f"{name}: up to date")
     return tasks
-
-
-def _outdated(
-    catalogue: Mapping[str, Entry], folder: Path, quality: str, fingerprints: Mapping[str, str]
-) -> list[Task]:
-    """Return the figures to make, in their order."""
-    known = _known(folder)
-    tasks = [
-        Task(name, catalogue[name].module, quality, quality == "paper" and catalogue[name].timed)
-        for name, fingerprint in fingerprints.items()
-        if not _is_whole(folder, name, known.get(name, {}), fingerprint)
-    ]
-    if quality == "paper":
-        # What runs alone comes last, that jobs need not wait for each other in between.
-        tasks.sort(key=lambda task: (task.alone, not catalogue[task.name].long))
-    return tasks
-
-
-def _make(
-    tasks: Sequence[Task],
-    catalogue: Mapping[str, Entry],
-    folder: Path,
-    jobs: int,
-    fingerprints: Mapping[str, str],
-    process: int | None = None,
-    claim: Callable[[Task], bool] = lambda task: True,
-) -> list[str]:
-    """Make figures, keep them, and return the names of those that failed."""
-    failed: list[str] = []
-    running: dict[str, float] = {}
-    ended = 0
-    layout = "{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
-
-    def left(task: Task) -> bool:
-        """Claim a figure, or take it off the bar."""
-        claimed = claim(task)
-        bar.total -= not claimed
-        return claimed
-
-    with (
-        tqdm(total=len(tasks), bar_format=layout, leave=False, disable=None) as bar,
-        closing(run(tasks, jobs, left)) as messages,
-    ):
-        for task, message in messages:
-            name = task.name
-            if isinstance(message, Progress):
-                running[name] = message.fraction
-            else:
-                running.pop(name, None)
-                ended += 1
-                title, fingerprint = catalogue[name].title, fingerprints[name]
-                if not _finish(folder, task, message, title, fingerprint, process):
-                    failed.append(name)
-            bar.n = ended + sum(running.values())
-            bar.set_description(", ".join(running))
-    return failed
-
-
-def _finish(
-    folder: Path,
-    task: Task,
-    message: Done | Failed,
-    title: str,
-    fingerprint: str,
-    process: int | None = None,
-) -> bool:
-    """Keep a figure, its entry last, since only the entry says that the picture is up to date."""
-    if isinstance(message, Failed):
-        _say(f"{task.name}: failed")
-        _say(message.trace.rstrip(), sys.stderr)
-        return False
-    seconds = round(message.seconds, 2)
-    numbers, images = json.loads(message.numbers), json.loads(message.images)
-    entry = {
-        "title": title,
-        "quality": task.quality,
-        "fingerprint": fingerprint,
-        "seconds": seconds,
-        "date": datetime.now(UTC).date().isoformat(),
-        "machine": machine() | ({} if message.device is None else {"device": message.device}),
-        "numbers": numbers,
-    } | ({} if images is None else {"images": images})
-    try:
-        _store.write(_picture(folder, task.name), message.png)
-        for end, file in message.files:
-            _store.write(folder / f"{task.name}.{end}", file)
-        if "table" in numbers:
-            _store.write(folder / f"{task.name}.csv", _store.as_csv(numbers["table"]))
-        _store.record(folder, task.name, entry, warn, process)
-    except OSError as error:
-        _say(f"{task.name}: failed")
-        _say(f"{task.name}: cannot be written: {error}", sys.stderr)
-        return False
-    _say(f"{task.name}: {seconds:.1f} s")
-    return True
-
-
-def _known(folder: Path) -> dict[str, dict[str, Any]]:
-    if any(folder.glob("*.png")) and not (folder / _store.NUMBERS).exists():
-        warn(f"{folder / _store.NUMBERS} is missing: the figures are made anew")
-    return _store.known(folder, warn)
-
-
-def _is_whole(folder: Path, name: str, entry: Mapping[str, Any], fingerprint: str) -> bool:
-    """Tell whether a figure is up to date, and all its pictures are there."""
-    return (
-        entry.get("fingerprint") == fingerprint
-        and _picture(folder, name).is_file()
-        and (folder / f"{name}.webp").is_file()
-        and all((folder / file).is_file() for file in _store.image_files(name, entry))
-    )
-
-
-def _picture(folder: Path, name: str) -> Path:
-    return folder / f"{name}.png"
-
-
-def warn(text: str) -> None:
-    """Say what is wrong, beside the progress."""
-    _say(f"warning: {text}", sys.stderr)
-
-
-def _say(line: str, file: TextIO | None = None) -> None:
-    file = file or sys.stdout
-    with tqdm.external_write_mode(file=file):
-        print(line, file=file, flush=True)

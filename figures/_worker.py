@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures import _programs
+from figures._cells import PLACE, Place
 from figures._schema import check_numbers
 
 DPI = 150
@@ -34,6 +35,8 @@ class Task(NamedTuple):
     quality: str
     alone: bool = False
     """Whether no other task may run beside it: it measures time, that of compiling as well."""
+    place: Place | None = None
+    """Where cells are kept and shared."""
 
 
 class Progress(NamedTuple):
@@ -96,6 +99,7 @@ def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Fi
     from figures._rc import rc
 
     # What a figure does to matplotlib's parameters must not reach the next one.
+    PLACE.set(task.place)
     with rc():
         made = make(task.quality, progress)
         if not (len(made) in (2, 3) and isinstance(made[0], Figure) and isinstance(made[1], dict)):

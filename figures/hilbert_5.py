@@ -64,16 +64,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     shown: dict[str, dict[str, NDArray]] = {}
     images = {"reference": exact.image[area]}  # without the window, as they are measured
     measured: dict[str, dict[str, Any]] = {}
-    for done, spp in enumerate(COUNTS, start=1):
-        row = shown.setdefault(f"{spp} spp", {})
-        for name, sampler in ways(len(scene.needs), side, spp).items():
-            image = _images.image(scene, sampler, side, spp)
-            images[f"{name}, {spp} spp"] = image[area]
-            row[name] = _diffusion.shown(image)
-            measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact, area) | _by_area(
-                (image - exact.image)[area], smooth
-            )
-        progress(0.5 + 0.5 * done / len(COUNTS))
+    compared = {spp: ways(len(scene.needs), side, spp) for spp in COUNTS}
+    found = _images.compared(scene, side, compared, lambda part: progress(0.5 + 0.5 * part))
+    for (spp, name), image in found.items():
+        images[f"{name}, {spp} spp"] = image[area]
+        shown.setdefault(f"{spp} spp", {})[name] = _diffusion.shown(image)
+        measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact, area) | _by_area(
+            (image - exact.image)[area], smooth
+        )
     measured[PASSES] = {"64 spp": _diffusion.measures(_randomised(scene, side), exact, area)}
     shown["1 spp"]["reference"] = _diffusion.shown(exact.image)
     rows = {

@@ -54,10 +54,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         exact = _diffusion.reference(scene, side, REFERENCE_SPP[quality])
         origins += f"The reference of {title} is {exact.origin}. "
         found = measured.setdefault(title, {})
-        for spp in counts:
-            for name, sampler in _ways(len(scene.needs), side, spp).items():
-                image = _images.image(scene, sampler, side, spp)
-                found.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact, area)
+        made = {spp: _ways(len(scene.needs), side, spp) for spp in counts}
+        for (spp, name), image in _images.compared(scene, side, made).items():
+            found.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact, area)
         errors = {
             name: [of_count[f"{spp} spp"]["RMS error"] for spp in counts] for name, of_count in found.items()
         }

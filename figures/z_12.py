@@ -80,13 +80,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     counts = [2**k for k in range(LARGEST[quality] + 1)]
     insets: dict[str, NDArray] = {}
     measured: dict[str, dict[str, dict[str, float]]] = {}
-    for done, spp in enumerate(counts, start=1):
-        for name, sampler in ways(len(scene.needs), side, spp).items():
-            image = _images.image(scene, sampler, side, spp)
-            measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact)
-            if spp == SPP:
-                insets[name] = image
-        progress(0.3 + 0.7 * done / len(counts))
+    compared = {spp: ways(len(scene.needs), side, spp) for spp in counts}
+    images = _images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
+    for (spp, name), image in images.items():
+        measured.setdefault(name, {})[f"{spp} spp"] = _diffusion.measures(image, exact)
+        if spp == SPP:
+            insets[name] = image
     figure = _sheet(insets | {"reference": exact.image}, counts, measured, SPP)
     note = NOTE.format(side=side, spp=SPP, origin=exact.origin, most=counts[-1])
     return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}

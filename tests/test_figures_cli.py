@@ -16,13 +16,13 @@ import jax
 import pytest
 
 from figures import __main__ as command_line
-from figures import _store, _update, _worker
+from figures import _making, _store, _update, _worker
 from figures.__main__ import main
 from figures._catalogue import CATALOGUE, Entry
 from figures._fingerprint import fingerprint, sources
+from figures._making import _finish
 from figures._runner import run
 from figures._schema import check_numbers
-from figures._update import _finish
 from figures._worker import Done, Progress, Task
 
 ROOT = Path(__file__).parents[1]
@@ -422,7 +422,7 @@ def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp
         asked.append([(task.name, task.alone) for task in tasks])
         yield from ()
 
-    monkeypatch.setattr(_update, "run", no_run)
+    monkeypatch.setattr(_making, "run", no_run)
     for quality in ("draft", "paper"):
         _update.update(["ray-speed", "z-2", "z-11"], CATALOGUE, tmp_path, quality, 2)
     assert asked == [

@@ -7,6 +7,7 @@ import signal
 import socket
 import time
 
+import numpy as np
 import pytest
 from test_figures_cli import COMMAND, GOOD, ROOT, SLEEPING, Project, alive, wait_for
 
@@ -31,6 +32,34 @@ MEETING = GOOD.replace(
 """,
 )
 """Each of two figures waits for the other to begin."""
+
+SHARING = """
+import os, time
+from functools import partial
+from pathlib import Path
+from matplotlib.figure import Figure
+from figures import _cells
+
+def make(quality, progress):
+    here = os.getpid()
+
+    def computed(name):
+        with Path("cells").open("a") as file:
+            print(name, here, file=file)
+        if Path("broken").exists() and name == "b":
+            raise RuntimeError("the sky fell")
+        end = time.monotonic() + 20
+        while len(set(Path("cells").read_text().split()[1::2])) < 2:  # the other process
+            if time.monotonic() > end:
+                raise RuntimeError("alone")
+            time.sleep(0.02)
+        return [ord(name), 0.1]
+
+    found = _cells.shared("first", {name: partial(computed, name) for name in "abcd"}, progress)
+    again = _cells.shared("then", {name: partial(computed, name) for name in "ef"})
+    return Figure(figsize=(1, 1)), {"measured": {n: cell.tolist() for n, cell in (found | again).items()}}
+"""
+"""A figure of which processes share the cells."""
 
 ADVICE = "what was finished stays in out, and the same command goes on with the rest\n"
 
@@ -93,6 +122,37 @@ def test_processes_share_the_figures(tmp_path):
     assert list(project.numbers()) == names
     pictures = [f"{name}.{end}" for name in names for end in ("png", "webp")]
     assert project.files() == sorted(["index.html", "numbers.json", *pictures])
+
+
+@pytest.mark.slow
+def test_processes_share_the_cells_of_a_figure(tmp_path):
+    project = Project(tmp_path, one=SHARING)
+    project.command = SHORT
+    first, second = ended(by_hand(project, free_port()))
+    assert [first[1:], second[1:]] == [("", 0)] * 2
+    assert (first[0] + second[0]).count("one: ") == 1
+    cells, processes = np.array((tmp_path / "cells").read_text().split()).reshape(-1, 2).T
+    assert sorted(cells) == list("abcdef") and len(set(processes)) == 2
+    assert project.numbers()["one"]["numbers"]["measured"] == {n: [ord(n), 0.1] for n in "abcdef"}
+    assert project.files() == ["index.html", "numbers.json", "one.png", "one.webp"]
+
+
+@pytest.mark.slow
+def test_a_cell_that_fails_in_any_process_fails_its_figure(tmp_path):
+    """At once, and others are finished; what is computed stays."""
+    project = Project(tmp_path, one=SHARING, two=GOOD)
+    project.command = SHORT
+    (tmp_path / "broken").touch()
+    results = ended(by_hand(project, free_port()))
+    assert results[0][2] == 1 and results[0][1].endswith("1 of 2 figures failed: one\n")
+    assert sum("RuntimeError: the sky fell" in said for _, said, _ in results) == 1
+    assert list(project.numbers()) == ["two"]
+    (tmp_path / "broken").unlink()
+    taken = (tmp_path / "cells").read_text().split()[::2]
+    project.command = COMMAND
+    assert project.run()[::2] == (0, "")
+    assert sorted((tmp_path / "cells").read_text().split()[::2]) == sorted([*taken, "b", "e", "f"])
+    assert not (project.out / ".cells").exists()
 
 
 @pytest.mark.slow

@@ -23,6 +23,9 @@ TILE = {"cpu": 2**14}
 _ANYWHERE = 2**20
 """Pixels of a tile elsewhere, which has many more threads."""
 
+_ALIGNED = 64
+"""Divides the pixels of a large tile, which take up to 7 % longer else."""
+
 _LEAST = 2**11
 """Pixels of a tile whose derivatives may be wanted: fewer take longer each."""
 
@@ -123,13 +126,15 @@ def or_nan(values: Array, points: Array) -> Array:
 
 
 def tile_size(pixels: int, mesh: Mesh | None, traced: bool) -> int:
-    """Return how many pixels to take together: no device goes without, as long as there are enough.
+    """Return how many pixels to take together, such that devices have as many tiles and few pixels are padded.
 
     Where derivatives may be wanted, which add up tiles, these do not depend on devices.
     """
     least, count = (_LEAST, parts.FEW) if traced else (1, devices.count(mesh))
     most = min(TILE.get(jax.default_backend(), _ANYWHERE), pixels)
-    return min(most, max(least, -(-pixels // count)))
+    size = max(least, -(-pixels // (-(-pixels // (most * count)) * count)))
+    aligned = -(-size // _ALIGNED) * _ALIGNED if size > _ALIGNED**2 else size
+    return min(most, aligned)
 
 
 @jax.jit

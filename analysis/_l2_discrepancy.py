@@ -66,8 +66,8 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     -----
     Memory is O(n d). Time is O(n^2 d), but O(n^(2 - 1/d)) for many points in two and three dimensions and
     O(n log n) in one. Values of 2^16 points and more take O(n log n) in two and O(n log^2 n) in three
-    dimensions, on all cores and in two to four times the memory of float64 points, where Numba is installed,
-    JAX computes on processors and does not trace the points. Derivatives are computed together with the
+    dimensions, on all cores and in three times the memory of float64 points, where Numba is installed, JAX
+    computes on processors and does not trace the points. Derivatives are computed together with the
     value. Where two points are equal in a coordinate there is none; what is returned lies between those on
     both sides.
 

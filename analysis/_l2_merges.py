@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._l2_kernels import Kernel
-from analysis._l2_merges_plane import merge_plane, sort_plane
-from analysis._l2_merges_space import merge_space, sort_space
+from analysis._l2_merges_plane import merge_plane, room_in_plane, sort_plane
+from analysis._l2_merges_space import merge_space, room_in_space, sort_space
 from analysis._l2_scalars import Scalars, add, multiply, quadratic
 from analysis._loops import compiled
 
@@ -44,20 +44,23 @@ def many_points_discrepancy(points: Floats, kernel: Kernel) -> float:
     offset = constant + linear / 2 + bend / 4 + distance / 2 + square / 3
     offsets = float(offset), float(offset - Fraction(float(offset)))
     order = np.argsort(points[:, 0])
-    columns, spare = np.empty((dims, n)), np.empty((dims, n))
+    columns = np.empty((dims, n))
     for j in range(dims):
         np.take(points[:, j], order, out=columns[j], mode="clip")
     del order
-    sort_part, merge_parts = (sort_plane, merge_plane) if dims == 2 else (sort_space, merge_space)
+    if dims == 2:
+        room, sort_part, merge_parts = room_in_plane(n), sort_plane, merge_plane
+    else:
+        room, sort_part, merge_parts = room_in_space(n), sort_space, merge_space
 
     def alone(part: tuple[int, int]) -> tuple[Scalars, Scalars]:
         return _alone(columns, *part, numbers, *offsets)
 
     def sort(part: tuple[int, int]) -> Scalars:
-        return sort_part(columns, spare, *part, numbers)
+        return sort_part(columns, room, *part, numbers)
 
     def merge(part: tuple[int, int, int]) -> Scalars:
-        return merge_parts(columns, spare, *part, numbers)
+        return merge_parts(columns, room, *part, numbers)
 
     threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     edges = [n * k // _PARTS for k in range(_PARTS + 1)]

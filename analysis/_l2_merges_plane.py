@@ -14,14 +14,19 @@ from numpy.typing import NDArray
 from analysis._l2_scalars import Scalars, add, factor, multiply
 from analysis._loops import compiled
 
-__all__ = ["merge_plane", "sort_plane"]
+__all__ = ["merge_plane", "room_in_plane", "sort_plane"]
 
 Floats = NDArray[np.float64]
 
 
+def room_in_plane(n: int) -> Floats:
+    """Return the room to merge n points."""
+    return np.empty((2, n))
+
+
 @compiled
 def merge_plane(
-    columns: Floats, spare: Floats, start: int, middle: int, stop: int, numbers: Floats
+    columns: Floats, room: Floats, start: int, middle: int, stop: int, numbers: Floats
 ) -> Scalars:
     """Merge two parts that are sorted by y, and return the sum of the kernel over pairs of both."""
     x, y = columns[0], columns[1]
@@ -48,25 +53,25 @@ def merge_plane(
                 )
             a, b = multiply(a, b, inner, inner_rest)
             found, rest = add(found, rest, a, b)
-        spare[0, k], spare[1, k] = x[here], y[here]
+        room[0, k], room[1, k] = x[here], y[here]
         if left:
             i += 1
         else:
             j += 1
     for k in range(start, stop):
-        x[k], y[k] = spare[0, k], spare[1, k]
+        x[k], y[k] = room[0, k], room[1, k]
     return found, rest
 
 
 @compiled
-def sort_plane(columns: Floats, spare: Floats, start: int, stop: int, numbers: Floats) -> Scalars:
+def sort_plane(columns: Floats, room: Floats, start: int, stop: int, numbers: Floats) -> Scalars:
     """Sort a part by y, and return the sum of the kernel over its pairs."""
     found, rest = 0.0, 0.0
     width = 1
     while width < stop - start:
         for first in range(start, stop - width, 2 * width):
             end = min(first + 2 * width, stop)
-            a, b = merge_plane(columns, spare, first, first + width, end, numbers)
+            a, b = merge_plane(columns, room, first, first + width, end, numbers)
             found, rest = add(found, rest, a, b)
         width *= 2
     return found, rest

@@ -11,10 +11,17 @@ from numpy.typing import NDArray
 from analysis._l2_scalars import Scalars, add, factor, multiply
 from analysis._loops import compiled
 
-__all__ = ["merge_space", "sort_space"]
+__all__ = ["merge_space", "room_in_space", "sort_space"]
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
+Room = tuple[Floats, Flags, Floats, Flags]
+"""For points in the order of y or z, whether they are the upper ones in x, and for copies of half of both."""
+
+
+def room_in_space(n: int) -> Room:
+    """Return the room to merge n points: half of them, rounded down, is what is copied of any part."""
+    return np.empty((3, n)), np.empty(n, np.bool_), np.empty((3, n // 2)), np.empty(n // 2, np.bool_)
 
 
 @compiled
@@ -26,20 +33,25 @@ def _merge_inside(
     start: int,
     middle: int,
     stop: int,
-    offset: int,
     numbers: Floats,
+    sums: tuple[Floats, Floats, Floats],
 ) -> Scalars:
     """Merge two parts by z, the first one below in y, and return the sum over pairs of both, and both sides.
 
-    ``right`` tells which points are the upper ones in x, for those from ``offset`` on. The first part is
-    copied to ``lower``, and what is merged does not catch up with the second one.
+    ``right`` tells which points are the upper ones in x. The first part is copied to ``lower``, and what is
+    merged does not catch up with the second one.
     """
     rank = int(numbers[5])
     for k in range(start, middle):
         for axis in range(3):
             lower[axis, k - start] = points[axis, k]
-        lower_right[k - start] = right[k - offset]
-    merged = np.zeros((2, 2, 2, 3, 3, 3))  # by half, side, and number or rest
+        lower_right[k - start] = right[k]
+    # Sums by half and side, factor in z, and those in x and y; the latter of the point, and what they meet.
+    high, low, factors = sums
+    for part in range(4):
+        for t in range(rank):
+            for q in range(rank * rank):
+                high[part, t, q] = low[part, t, q] = 0.0
     found, rest = 0.0, 0.0
     i, j = 0, middle
     for k in range(start, stop):
@@ -49,58 +61,55 @@ def _merge_inside(
             x, y, z = lower[0, i], lower[1, i], lower[2, i]
             i += 1
         else:
-            half, side = 1, 1 if right[j - offset] else 0
+            half, side = 1, 1 if right[j] else 0
             x, y, z = points[0, j], points[1, j], points[2, j]
             j += 1
-        own, other = merged[half, side], merged[1 - half, 1 - side]
+        points[0, k], points[1, k], points[2, k] = x, y, z
+        right[k] = side == 1
+        own = 2 * half + side
+        other = 3 - own
         for r in range(rank):
             of_x, x_rest = factor(x, numbers, side == 1, r)
             for s in range(rank):
                 a, b = factor(y, numbers, half == 1, s)
-                a, b = multiply(a, b, of_x, x_rest)
-                inner, inner_rest = 0.0, 0.0
-                for t in range(rank):
-                    c, d = factor(z, numbers, True, t)
-                    c, d = multiply(c, d, other[0, r, s, t], other[1, r, s, t])
-                    inner, inner_rest = add(inner, inner_rest, c, d)
-                    c, d = factor(z, numbers, False, t)
-                    c, d = multiply(a, b, c, d)
-                    own[0, r, s, t], own[1, r, s, t] = add(own[0, r, s, t], own[1, r, s, t], c, d)
-                a, b = multiply(a, b, inner, inner_rest)
-                found, rest = add(found, rest, a, b)
-        points[0, k], points[1, k], points[2, k] = x, y, z
-        right[k - offset] = side == 1
+                factors[0, r * rank + s], factors[1, r * rank + s] = multiply(a, b, of_x, x_rest)
+                factors[2, r * rank + s] = factors[3, r * rank + s] = 0.0
+        for t in range(rank):
+            a, b = factor(z, numbers, True, t)
+            for q in range(rank * rank):
+                c, d = multiply(a, b, high[other, t, q], low[other, t, q])
+                factors[2, q], factors[3, q] = add(factors[2, q], factors[3, q], c, d)
+            a, b = factor(z, numbers, False, t)
+            for q in range(rank * rank):
+                c, d = multiply(a, b, factors[0, q], factors[1, q])
+                high[own, t, q], low[own, t, q] = add(high[own, t, q], low[own, t, q], c, d)
+        for q in range(rank * rank):
+            a, b = multiply(factors[0, q], factors[1, q], factors[2, q], factors[3, q])
+            found, rest = add(found, rest, a, b)
     return found, rest
 
 
 @compiled
-def _merge_sides(
-    columns: Floats,
-    spare: Floats,
-    right: Flags,
-    lower: Floats,
-    lower_right: Flags,
-    start: int,
-    middle: int,
-    stop: int,
-    numbers: Floats,
-) -> Scalars:
+def merge_space(columns: Floats, room: Room, start: int, middle: int, stop: int, numbers: Floats) -> Scalars:
     """Merge two parts that are sorted by y, and return the sum of the kernel over pairs of both."""
-    size = stop - start
+    points, right = room[0][:, start:stop], room[1][start:stop]
     i, j = start, middle
-    for k in range(start, stop):
+    size = stop - start
+    for k in range(size):
         left = j == stop or (i < middle and columns[1, i] <= columns[1, j])
         here = i if left else j
         for axis in range(3):
-            spare[axis, k] = columns[axis, here]
-        right[k - start] = not left
+            points[axis, k] = columns[axis, here]
+        right[k] = not left
         if left:
             i += 1
         else:
             j += 1
-    for k in range(start, stop):
+    for k in range(size):
         for axis in range(3):
-            columns[axis, k] = spare[axis, k]
+            columns[axis, start + k] = points[axis, k]
+    lower, lower_right = room[2][:, start // 2 :], room[3][start // 2 :]
+    sums = np.empty((4, 3, 9)), np.empty((4, 3, 9)), np.empty((4, 9))
     levels = 0
     while 1 << levels < size:
         levels += 1
@@ -108,42 +117,21 @@ def _merge_sides(
     for level in range(levels - 1, -1, -1):
         # Halves of equal sizes, that half of the points is room enough for the lower ones.
         for k in range(1 << level):
-            first, end = start + (size * k >> level), start + (size * (k + 1) >> level)
-            between = start + (size * (2 * k + 1) >> level + 1)
-            a, b = _merge_inside(spare, right, lower, lower_right, first, between, end, start, numbers)
+            first, end = size * k >> level, size * (k + 1) >> level
+            between = size * (2 * k + 1) >> level + 1
+            a, b = _merge_inside(points, right, lower, lower_right, first, between, end, numbers, sums)
             found, rest = add(found, rest, a, b)
     return found, rest
 
 
 @compiled
-def merge_space(
-    columns: Floats, spare: Floats, start: int, middle: int, stop: int, numbers: Floats
-) -> Scalars:
-    """Merge two parts that are sorted by y, and return the sum of the kernel over pairs of both."""
-    half = (stop - start + 1) // 2
-    right, lower, lower_right = (
-        np.empty(stop - start, np.bool_),
-        np.empty((3, half)),
-        np.empty(half, np.bool_),
-    )
-    return _merge_sides(columns, spare, right, lower, lower_right, start, middle, stop, numbers)
-
-
-@compiled
-def sort_space(columns: Floats, spare: Floats, start: int, stop: int, numbers: Floats) -> Scalars:
+def sort_space(columns: Floats, room: Room, start: int, stop: int, numbers: Floats) -> Scalars:
     """Sort a part by y, and return the sum of the kernel over its pairs."""
-    half = (stop - start + 1) // 2
-    right, lower, lower_right = (
-        np.empty(stop - start, np.bool_),
-        np.empty((3, half)),
-        np.empty(half, np.bool_),
-    )
     found, rest = 0.0, 0.0
     width = 1
     while width < stop - start:
         for first in range(start, stop - width, 2 * width):
-            end = min(first + 2 * width, stop)
-            a, b = _merge_sides(columns, spare, right, lower, lower_right, first, first + width, end, numbers)
+            a, b = merge_space(columns, room, first, first + width, min(first + 2 * width, stop), numbers)
             found, rest = add(found, rest, a, b)
         width *= 2
     return found, rest

@@ -1,6 +1,8 @@
 """Measures of very many points: the values of the plain ways, to the last bit, in little memory."""
 
+import math
 import tracemalloc
+from fractions import Fraction
 
 import jax
 import numpy as np
@@ -10,11 +12,14 @@ import analysis
 from analysis import (
     _l2_discrepancy,
     _l2_merges,
+    _l2_scalars,
     _star_bounds,
     _star_cells,
     _star_discrepancy,
     _star_plane_rows,
 )
+from analysis._l2_kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, WRAPAROUND
+from analysis._l2_merges import many_points_discrepancy
 from analysis._star_cells import cell_bounds
 from analysis._star_plane import plane_star_discrepancy
 from analysis._star_plane_rows import many_star_discrepancy
@@ -116,12 +121,14 @@ def test_the_minimum_distance_takes_three_times_the_memory_and_leaves_points_alo
         (analysis.min_distance, 3, 20),
         (analysis.star_discrepancy, 2, 18),
         (analysis.star_discrepancy_bounds, 3, 21),
+        (analysis.l2_star_discrepancy, 2, 18),
+        (analysis.l2_star_discrepancy, 3, 17),
     ],
 )
 def test_measures_of_many_points_take_three_times_their_memory(measure, dims, m):
     """As NumPy counts; programs of JAX are counted in the figure, by the system."""
     points = sobol(dims, 2**m)
-    if measure is analysis.star_discrepancy:
+    if measure in (analysis.star_discrepancy, analysis.l2_star_discrepancy):
         measure(points[: 2**17])  # compiles
     assert traced_peak(measure, points) < 3
 
@@ -145,6 +152,76 @@ def test_merging_finds_what_all_pairs_find(kind, dims, monkeypatch):
         found = [measure(points) for points in sets]
         assert [float(value) for value in found] == pytest.approx(expected, rel=1e-12)
         assert all(value.dtype == np.float64 and value.shape == () for value in found)
+
+
+def exact_discrepancy(points, kernel):
+    """Return the root of the closed form in fractions."""
+    names = ("constant", "linear", "bend", "distance", "square")
+    constant, linear, bend, distance, square = (Fraction(getattr(kernel, name)) for name in names)
+    x = [[Fraction(float(c)) for c in point] for point in points]
+    n, dims = points.shape
+
+    def own(c):
+        return linear * c + bend * abs(c - Fraction(1, 2))
+
+    def pair(c, d):
+        return constant + own(c) + own(d) + distance * abs(c - d) + square * (c - d) ** 2
+
+    def average(c):
+        half = linear / 2 + bend / 4 + distance * (c * c - c + Fraction(1, 2))
+        return constant + own(c) + half + square * (c * c - c + Fraction(1, 3))
+
+    mean = (constant + linear + bend / 2 + distance / 3 + square / 6) ** dims
+    pairs = sum(math.prod(map(pair, a, b)) for a in x for b in x)
+    return math.sqrt(pairs - 2 * n * sum(math.prod(map(average, a)) for a in x) + n * n * mean) / n
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dims", [2, 3])
+@pytest.mark.parametrize("kernel", [STAR, CENTERED, WRAPAROUND, PERIODIC, SYMMETRIC, MIXTURE])
+def test_merging_is_exact_to_the_last_digits(kernel, dims, monkeypatch):
+    """Points with all digits, far apart in size, on few coordinates, twice the same; parts with no points."""
+    sets = [RANDOM.random((n, dims)) for n in (1, 2, 3, 31)] + [RANDOM.random((31, dims)) ** 9]
+    sets += [RANDOM.integers(0, 4, (31, dims)) / 7, np.repeat(RANDOM.random((11, dims)), 3, axis=0)]
+    for parts in (16, 2):
+        monkeypatch.setattr(_l2_merges, "_PARTS", parts)
+        for points in sets:
+            expected = exact_discrepancy(points, kernel)
+            assert many_points_discrepancy(points, kernel) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.slow
+def test_scalars_keep_what_rounding_takes():
+    """Also of sums of many numbers, where what rounding took is much more than the last digit."""
+    numbers = RANDOM.random((2**16, 4)) * 2.0 ** RANDOM.integers(-30, 1, (2**16, 4))
+    numbers[:, 1::2] = numbers[:, ::2] * RANDOM.random((2**16, 2)) * 2.0**-53
+    high, low, exact = 0.0, 0.0, []
+    for a, b, c, d in numbers.tolist():
+        high, low = _l2_scalars.add(high, low, *_l2_scalars.multiply(a, b, c, d))
+        exact.append((Fraction(a) + Fraction(b)) * (Fraction(c) + Fraction(d)))
+    for a, _, c, _ in numbers[:99].tolist():
+        assert sum(map(Fraction, _l2_scalars.two_product(-a, c))) == -Fraction(a) * Fraction(c)
+    whole = sum(int(product * 2**320) for product in exact)
+    assert abs(int(Fraction(high) * 2**320) + int(Fraction(low) * 2**320) - whole) <= whole >> 95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [50, 203])
+def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
+    touched = np.zeros(n // 2, int)
+    plain = _l2_merges.sort_space
+
+    def sort(columns, room, start, stop, numbers):
+        room[2][:] = np.nan
+        found = plain(columns, room, start, stop, numbers)
+        touched[~np.isnan(room[2][0])] += 1
+        return found
+
+    monkeypatch.setattr(_l2_merges.os, "sched_getaffinity", lambda process: {0}, raising=False)
+    monkeypatch.setattr(_l2_merges, "sort_space", sort)
+    points = RANDOM.random((n, 3))
+    many_points_discrepancy(points, STAR)
+    assert touched.max() == 1
 
 
 @pytest.mark.slow

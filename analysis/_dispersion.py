@@ -4,14 +4,20 @@ Seen from the centre of a largest empty ball, the points on its sphere are not t
 vertex of the points' Voronoi diagram, so the centre of a sphere around a simplex of their Delaunay
 triangulation. On the torus the points are repeated by translation. In the cube they are reflected in its
 faces: reflected points are nowhere in the cube nearer than the originals, and where the boundary of the cube
-crosses the Voronoi diagram, and in the corners of the cube, the diagram of all of them has vertices. Copies
-within an upper bound of the dispersion of the cube suffice.
+crosses the Voronoi diagram, and in the corners of the cube, the diagram of all of them has vertices.
+
+The cube is cut into blocks, one after the other on each core. For the centres in a block, points and copies
+within an upper bound of the dispersion around it suffice: no point on a largest empty ball's sphere and no
+nearest point is farther away.
 
 Almost flat simplices of points on one sphere have inaccurate centres. So distances are measured from the
 centres to the nearest point. None can exceed the dispersion, wherever the centre lies.
 """
 
+import itertools
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +33,12 @@ _ROUNDING = 2.0**-36
 
 _ALIKE = 4096
 """Centres whose distances are measured first; each further time, twice as many."""
+
+_TOGETHER = 2**13
+"""Points of a block, at least: a block's side is no less than four times the upper bound, either."""
+
+_COUNTED = 2**16
+"""Points whose boxes are found together."""
 
 Floats = NDArray[np.float64]
 
@@ -57,8 +69,10 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
 
     Notes
     -----
-    The time is that of a Delaunay triangulation, O(n log n) for points that are spread over the cube. The
-    memory is O(n), about 7 simplices for each point in three dimensions.
+    The time is that of a Delaunay triangulation, O(n log n) for points that are spread over the cube; these
+    are triangulated in blocks, on all cores and in less memory than theirs and 100 MB for each core. Where
+    the largest empty ball takes much of the cube, there is one block, with about 7 simplices for each point
+    in three dimensions.
 
     References
     ----------
@@ -70,18 +84,40 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     >>> print(round(dispersion([[0.5, 0.5]], torus=False), 9))
     0.707106781
     """
-    array = _arguments.points(points, most_dims=3).astype(np.float64)
+    array = _arguments.points(points, most_dims=3).astype(np.float64, copy=False)
     torus = checks.flag("torus", torus)
-    distinct = np.unique(array, axis=0)
-    dims = distinct.shape[1]
+    n, dims = array.shape
     if dims == 1:
-        return _line_dispersion(distinct[:, 0], torus)
-    margin = _upper_bound(distinct, torus)
-    copies = _copies(distinct, margin, torus)
+        return _line_dispersion(np.unique(array), torus)
+    margin = _upper_bound(array, torus)
+    side = max(1, min(int((n / _TOGETHER) ** (1 / dims)), int(1 / (4 * margin))))
+    box = _boxes(array, side)
+    order = np.argsort(box, kind="stable")
+    edges = np.searchsorted(box, np.arange(side**dims + 1), sorter=order)
+    del box
+
+    def block_dispersion(block: tuple[int, ...]) -> float:
+        near = [
+            sorted({k % side if torus else min(max(k, 0), side - 1) for k in (c - 1, c, c + 1)})
+            for c in block
+        ]
+        numbers = [np.ravel_multi_index(each, (side,) * dims) for each in itertools.product(*near)]
+        local = array[np.concatenate([order[edges[k] : edges[k + 1]] for k in numbers])]
+        low = np.array(block) / side
+        return _largest_ball(np.unique(local, axis=0), low, low + 1 / side, margin, torus)
+
+    threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(threads) as pool:
+        return max(pool.map(block_dispersion, np.ndindex((side,) * dims)))
+
+
+def _largest_ball(points: Floats, low: Floats, high: Floats, margin: float, torus: bool) -> float:
+    """Return the radius of the largest empty ball with its centre in a block, from points around it."""
+    copies = _copies(points, low - margin, high + margin, torus)
     centres, radii = _circumspheres(copies, Delaunay(copies).simplices)
-    inside = ((centres >= -_ROUNDING) & (centres <= 1 + _ROUNDING)).all(axis=1)
+    inside = ((centres >= low - _ROUNDING) & (centres <= high + _ROUNDING)).all(axis=1)
     inside &= radii <= margin * (1 + _ROUNDING)
-    centres, radii = np.clip(centres[inside], 0, 1), radii[inside]
+    centres, radii = np.clip(centres[inside], low, high), radii[inside]
     order = np.argsort(-radii)
     centres, radii = centres[order], radii[order]
     tree = KDTree(copies, balanced_tree=False, compact_nodes=False)
@@ -100,28 +136,49 @@ def _line_dispersion(ordered: Floats, torus: bool) -> float:
     return float(np.max([*ends, gaps.max(initial=0.0)]))
 
 
+def _boxes(points: Floats, side: int) -> NDArray[np.int32]:
+    """Return the number of each point's box, of so many along each axis."""
+    box = np.empty(len(points), np.int32)
+    for start in range(0, len(points), _COUNTED):
+        index = (points[start : start + _COUNTED].T * side).astype(np.int64)
+        box[start : start + _COUNTED] = np.ravel_multi_index(tuple(index), (side,) * len(index))
+    return box
+
+
 def _upper_bound(points: Floats, torus: bool) -> float:
-    """Return the diagonal of the boxes of the finest of some grids that have a point in each box."""
+    """Return the diagonal of two boxes along each axis, of the finest of some grids without a large hole.
+
+    That is one where each box or one of its neighbours has a point.
+    """
     n, dims = points.shape
-    side = math.ceil(n ** (1 / dims))
-    while side > 1:
-        box = np.ravel_multi_index(tuple((points * side).astype(np.int64).T), (side,) * dims)
-        if np.bincount(box, minlength=side**dims).all():
+    side = math.ceil((2 * n) ** (1 / dims))
+    while side > 2:
+        full = np.zeros((side,) * dims, np.bool_)
+        full.ravel()[_boxes(points, side)] = True
+        for axis in range(dims):
+            line = np.moveaxis(full, axis, 0)
+            before, first = line[:-1].copy(), line[0].copy()
+            line[:-1] |= line[1:]
+            line[1:] |= before
+            if torus:
+                line[-1] |= first
+                line[0] |= before[-1]
+        if full.all():
             break
-        side = side * 3 // 4
-    return min(math.sqrt(dims) / side, math.sqrt(dims) / 2 if torus else math.inf)
+        side = side * 7 // 8
+    return min(2 * math.sqrt(dims) / side, math.sqrt(dims) / (2 if torus else 1))
 
 
-def _copies(points: Floats, margin: float, torus: bool) -> Floats:
-    """Return the points and their copies within the margin around the unit cube."""
+def _copies(points: Floats, low: Floats, high: Floats, torus: bool) -> Floats:
+    """Return those of the points and their copies that are in a box."""
     for axis in range(points.shape[1]):
         parts = [points]
         for sign in (-1, 1):
             copy = points.copy()
             x = copy[:, axis]
             copy[:, axis] = x + sign if torus else (1 + sign) - x
-            parts.append(copy[(copy[:, axis] >= -margin) & (copy[:, axis] <= 1 + margin)])
-        points = np.concatenate(parts)
+            parts.append(copy)
+        points = np.concatenate([p[(p[:, axis] >= low[axis]) & (p[:, axis] <= high[axis])] for p in parts])
     return points if torus else np.unique(points, axis=0)
 
 

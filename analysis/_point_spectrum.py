@@ -99,13 +99,14 @@ def _fft_is_cheaper(n: int, dims: int, resolution: int) -> bool:
 
 @partial(jax.custom_vjp, nondiff_argnums=(1, 2, 3))
 def _measure(points: Array, resolution: int, fast: bool, dtype: DTypeLike) -> Array:
-    return _power(_sums(points.astype(np.float64), resolution, fast), len(points), resolution).astype(dtype)
+    sums = _sums(jnp.asarray(points, np.float64), resolution, fast)
+    return _power(sums, len(points), resolution).astype(dtype)
 
 
 def _forward(
     points: Array, resolution: int, fast: bool, dtype: DTypeLike
 ) -> tuple[Array, tuple[Array, Array]]:
-    sums = _sums(points.astype(np.float64), resolution, fast)
+    sums = _sums(jnp.asarray(points, np.float64), resolution, fast)
     return _power(sums, len(points), resolution).astype(dtype), (points, sums)
 
 
@@ -114,7 +115,7 @@ def _backward(
 ) -> tuple[Array]:
     points, sums = kept
     with jax.enable_x64(True):
-        wide = points.astype(np.float64), sums, cotangent.astype(np.float64)
+        wide = jnp.asarray(points, np.float64), sums, cotangent.astype(np.float64)
         return (_pull_back(*wide, resolution, fast).astype(points.dtype),)
 
 
@@ -123,18 +124,18 @@ _measure.defvjp(_forward, _backward)
 
 @partial(jax.jit, static_argnums=(1, 2))
 def _sums(points: Array, resolution: int, fast: bool) -> Array:
-    """Return the sums at the frequencies of a half space, of the axes in reverse order."""
-    return (fast_sums if fast else direct_sums)(points[:, ::-1], resolution // 2)
+    """Return the sums at the frequencies of a half space."""
+    return (fast_sums if fast else direct_sums)(points, resolution // 2)
 
 
 @partial(jax.jit, static_argnums=(1, 2))
 def _power(sums: Array, n: int, resolution: int) -> Array:
-    """Return the spectrum: that at -k equals that at k."""
+    """Return the spectrum, of the axes in reverse order: that at -k equals that at k."""
     half = (jnp.square(sums.real) + jnp.square(sums.imag)) / n
     other = jnp.flip(half[..., 1:])
     whole = jnp.concatenate([other, half], axis=-1)
     order = np.fft.ifftshift(np.arange(resolution))  # without the highest frequency, if even
-    return whole[np.ix_(*[order] * half.ndim)]
+    return whole[np.ix_(*[order] * half.ndim)].T
 
 
 @partial(jax.jit, static_argnums=(3, 4))
@@ -142,6 +143,6 @@ def _pull_back(points: Array, sums: Array, cotangent: Array, resolution: int, fa
     _, through_power = jax.vjp(lambda s: _power(s, len(points), resolution), sums)
     (factors,) = through_power(cotangent)
     if not fast:
-        return direct_gradient(points[:, ::-1], factors)[:, ::-1]
+        return direct_gradient(points, factors)
     _, through_sums = jax.vjp(lambda x: _sums(x, resolution, fast), points)
     return through_sums(factors)[0]

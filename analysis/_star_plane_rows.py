@@ -43,9 +43,9 @@ def many_star_discrepancy(points: Floats) -> float:
     by_x = _sorted(points[:, 0], ends[0])
     rank = np.empty(n, np.int32)
     rank[_sorted(points[:, 1], ends[1])] = np.arange(n, dtype=np.int32)
-    y_rank, x_rank = rank[by_x], np.empty(n, np.int32)
+    y_rank, x_rank = rank[by_x], by_x  # in the same memory
     x_rank[y_rank] = np.arange(n, dtype=np.int32)
-    del by_x, rank
+    del rank
     x, y = ends
     bounds, counts = np.empty((tiles, tiles)), np.empty((tiles, tiles), np.int32)
 
@@ -57,8 +57,10 @@ def many_star_discrepancy(points: Floats) -> float:
 
         # The values on the way are rounded otherwise: only those of evaluated tiles count.
         floor = max(pool.map(stripe, range(0, tiles, _STRIPE))) - _MARGIN
-        chosen = np.flatnonzero(bounds > floor - _MARGIN)
-        chosen = chosen[np.argsort(-bounds.ravel()[chosen], kind="stable")]
+        chosen = np.flatnonzero(bounds > floor - _MARGIN).astype(np.int32)
+        worst = bounds.ravel()[chosen]
+        chosen = chosen[np.argsort(np.negative(worst, out=worst), kind="stable")]
+        del worst
 
         def tile(number: int) -> float:
             i, j = divmod(int(number), tiles)

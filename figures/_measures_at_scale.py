@@ -46,9 +46,10 @@ MEASURES = {
     "min distance, 2-D": Measure(analysis.min_distance, 2, 14, 18, 24, (1.0, 1)),
     "min distance, 3-D": Measure(analysis.min_distance, 3, 14, 18, 24, (1.0, 1)),
     "L2 star discrepancy, 2-D": Measure(analysis.l2_star_discrepancy, 2, 16, 0, 24, (1.0, 1)),
-    "L2 star discrepancy, 3-D": Measure(analysis.l2_star_discrepancy, 3, 16, 0, 20, (1.0, 2)),
+    "L2 star discrepancy, 3-D": Measure(analysis.l2_star_discrepancy, 3, 16, 0, 22, (1.0, 2)),
+    "dispersion, 2-D": Measure(analysis.dispersion, 2, 16, 0, 22, (1.0, 1)),
     "spectrum 65 x 65, FFT": Measure(spectrum(65, "fft"), 2, 16, 0, 22, (1.0, 0), True),
-    "spectrum 17 x 17 x 17, direct": Measure(spectrum(17, "direct"), 3, 14, 0, 18, (1.0, 0), True),
+    "spectrum 17 x 17 x 17, direct": Measure(spectrum(17, "direct"), 3, 16, 0, 22, (1.0, 0), True),
 }
 
 

@@ -13,6 +13,8 @@ MEMORY = "times the points' memory"
 LEAST = 2**23
 """Bytes of points below which tables and batches, which do not grow, are most of the memory."""
 
+COLORS = (*(f"C{k}" for k in range(8)), "tab:brown")
+
 ALLOWED = 3
 """Times the points' memory that a measure may take."""
 
@@ -33,8 +35,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure = Figure(figsize=(10, 5.4), layout="constrained")
     times, memory = figure.subplots(1, 2)
     table = []
-    for number, (name, rows) in enumerate(measured.items()):
-        n, seconds, color = np.array(rows["n"], float), np.array(rows["seconds"]), f"C{number}"
+    for color, (name, rows) in zip(COLORS, measured.items(), strict=False):
+        n, seconds = np.array(rows["n"], float), np.array(rows["seconds"])
         slope, (power, logs) = _slope(n, seconds), rows["theory"]
         label = f"{name}: {_grows(power, logs)}" + (
             "" if slope is None else f", measured $n^{{{slope:.2f}}}$"

@@ -111,6 +111,35 @@ def test_grids(dims, at_a_time, monkeypatch):
         assert dispersion(centred, torus=False) == pytest.approx(math.sqrt(dims) / 2 / side, rel=1e-12)
 
 
+@pytest.mark.parametrize("torus", [True, False])
+@pytest.mark.parametrize(("dims", "n"), [(2, 2000), pytest.param(3, 16000, marks=pytest.mark.slow)])
+def test_blocks(dims, n, torus, monkeypatch):
+    """What is found in blocks is what is found in the whole, where the largest hole may be anywhere."""
+    blocks = []
+    plain = _dispersion._largest_ball
+
+    def counted(points, low, *rest):
+        blocks.append(tuple(low))
+        return plain(points, low, *rest)
+
+    monkeypatch.setattr(_dispersion, "_largest_ball", counted)
+    rng = np.random.default_rng(6)
+    spread = rng.random((n, dims))
+    side = round(n ** (1 / dims))
+    grid = np.indices((side,) * dims).reshape(dims, -1).T / side
+    hole = spread[(np.abs((spread - rng.random(dims) + 0.5) % 1 - 0.5) > 0.6 / side).any(axis=1)]
+    many = spread, grid, hole, (grid + rng.random(dims)) % 1, np.tile(spread, (2, 1))
+    for points in many[: 5 if dims == 2 else 2]:
+        found = []
+        for together in (n // 40, 2 * n):
+            monkeypatch.setattr(_dispersion, "_TOGETHER", together)
+            blocks.clear()
+            found.append(dispersion(points, torus))
+            assert len(set(blocks)) == len(blocks)
+            assert (len(blocks) > 1) == (together < n)
+        assert found[0] == pytest.approx(found[1], rel=1e-15)
+
+
 def test_body_centred_lattice():
     """Its covering radius is sqrt(5)/4 times the side of the cubic cell; no vertex lies on the mesh."""
     cubic = np.indices((5, 5, 5)).reshape(3, -1).T

@@ -104,7 +104,7 @@ def test_batches(monkeypatch, method, width):
     monkeypatch.setattr("analysis._fourier_sums._BATCH", width * 13)
     sums = fast_sums if method == "fft" else direct_sums
     with jax.enable_x64(True):
-        parts = jax.jit(lambda p: sums(p[:, ::-1], 4))(jnp.asarray(random_points(37)))
+        parts = jax.jit(lambda p: sums(p, 4))(jnp.asarray(random_points(37)))
         power = np.asarray(_point_spectrum._power(parts, 37, 9))
     np.testing.assert_allclose(power, point_spectrum(random_points(37), 9, method), rtol=0, atol=1e-12)
 
@@ -174,6 +174,17 @@ def test_memory_is_that_of_points_and_spectrum(method):
         total = jax.grad(lambda p: jnp.sum(point_spectrum(p, resolution, method)))
         memory = jax.jit(total).lower(points).compile().memory_analysis()
     assert memory.temp_size_in_bytes < 2**27 < 16 * n * resolution
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("dims", [2, 3])
+def test_many_points_are_not_copied(method, dims):
+    """For a number of points that batches need not fill."""
+    with jax.enable_x64(True):
+        points = jax.ShapeDtypeStruct((2**23 - 5, dims), jnp.float64)
+        program = _point_spectrum._sums.lower(points, 17, method == "fft").compile()
+    assert program.memory_analysis().temp_size_in_bytes < 2 * 8 * dims * 2**23
 
 
 def test_white_noise():

@@ -126,7 +126,7 @@ def or_nan(values: Array, points: Array) -> Array:
 
 
 def tile_size(pixels: int, mesh: Mesh | None, traced: bool) -> int:
-    """Return how many pixels to take together, such that devices have as many tiles and few pixels are padded.
+    """Return how many pixels to take together: devices have as many tiles each, and few pixels are padded.
 
     Where derivatives may be wanted, which add up tiles, these do not depend on devices.
     """

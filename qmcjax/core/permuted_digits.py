@@ -120,6 +120,7 @@ def permuted_radical_inverse(
 
     Examples
     --------
+    >>> from qmcjax.core.digits import digit_count
     >>> swap = jnp.array([[0, 2, 1]] * digit_count(3), jnp.uint32)
     >>> tables = jnp.concatenate(reflection_tables(swap))
     >>> print(permuted_radical_inverse(jnp.uint32(5), 3, tables))  # 0.21 becomes 0.12

@@ -106,7 +106,8 @@ def passes(make=lambda key: samplers.independent(sequences.uniform(2, key), key)
     return samplers.randomized(make, key, spp)
 
 
-@pytest.mark.parametrize("dtype", [jnp.float32, pytest.param(jnp.float64, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_image_is_the_same_and_counts_are_what_was_taken(dtype):
     scene, sampler = Quadrants(20.0), along(SIDE, SPP, 4)
     whole = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=dtype)
@@ -120,6 +121,7 @@ def test_image_is_the_same_and_counts_are_what_was_taken(dtype):
     assert result.saving == pytest.approx(1 - result.counts.sum() / (SIDE * SIDE * SPP), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_only_coordinates_that_vary_are_generated():
     Asked.log.clear()
     result = qj.render_adaptive(Quadrants(30.0), Asked(along(SIDE, SPP, 4)), SIDE, SIDE, SPP)

@@ -240,14 +240,14 @@ def test_linear_segments_of_the_helicopter_are_near_its_curves():
     assert len(scenes.helicopter(turns=0.0, visibility="analytic").needs) == 3
 
 
-BLOCKS, BATCH = 8, 2**15
+BLOCKS = 8
 
 
-def block_means(scene, batches):
+def block_means(scene, batches, batch):
     """Return means over blocks of the image by random points, and their variances."""
     total, squares, count = (np.zeros((BLOCKS**2, 3)) for _ in range(3))
     for key in range(batches):
-        points = jax.random.uniform(jax.random.key(key), (BATCH, len(scene.needs)))
+        points = jax.random.uniform(jax.random.key(key), (batch, len(scene.needs)))
         found = np.asarray(value(scene, points), np.float64)
         x, y = np.asarray(jnp.floor(points[:, :2] * BLOCKS), int).T
         for sums, values in ((total, found), (squares, found**2), (count, 1)):
@@ -256,9 +256,10 @@ def block_means(scene, batches):
     return mean, (squares / count - mean**2) / count
 
 
-def check_means(over_time, batches=3):
+def check_means(over_time, batches=3, batch=2**15):
     """Compare with the same world at sampled times, block by block; return both variances."""
-    (mean, variance), (other, more) = (block_means(s, batches) for s in (over_time, over_time.estimator))
+    both = (over_time, over_time.estimator)
+    (mean, variance), (other, more) = (block_means(scene, batches, batch) for scene in both)
     assert (abs(mean - other) <= 5 * np.sqrt(variance + more) + 1e-6).all()
     return variance.mean(), more.mean()
 
@@ -272,7 +273,7 @@ def test_images_have_the_mean_of_sampled_visibility():
 
 @pytest.mark.slow
 def test_rotors_have_the_mean_of_sampled_visibility():
-    check_means(scenes.helicopter(visibility="analytic").estimator, batches=1)
+    check_means(scenes.helicopter(visibility="analytic").estimator, batches=1, batch=2**14)
 
 
 @pytest.mark.slow

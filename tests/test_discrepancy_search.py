@@ -49,7 +49,8 @@ def ranks_of(points):
     return np.argsort(np.argsort(points, axis=0), axis=0).T
 
 
-@pytest.mark.parametrize("key", [0, *(pytest.param(key, marks=pytest.mark.slow) for key in (1, 2))])
+@pytest.mark.slow
+@pytest.mark.parametrize("key", range(3))
 def test_best_coordinates_in_the_plane_are_those_of_linear_programs(key):
     points = np.random.default_rng(key).random((7, 2))
     ranked = _Ranked(points, analysis.star_discrepancy(points))

@@ -120,7 +120,7 @@ def test_what_moves_is_hit_at_one_time():
     assert found.energy.max() < 4 * np.pi / len(given) * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("intervals", [None, 4])
+@pytest.mark.parametrize("intervals", [None, pytest.param(4, marks=pytest.mark.slow)])
 def test_a_moving_shadow(intervals):
     """At each time it is dark inside of it and lit elsewhere, by the inverse square law."""
     world, count = shadowed(), 2**16 if intervals is None else 2**10

@@ -411,13 +411,18 @@ def test_the_variance_of_a_smooth_mean(name, plain, sizes, slope):
     assert found == pytest.approx(slope, abs=0.2)
 
 
+@jax.jit
+def points_of_many(scramblings, index):
+    return jax.vmap(lambda seq: seq(index, dtype=jnp.float64))(scramblings)
+
+
 def joint_digits(scramble, base, index, places, count=6000):
     """Return the digits of points at some places (point, digit) over many keys: int (keys, places)."""
     keys = jax.random.split(jax.random.key(17), count)
     scramblings = jax.vmap(lambda key: scramble(sequences.van_der_corput(base), key))(keys)
     index = jnp.asarray(np.array(index, np.uint32))
     with jax.enable_x64(True):
-        made = jax.jit(jax.vmap(lambda seq: seq(index, dtype=jnp.float64)))(scramblings)
+        made = points_of_many(scramblings, index)
     x = np.asarray(made)[..., 0]
     return np.stack([np.floor(x[:, point] * base ** (digit + 1)) % base for point, digit in places], axis=-1)
 

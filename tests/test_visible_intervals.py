@@ -187,7 +187,8 @@ def check_configurations(count, name, key):
     return error
 
 
-@pytest.mark.parametrize("name", ["float32", pytest.param("float64", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["float32", "float64"])
 def test_random_and_degenerate_triangles(name):
     check_configurations(BATCH, name, 1)
 
@@ -371,6 +372,7 @@ def test_what_is_hidden_takes_no_room():
     np.testing.assert_array_equal([found.start, found.end, found.shape], [[0], [1], [0]])
 
 
+@pytest.mark.slow
 def test_shutters():
     """Within a shutter is seen what is seen at its times; in one of no length, at that one."""
     world = tracing.world([many(8, 5.0)])

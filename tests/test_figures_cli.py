@@ -120,7 +120,7 @@ def alive(pid):
     """Whether a process runs; one that ended and was not yet waited for does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
+    except (FileNotFoundError, ProcessLookupError):
         return False
 
 
@@ -310,7 +310,7 @@ def test_interrupt_keeps_what_is_finished(tmp_path):
     assert time.monotonic() - begin < 5
     assert process.returncode == 130
     assert stderr == "interrupted: what was finished stays in out\n"
-    assert not alive((tmp_path / "started").read_text())
+    wait_for(lambda: not alive((tmp_path / "started").read_text()), 5)
     assert project.files() == ["numbers.json", "one.png", "one.webp"]
     assert list(project.numbers()) == ["one"]
 
@@ -331,7 +331,7 @@ def test_workers_end_with_a_killed_command(tmp_path):
     wait_for((tmp_path / "started").exists)
     process.kill()
     process.communicate(timeout=5)  # until nobody holds its output open
-    assert not alive((tmp_path / "started").read_text())
+    wait_for(lambda: not alive((tmp_path / "started").read_text()), 5)
 
 
 def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypatch):

@@ -1,0 +1,142 @@
+"""How often confidence intervals hold the truth, and how often identical samplers are told apart."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from figures import _coverage, _distinctions
+
+TRIALS = {"draft": 200, "paper": 2000}
+"""Of distinctions."""
+
+SIGMAS = 5.0
+COLORS = {"float32": "C0", "float64": "C1"}
+STYLES = {"Holm": "-", "bootstrap": ":"}
+
+NOTE = (
+    "Left: intervals of qmcjax.integrate with replicates, of {cells} cells: {integrands} integrands in 1 to 8 dimensions, "
+    "{sequences}, {sizes} points, {replicates} replicates; {trials} trials of each cell at most, bars of {sigmas:g} standard deviations "
+    "of a binomial. Cells in which rounding or resolution widens intervals may hold the integral more often than they say: {one_sided} "
+    "cells are tested on one side. {below} of {tests} tests (cells and levels) lie below their level by more than {sigmas:g} sigma, "
+    "{above} of those on two sides above. Middle: part of the trials in which any two of identical samplers are told apart; it "
+    "should be 5 % at most. Dotted: ranks by the bootstrap, as analysis.compare had them before. Right: part of the pairs of 6 samplers "
+    "told apart, each with that many times the error of the one before; normal errors of 5 %."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure coverage and distinctions, and draw both."""
+    cells = _coverage.measured(quality == "paper")
+    progress(0.9)
+    rows = _distinctions.measure(TRIALS[quality])
+    figure = Figure(figsize=(13, 5.2), layout="constrained")
+    figure.suptitle("Intervals hold the integral as often as they say; identical samplers stay indistinct")
+    left, middle, right = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
+    _coverages(left, cells)
+    _distinguished(middle, [row for row in rows if row["ratio"] == 1])
+    _power(right, [row for row in rows if row["ratio"] > 1])
+    tested = _tested(cells)
+    note = NOTE.format(
+        **tested,
+        cells=len(cells),
+        integrands=len(_coverage.INTEGRANDS),
+        sequences=_listed({cell.sequence for cell in cells}),
+        sizes=_listed({cell.n for cell in cells}),
+        replicates=_listed({cell.replicates for cell in cells}),
+        trials=max(cell.trials for cell in cells),
+        sigmas=SIGMAS,
+    )
+    return figure, {
+        "measured": {
+            "coverage": tested
+            | {f"{level:.0%}": _share(cells, k) for k, level in enumerate(_coverage.LEVELS)},
+            "most false distinctions": {
+                rule: max(row[rule] for row in rows if row["ratio"] == 1) for rule in STYLES
+            },
+        },
+        "table": rows,
+        "note": note,
+    }
+
+
+def _listed(values: set[Any]) -> str:
+    return ", ".join(str(value) for value in sorted(values))
+
+
+def _share(cells: list[_coverage.Cell], level: int) -> float:
+    return sum(cell.held[level] for cell in cells) / sum(cell.trials for cell in cells)
+
+
+def _tested(cells: list[_coverage.Cell]) -> dict[str, int]:
+    """Return how many cells and levels differ from their level by more than chance."""
+    found = dict.fromkeys(("tests", "one_sided", "below", "above"), 0)
+    for cell in cells:
+        wide = cell.wider > 0
+        found["one_sided"] += wide
+        for level, held in zip(_coverage.LEVELS, cell.held, strict=True):
+            sigma = np.sqrt(level * (1 - level) * cell.trials)
+            found["tests"] += 1
+            found["below"] += held < level * cell.trials - SIGMAS * sigma
+            found["above"] += not wide and held > level * cell.trials + SIGMAS * sigma
+    return {name: int(count) for name, count in found.items()}
+
+
+def _coverages(axes: Axes, cells: list[_coverage.Cell]) -> None:
+    """Draw the coverage of each level, a row for each integrand."""
+    names = list(_coverage.INTEGRANDS)
+    for k, level in enumerate(_coverage.LEVELS):
+        axes.axvline(level, color="0.6", lw=0.8, zorder=0)
+        for dtype, color in COLORS.items():
+            for row, name in enumerate(names):
+                of = [cell for cell in cells if (cell.integrand, cell.dtype) == (name, dtype)]
+                if of:
+                    count = sum(cell.trials for cell in of)
+                    bar = SIGMAS * np.sqrt(level * (1 - level) / count)
+                    y = row + (0.15 if dtype == "float64" else -0.15)
+                    label = dtype if not k and not row else None
+                    axes.errorbar(_share(of, k), y, xerr=bar, fmt="o", ms=3, lw=1, color=color, label=label)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set(title="intervals of 90, 95 and 99 %", xlabel="part that holds the integral")
+    axes.set_xlim(0.8, 1.02)
+    axes.legend(loc="lower left")
+
+
+def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
+    """Draw how often any two of identical samplers are told apart, the most over numbers of samplers."""
+    for color, errors in enumerate(_distinctions.ERRORS):
+        for rule, style in STYLES.items():
+            most = [
+                max(row[rule] for row in rows if row["errors"] == errors and row["keys"] == keys)
+                for keys in _distinctions.KEYS
+            ]
+            label = errors if rule == "Holm" else None
+            axes.plot(_distinctions.KEYS, most, f"o{style}", ms=4, color=f"C{color}", label=label)
+    axes.axhline(0.05, color="black", lw=0.8)
+    axes.set(title="2 to 12 identical samplers", xlabel="keys", ylabel="told apart in (most)")
+    axes.set_xscale("log", base=2)
+    axes.set_xticks(_distinctions.KEYS, [str(keys) for keys in _distinctions.KEYS])
+    axes.set_ylim(bottom=0)
+    axes.legend(title="errors; dotted: bootstrap")
+
+
+def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
+    """Draw the part of all pairs that is told apart over the ratio of errors."""
+    for color, keys in enumerate(_distinctions.KEYS):
+        of = [row for row in rows if row["keys"] == keys]
+        for rule, style in STYLES.items():
+            label = f"{keys} keys" if rule == "Holm" else None
+            axes.plot(
+                [row["ratio"] for row in of],
+                [row[rule] for row in of],
+                f"o{style}",
+                ms=4,
+                color=f"C{color}",
+                label=label,
+            )
+    axes.set(title="6 different samplers", xlabel="ratio of errors of one and the next", ylabel="pairs told apart")
+    axes.set_ylim(-0.02, 1.02)
+    axes.legend(title="dotted: bootstrap")

@@ -97,7 +97,7 @@ def check_progress(progress: Any, task: Task) -> None:
 
 def opened(
     checkpoint: Any, function: str, task: Task, mesh: Mesh | None, **made_of: Any
-) -> checkpoints.Checkpoint | None:
+) -> checkpoints.File | None:
     """Return the checkpoint of a function's result, which depends on a task or on something else."""
     if checkpoint is None:
         return None

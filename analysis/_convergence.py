@@ -232,7 +232,7 @@ def convergence(
     rows, kept = [], None
     if checkpoint is not None:
         of_rows = {"samplers": plan, "regions": dict(regions), "reference": exact, "repeats": repeats}
-        kept = checkpoints.shared(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
+        kept = checkpoints.begin(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
         rows = [ConvergenceRow(**row) for row in json.loads(str(kept.state.get("rows", "[]")))]
     process, own = devices.of_process(mesh)
     finished = {(row.sampler, row.spp) for row in rows}

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from jax.sharding import Mesh
@@ -72,23 +72,8 @@ class Checkpoint:
     label: str
 
 
-class Kept(Protocol):
-    """Where a loop keeps its state: a file, or a part of one."""
-
-    state: State
-    """What an earlier run has kept, or nothing."""
-
-    def due(self, last: bool = False) -> bool:
-        """Tell whether it is time to write; in the end of a computation it is."""
-        ...
-
-    def write(self, **state: Any) -> None:
-        """Keep arrays in place of what was kept before."""
-        ...
-
-
 class File:
-    """The state of one computation in a file."""
+    """The state of one computation in a file: what an earlier run has kept, or nothing."""
 
     def __init__(self, path: Path, header: str, state: State, writes: bool = True) -> None:
         self.path = path
@@ -134,7 +119,7 @@ class File:
 class Part:
     """The state of a loop inside another one, kept in the same file beside the outer one's arrays."""
 
-    def __init__(self, whole: Kept, name: str, **outer: Any) -> None:
+    def __init__(self, whole: File, name: str, **outer: Any) -> None:
         self.whole = whole
         self.prefix = f"{name}."
         self.outer = outer
@@ -151,15 +136,19 @@ class Part:
         self.whole.write(**self.outer, **{f"{self.prefix}{key}": value for key, value in state.items()})
 
 
-def begin(checkpoint: Any, writes: bool = True, **made_of: Any) -> File:
+Kept = File | Part
+"""Where a loop keeps its state."""
+
+
+def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     """Return the file of a computation, with the state that an earlier run of the same has kept.
 
     Parameters
     ----------
     checkpoint : path or Checkpoint
         Of a file, which need not be there.
-    writes : bool
-        Whether it is ever due: one process writes what several share.
+    mesh : Mesh or None
+        Whose processes compute together. All read the file; then the first one writes it when it is due.
     **made_of : Any
         What the result depends on, by the names of arguments.
 
@@ -172,13 +161,14 @@ def begin(checkpoint: Any, writes: bool = True, **made_of: Any) -> File:
     TypeError
         If ``checkpoint`` is no path or Checkpoint, or something is a tracer.
     ValueError
-        If the file is no checkpoint, damaged, or that of another computation, or the folder is not there. If
-        foreign code takes part and there is no label: at the beginning, not when hours of work are refused.
+        If the file is no checkpoint, damaged, that of another computation, or not the same for all processes,
+        or the folder is not there. If foreign code takes part without a label: at the beginning, before work is
+        lost.
     OSError
         If nothing can be written there.
     """
     path, label = _checked(checkpoint)
-    described, foreign = {"label": repr(label)}, []
+    described, foreign = {"label": repr(label), "device": devices.kind(mesh)}, []
     for name, value in made_of.items():
         described[name] = repr(value)
         if not isinstance(value, int | float | str):
@@ -191,31 +181,21 @@ def begin(checkpoint: Any, writes: bool = True, **made_of: Any) -> File:
             "whenever that code changes"
         )
     described |= environment()
+    writes, state = devices.is_first(mesh), {}
     if writes:
         _clear(path)
-    state = {}
     if path.exists():
         known, state = _read(path)
         _refuse_other(path, known, described)
     made = File(path, json.dumps({"format": _FORMAT, "made of": described}), state, writes)
     if writes and not state:
         made._write({})
-    return made
-
-
-def shared(checkpoint: Any, mesh: Mesh | None, **made_of: Any) -> File:
-    """Return the file of what the processes of a mesh compute together, or raise as :func:`begin` does.
-
-    The first process writes it when it is due; all have read it before that, since what it writes they make
-    together.
-    """
-    kept = begin(checkpoint, devices.is_first(mesh), device=devices.kind(mesh), **made_of)
-    if not devices.agree(int(digest("checkpoint", kept.state)[0][:8], 16), mesh):
+    if not devices.agree(int(digest("checkpoint", state)[0][:8], 16), mesh):
         raise ValueError(
-            f"checkpoint must be a file that all processes of the mesh see, got {str(kept.path)!r}, "
-            "which is not the same for all"
+            f"checkpoint must be a file that all processes of the mesh see, got {str(path)!r}, which is not "
+            "the same for all"
         )
-    return kept
+    return made
 
 
 def _checked(checkpoint: Any) -> tuple[Path, str | None]:

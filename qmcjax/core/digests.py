@@ -27,8 +27,8 @@ _PLAIN = (bool, int, float, complex, str, bytes, range, type(None), type(Ellipsi
 _FLAGS = (
     *("enable_x64", "default_matmul_precision", "softmax_custom_jvp", "use_direct_linearize", "use_magma"),
     *("default_prng_impl", "threefry_partitionable", "threefry_gpu_kernel_lowering", "random_seed_offset"),
-    *("high_dynamic_range_gumbel", "disable_jit", "disable_most_optimizations", "optimization_level"),
-    "exec_time_optimization_effort",
+    *("high_dynamic_range_gumbel", "disable_jit", "disable_most_optimizations", "compiler_enable_remat_pass"),
+    *("optimization_level", "exec_time_optimization_effort", "memory_fitting_effort", "memory_fitting_level"),
 )
 """Flags of JAX that change bits: those of precision, derivatives, random numbers, and compilation."""
 
@@ -86,9 +86,7 @@ def _of(value: Any, name: str, foreign: dict[str, None]) -> bytes:
 
 
 def _hashed(tag: str, data: bytes) -> bytes:
-    sha = hashlib.sha256(f"{tag}\0".encode())
-    sha.update(data)
-    return sha.digest()
+    return hashlib.sha256(f"{tag}\0".encode() + data).digest()
 
 
 def _contents(value: Any) -> list[Any] | None:

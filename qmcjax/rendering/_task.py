@@ -104,7 +104,7 @@ def opened(
     _check_outside("checkpoint", checkpoint, task)
     made_of = made_of or {"sampler": task.sampler, "spp": task.spp}
     size = {"width": task.width, "height": task.height, "dtype": task.dtype.name}
-    return checkpoints.shared(checkpoint, mesh, function=function, scene=task.scene, **size, **made_of)
+    return checkpoints.begin(checkpoint, mesh, function=function, scene=task.scene, **size, **made_of)
 
 
 def _check_outside(name: str, value: Any, task: Task) -> None:

@@ -162,8 +162,7 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
         If ``checkpoint`` is no path or Checkpoint, or something is a tracer.
     ValueError
         If the file is no checkpoint, damaged, that of another computation, or not the same for all processes,
-        or the folder is not there. If foreign code takes part without a label: at the beginning, before work is
-        lost.
+        or the folder is not there. If foreign code takes part without a label: now, not when work is lost.
     OSError
         If nothing can be written there.
     """

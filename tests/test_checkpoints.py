@@ -56,6 +56,14 @@ def test_another_version_is_refused(tmp_path, monkeypatch):
         keep(tmp_path / "state")
 
 
+def test_another_kind_of_device_is_refused(tmp_path, monkeypatch):
+    keep(tmp_path / "state", done=1)
+    kind = checkpoints.devices.kind(None)
+    monkeypatch.setattr(checkpoints.devices, "kind", lambda mesh: "abacus")
+    with pytest.raises(ValueError, match=f"where device was {kind}, is abacus:"):
+        keep(tmp_path / "state")
+
+
 def test_labels(tmp_path):
     """Any text, which counts where there is no foreign code, too."""
     path, long = tmp_path / "state", "v2 " * 40
@@ -155,13 +163,19 @@ def test_only_what_killed_processes_left_is_cleared_away(tmp_path):
 
 
 def test_what_is_being_written_is_not_cleared_away(tmp_path, monkeypatch):
-    """Another run of the same begins meanwhile."""
-    path = tmp_path / "state"
+    """Another run of the same begins meanwhile; the file says who writes it."""
+    path, seen = tmp_path / "state", []
     held = begin(path, spp=1)
     held.write(done=0)
-    monkeypatch.setattr(checkpoints.os, "fsync", lambda file: begin(path, spp=1))
+
+    def meanwhile(file):
+        begin(path, spp=1)
+        seen.extend(os.listdir(tmp_path))
+
+    monkeypatch.setattr(checkpoints.os, "fsync", meanwhile)
     held.write(done=1)
     assert begin(path, spp=1).state["done"] == 1
+    assert sorted(seen) == [f".state.part-{os.getpid()}-{socket.gethostname()}", "state"]
 
 
 def test_writes_take_a_small_share_of_the_time(tmp_path, monkeypatch):

@@ -143,9 +143,6 @@ CATALOGUE = {
         "figures.measure_speed", "Speed of the measures, beside peers and with gradients", timed=True
     ),
     "roofline": Entry("figures.roofline", "What an H100 could make of our programs, at most"),
-    "measure-cost": Entry(
-        "figures.measure_cost", "Time and memory of the measures over the number of points", timed=True
-    ),
     "scaling": Entry("figures.scaling", "Images of more pixels and samples: time and memory", timed=True),
     "measures-at-scale": Entry(
         "figures.measures_at_scale", "Measures of up to 2^24 points: time and memory", timed=True

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from figures._measure_cost import peak_of
+from figures._peak_memory import peak_of
 from qmcjax import sequences
 
 Points = NDArray[np.float64]

@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from jax.sharding import Mesh
 
-from figures._measure_cost import peak_of
+from figures._peak_memory import peak_of
 from qmcjax import render, samplers, scenes
 
 SIDES = {"draft": (64, 128), "paper": (64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384)}

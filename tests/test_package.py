@@ -51,11 +51,11 @@ FIRST = "assert image.shape == (512, 512) and abs(image - reference).mean() < 0.
 
 def readme_program():
     """Return the Python of the README in the README's lines, as a traceback names them, with a check."""
-    program, inside, check = [], False, FIRST
+    program, inside = [], False
     for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines():
         ends = inside and line.startswith("```")
+        check = FIRST if ends and program[-1].startswith("reference") else ""
         program.append(check if ends else line if inside else "")
-        check = "" if ends else check
         inside = line == "```python" or (inside and not ends)
     return "\n".join(program)
 

@@ -9,7 +9,7 @@ import pytest
 from tables import SAMPLERS, SIDE, SPP, first, some
 
 import qmcjax as qj
-from figures._measure_cost import peak_of
+from figures._peak_memory import peak_of
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.rendering import _render
 

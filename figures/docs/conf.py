@@ -31,7 +31,8 @@ html_static_path = ["_static"]
 html_css_files = ["pictures.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
-html_sidebars = {page: [] for page in ("index", "tutorial", "howto", "long_runs", "ledger", "notebooks")}
+_WIDE = "index tutorial howto contents long_runs stability house ledger notebooks"
+html_sidebars = {page: [] for page in _WIDE.split()}
 html_theme_options = {
     "navigation_with_keys": False,
     "show_prev_next": False,

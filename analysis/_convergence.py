@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from analysis import _arguments
 from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import render
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
@@ -137,7 +138,7 @@ def convergence(
     repeats: int = 3,
     reference: tuple[Any, Any] | None = None,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | None = None,
+    checkpoint: str | os.PathLike | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> ConvergenceTable:
     """Render a scene with each sampler and number of samples, and measure error and time.
@@ -168,9 +169,10 @@ def convergence(
         the errors of its values or an array of bounds, as :func:`qmcjax.estimated_reference` returns them.
     progress : callable, optional
         Called with the finished part in (0, 1] after each image.
-    checkpoint : path, optional
+    checkpoint : path or Checkpoint, optional
         Of a file that keeps finished images' rows, written every half a minute: called again with the same
-        arguments, times of the rows that are there are those that were measured then. It stays there.
+        arguments, times of the rows that are there are those that were measured then. It stays there. Where
+        foreign code takes part, a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
         Devices, as in :func:`qmcjax.render`. Its processes, which all make the same call, share the images,
         and the devices of each the pixels of one; each gets all rows. Times are those of the process that
@@ -187,7 +189,8 @@ def convergence(
     ValueError
         If an argument is out of range, a region is empty, a sampler refuses the image size or a number of
         samples, or the reference has another shape, no bound, or values that are not finite: before anything
-        is rendered. If ``checkpoint`` is damaged, or that of other arguments or versions.
+        is rendered. If ``checkpoint`` is damaged, or that of other arguments, labels or versions, or lacks a
+        label.
 
     References
     ----------
@@ -228,8 +231,8 @@ def convergence(
     exact, bound = _reference(scene, reference, width, height)
     rows, kept = [], None
     if checkpoint is not None:
-        of_rows = {"samplers": plan, "regions": regions, "reference": exact, "repeats": repeats}
-        kept = checkpoints.shared(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
+        of_rows = {"samplers": plan, "regions": dict(regions), "reference": exact, "repeats": repeats}
+        kept = checkpoints.begin(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
         rows = [ConvergenceRow(**row) for row in json.loads(str(kept.state.get("rows", "[]")))]
     process, own = devices.of_process(mesh)
     finished = {(row.sampler, row.spp) for row in rows}

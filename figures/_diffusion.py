@@ -60,7 +60,7 @@ def reference(
             f"{k}": partial(image, scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)
             for k in range(REPLICATES)
         }
-        label = f"reference of {digest('scene', scene)}, {side}, {spp}"
+        label = f"reference of {digest('scene', scene)[0]}, {side}, {spp}"
         images = list(_cells.shared(label, replicates).values())
         error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
         return Reference(np.mean(images, axis=0), error, f"estimated from {spp} samples per pixel")

@@ -56,14 +56,14 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
     scales = _scales(differences)
 
     height, width = arrays[first].shape[:2]
-    files = {f"{_slug(first)}.webp": _webp(shown[first])}
-    items: list[dict[str, Any]] = [{"name": first, "file": f"{_slug(first)}.webp"}]
+    files = {f"{slug(first)}.webp": _webp(shown[first])}
+    items: list[dict[str, Any]] = [{"name": first, "file": f"{slug(first)}.webp"}]
     for name in others:
-        slug, count = _slug(name), _count(name)
+        stem, count = slug(name), _count(name)
         parts = {
-            "file": f"{slug}.webp",
-            "difference": f"{slug}.difference.webp",
-            "spectrum": f"{slug}.spectrum.webp",
+            "file": f"{stem}.webp",
+            "difference": f"{stem}.difference.webp",
+            "spectrum": f"{stem}.spectrum.webp",
         }
         files[parts["file"]] = _webp(shown[name])
         files[parts["difference"]] = _webp(_signed(differences[name], scales[count]))
@@ -100,7 +100,8 @@ def _checked(images: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
     return arrays
 
 
-def _slug(name: str) -> str:
+def slug(name: str) -> str:
+    """Return what files of images are named by: small letters and digits."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 

@@ -55,7 +55,7 @@ def compared(
         for spp, of_count in ways.items()
         for name, sampler in of_count.items()
     }
-    images = _cells.shared(f"images of {digest('scene', scene)}, {side}", cells, progress)
+    images = _cells.shared(f"images of {digest('scene', scene)[0]}, {side}", cells, progress)
     names = [(spp, name) for spp, of_count in ways.items() for name in of_count]
     return dict(zip(names, images.values(), strict=True))
 

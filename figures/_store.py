@@ -105,9 +105,17 @@ def as_csv(rows: list[dict[str, Any]]) -> bytes:
     """Return a table, one line a row below the names of the columns of the first."""
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    writer.writerow({name: _inert(name) for name in rows[0]})
+    writer.writerows({name: _inert(cell) for name, cell in row.items()} for row in rows)
     return text.getvalue().encode()
+
+
+def _inert(cell: Any) -> Any:
+    """Return a cell; text that spreadsheets take for a formula, with an apostrophe before it."""
+    if not isinstance(cell, str):
+        return cell
+    text = cell.replace("\r", "\n")  # Which ``csv`` does not quote: what follows would be a cell of its own.
+    return f"'{text}" if text.startswith(tuple("=+-@\t\n")) else text
 
 
 def _refuse_constant(constant: str) -> None:

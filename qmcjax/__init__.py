@@ -21,6 +21,7 @@ from qmcjax import sequences as sequences
 from qmcjax.choosing import ErrorRatio as ErrorRatio
 from qmcjax.choosing import Recommendation as Recommendation
 from qmcjax.choosing import recommend as recommend
+from qmcjax.core.checkpoints import Checkpoint as Checkpoint
 from qmcjax.core.pytrees import pytree as pytree
 from qmcjax.integrate import Estimate as Estimate
 from qmcjax.integrate import integrate as integrate

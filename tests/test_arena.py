@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from figures import _handed_out
 from figures.__main__ import main
 from figures.arena._rivals import RIVALS, SCENES
 
@@ -84,6 +85,31 @@ def test_a_broken_sampler_is_told_first(folder, capsys):
     assert "samples 0 and 1 of pixel (0, 0) are the same point" in told
     page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
     assert page.index("are the same point") < page.index('id="ranks"')
+
+
+def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):
+    """Each sampler is compared, by a name whose images have files of their own on any system."""
+    (folder / "more.py").write_text(f"{OWN}\nMine = mine\n", encoding="utf-8")
+    (folder / "mine").mkdir()
+    rng, files = np.random.default_rng(2), ["own_points", "Own-Points", "mine/own_points", "0_2_owen", "MINE"]
+    for file in files:
+        np.save(folder / f"{file}.npy", rng.random((8, 2)))
+    seen = {}
+
+    def compare(named, *given, **options):
+        seen.update(named)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("analysis.compare", compare)
+    points = [f"{file}.npy" for file in files]
+    with pytest.raises(KeyboardInterrupt):
+        main(["compare", "more:mine", "more:Mine", "some_samplers:mine", "--points", *points, *SMALL])
+    names = ["mine", "Mine 2", "mine 3", "own_points", "Own-Points 2", "own_points 3", "0_2_owen 2", "MINE 4"]
+    assert list(seen) == [*names, "(0,2), Owen"]
+    images, _ = _handed_out.encode({f"{name}, 4 spp": np.zeros((4, 4)) for name in seen})
+    assert len({name.lower() for name in images}) == 1 + 3 * len(names)
+    first = {name: tuple(np.asarray(seen[name](1)(0, 0, 0)).tolist()) for name in names[3:]}
+    assert len(set(first.values())) == 5
 
 
 @pytest.mark.parametrize(

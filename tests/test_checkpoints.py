@@ -2,6 +2,8 @@
 
 import os
 import resource
+import socket
+import subprocess
 import time
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 
 from qmcjax import scenes
 from qmcjax.core import checkpoints
-from qmcjax.core.checkpoints import begin
+from qmcjax.core.checkpoints import Checkpoint, begin
 
 DISC = scenes.disc()
 
@@ -48,10 +50,31 @@ def test_another_computation_is_refused(tmp_path, other, message):
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
     keep(tmp_path / "state", done=1)
-    ours = checkpoints.versions()
-    monkeypatch.setattr(checkpoints, "versions", lambda: ours | {"jax": "0.0.1"})
-    with pytest.raises(ValueError, match=r"jax was \d.*, is 0\.0\.1"):
+    ours = checkpoints.environment()
+    monkeypatch.setattr(checkpoints, "environment", lambda: ours | {"qmcjax": "0.0.1"})
+    with pytest.raises(ValueError, match=r"qmcjax was \d.*, sources .*, is 0\.0\.1:"):
         keep(tmp_path / "state")
+
+
+def test_another_kind_of_device_is_refused(tmp_path, monkeypatch):
+    keep(tmp_path / "state", done=1)
+    kind = checkpoints.devices.kind(None)
+    monkeypatch.setattr(checkpoints.devices, "kind", lambda mesh: "abacus")
+    with pytest.raises(ValueError, match=f"where device was {kind}, is abacus:"):
+        keep(tmp_path / "state")
+
+
+def test_labels(tmp_path):
+    """Any text, which counts where there is no foreign code, too."""
+    path, long = tmp_path / "state", "v2 " * 40
+    keep(path, done=1)
+    with pytest.raises(ValueError, match=f"where label was None, is '{long}': give"):
+        keep(Checkpoint(path, long))
+    path.unlink()
+    keep(Checkpoint(path, long), done=1)
+    with pytest.raises(ValueError, match=f"where label was '{long}', is None: give"):
+        keep(path)
+    assert begin(Checkpoint(str(path), long), scene=DISC, spp=4).state["done"] == 1
 
 
 @pytest.mark.parametrize("kind", ["empty", "text", "cut", "flipped", "array", "archive", "pickle"])
@@ -83,7 +106,10 @@ def test_a_damaged_or_foreign_file_is_refused_and_stays(tmp_path, kind):
 @pytest.mark.parametrize(
     ("path", "error", "message"),
     [
-        (3, TypeError, "must be the path of a file, got 3"),
+        (3, TypeError, "must be the path of a file or a Checkpoint, got 3"),
+        (Checkpoint(3, "v1"), TypeError, "must be the path of a file or a Checkpoint, got 3"),
+        (Checkpoint("state", 1), TypeError, "must have a str as label, got 1"),
+        (Checkpoint(".", "v1"), ValueError, r"must be the path of a file, got a folder: '\.'"),
         ("", ValueError, r"must be the path of a file, got a folder: '\.'"),
         (".", ValueError, r"must be the path of a file, got a folder: '\.'"),
         (
@@ -120,13 +146,36 @@ def test_a_full_disk_leaves_the_last_one(tmp_path):
     assert begin(path, spp=1).state["total"].shape == (10_000,)
 
 
-def test_what_a_killed_process_left_is_cleared_away(tmp_path):
-    path = tmp_path / "state[1]"
+def test_only_what_killed_processes_left_is_cleared_away(tmp_path):
+    """What another run of the same, here or on another machine, is just writing stays."""
+    path, here = tmp_path / "state[1]", socket.gethostname()
     keep(path, done=1)
-    (tmp_path / ".state[1].part-99").write_bytes(b"half")
-    (tmp_path / ".state1.part-99").write_bytes(b"another's")
+    ended = subprocess.Popen(["true"])
+    ended.wait()
+    left = [f".state[1].part-{ended.pid}-{here}", ".state[1].part-99-far-away", ".state[1].part-old"]
+    stays = [f".state[1].part-{os.getppid()}-{here}", ".state[1].part-98-far-away", ".state1.part-old"]
+    for name in left + stays:
+        (tmp_path / name).write_bytes(b"half")
+    for name in left[1:] + stays[2:]:
+        os.utime(tmp_path / name, (0, time.time() - checkpoints.LEFT - 60))
     keep(path, done=2)
-    assert sorted(os.listdir(tmp_path)) == [".state1.part-99", "state[1]"]
+    assert sorted(os.listdir(tmp_path)) == sorted([*stays, "state[1]"])
+
+
+def test_what_is_being_written_is_not_cleared_away(tmp_path, monkeypatch):
+    """Another run of the same begins meanwhile; the file says who writes it."""
+    path, seen = tmp_path / "state", []
+    held = begin(path, spp=1)
+    held.write(done=0)
+
+    def meanwhile(file):
+        begin(path, spp=1)
+        seen.extend(os.listdir(tmp_path))
+
+    monkeypatch.setattr(checkpoints.os, "fsync", meanwhile)
+    held.write(done=1)
+    assert begin(path, spp=1).state["done"] == 1
+    assert sorted(seen) == [f".state.part-{os.getpid()}-{socket.gethostname()}", "state"]
 
 
 def test_writes_take_a_small_share_of_the_time(tmp_path, monkeypatch):

@@ -119,7 +119,8 @@ def test_an_interrupted_sweep_goes_on(rendered, tmp_path, monkeypatch):
     """What was measured is neither measured again nor lost, and no other sweep takes it for its own."""
     monkeypatch.setattr(checkpoints, "EVERY", 0.0)
     monkeypatch.setattr(checkpoints, "SHARE", math.inf)
-    given = {"width": 6, "height": 8, "reference": Scene().reference(6, 8), "checkpoint": tmp_path / "sweep"}
+    kept = qj.Checkpoint(tmp_path / "sweep", "v1")
+    given = {"width": 6, "height": 8, "reference": Scene().reference(6, 8), "checkpoint": kept}
 
     def stop(part):
         if part == 0.5:
@@ -136,6 +137,10 @@ def test_an_interrupted_sweep_goes_on(rendered, tmp_path, monkeypatch):
     assert convergence(scenes.disc(), SAMPLERS, [1, 4], **{**given, "checkpoint": None}) == table
     with pytest.raises(ValueError, match=r"^checkpoint .*sweep', where samplers is another one: "):
         convergence(scenes.disc(), SAMPLERS, [1, 16], **given)
+    with pytest.raises(
+        ValueError, match=r"with a label where foreign .* and samplers: test_convergence\.Fake:"
+    ):
+        convergence(scenes.disc(), SAMPLERS, [1, 4], **{**given, "checkpoint": tmp_path / "plain"})
 
 
 GOOD = {"samplers": SAMPLERS, "spps": [1, 4], "width": 8, "height": 8}

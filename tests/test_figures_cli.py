@@ -1,6 +1,8 @@
 """The command line of ``figures``, run as its user would, on small figures written for each test."""
 
+import csv
 import errno
+import io
 import json
 import os
 import pty
@@ -555,6 +557,17 @@ def test_tables_are_written_beside_the_pictures(tmp_path):
     assert (tmp_path / "sheet.csv").read_text() == 'name,seconds\n"a, b",0.5\nc,1e-09\n'
     assert _finish(tmp_path, task._replace(name="plain"), Done(1.0, b"", "{}"), "Title", "fingerprint")
     assert not (tmp_path / "plain.csv").exists()
+
+
+def test_no_cell_is_a_formula():
+    """Text that spreadsheets compute, in names of rows and columns; numbers stay numbers."""
+    formulas = ['=HYPERLINK("http://a.b")', "+1", "-1", "@SUM(A1)", "\t=1", "\n=1"]
+    text = _store.as_csv([{"name": each, "=error": -1.5, "a-b": "a=b"} for each in formulas])
+    heads, *rows = csv.reader(io.StringIO(text.decode(), newline=""))
+    assert heads == ["name", "'=error", "a-b"]
+    assert rows == [[f"'{each}", "-1.5", "a=b"] for each in formulas]
+    text = _store.as_csv([{"name": each} for each in ("\r=1", "a\r=1")])
+    assert list(csv.reader(io.StringIO(text.decode(), newline=""))) == [["name"], ["'\n=1"], ["a\n=1"]]
 
 
 IMAGES = """

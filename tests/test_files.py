@@ -4,6 +4,8 @@ import io
 import re
 import struct
 import sys
+import tracemalloc
+import zipfile
 import zlib
 
 import numpy as np
@@ -84,6 +86,74 @@ def test_damaged_pictures_are_told_with_the_place(tmp_path):
             assert np.array_equal(read_image(path), right)
         except ValueError as error:
             assert re.search(r"image.png, (byte|row) \d+, ", str(error)), error
+
+
+def peak(call):
+    """Return the most bytes that Python and NumPy held during a call that raises a ValueError, and it."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ValueError) as raised:
+            call()
+        return tracemalloc.get_traced_memory()[1], str(raised.value)
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("lies", [False, True])
+def test_archives_are_not_unpacked_beyond_max_bytes(tmp_path, lies):
+    """65 kB that unpack to 64 MiB, even if the directory of the archive gives another size."""
+    path = tmp_path / "a.npz"
+    np.savez_compressed(path, few=POINTS, many=np.zeros((2**22, 2)))
+    if lies:
+        size = (2**26 + 128).to_bytes(4, "little")
+        at = path.read_bytes().rindex(size)
+        path.write_bytes(path.read_bytes()[:at] + bytes(4 - 1) + b"\1" + path.read_bytes()[at + 4 :])
+    held, message = peak(lambda: read_points(path, "many", max_bytes=2**25))
+    assert held < (2**24 * 2.5 if lies else 2**20)
+    wanted = (
+        "Bad CRC-32 for file 'many.npy'" if lies else "they must take at most max_bytes=33554432, got 671"
+    )
+    assert re.search(rf"a\.npz, byte \d+, must be an archive of arrays: {wanted}", message)
+    if not lies:
+        assert read_points(path, "many", max_bytes=2**27).shape == (2**22, 2)
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_archives_are_packed_as_numpy_does(tmp_path, method):
+    """Python unpacks others at once, however much that is."""
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", method) as archive:
+        archive.writestr("many.npy", bytes(2**24))
+    held, message = peak(lambda: read_points(tmp_path / "a.npz"))
+    assert held < 2**20 and "must be stored or deflated, got" in message
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_files_larger_than_max_bytes_are_not_read(tmp_path, ending):
+    path = tmp_path / f"points{ending}"
+    write_points(path, POINTS)
+    size = path.stat().st_size
+    with pytest.raises(ValueError, match=rf"must take at most max_bytes={size - 1}, got {size} bytes"):
+        read_points(path, dims=3, max_bytes=size - 1)
+    with open(path, "ab") as file:
+        file.truncate(2**40)
+    with pytest.raises(ValueError, match=r"must take at most max_bytes=1073741824, got 1099511627776 bytes"):
+        read_points(path, dims=3)
+
+
+@pytest.mark.parametrize("size", [(2**32 - 1, 2**32 - 1), (2**32 - 1, 1), (2**16, 2**16)])
+@pytest.mark.parametrize("bits", [8, 16])
+def test_pictures_are_as_large_as_they_say(tmp_path, size, bits):
+    """Before they are unpacked: ZIP makes nothing more than 1032 times smaller."""
+    path = tmp_path / "image.png"
+    write_image(path, np.zeros((64, 64, 3)), transfer="linear", bits=bits)
+    data = bytearray(path.read_bytes())
+    data[16:24] = struct.pack(">II", *size)
+    data[29:33] = struct.pack(">I", zlib.crc32(data[12:29]))
+    path.write_bytes(data)
+    held, message = peak(lambda: read_image(path))
+    wanted = (3 * bits // 8 * size[0] + 1) * size[1]
+    assert held < 2**20
+    assert re.search(rf"image\.png, byte 8, must have {wanted} bytes of pixels, got at most \d+$", message)
 
 
 def test_byte_order_marks_and_headings(tmp_path):

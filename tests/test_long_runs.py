@@ -50,7 +50,9 @@ def killed_after(calls):
     return progress
 
 
-def passes(**given):
+def passes(checkpoint=None, **given):
+    """Render passes, made by a function of this file: a checkpoint has a label."""
+    given["checkpoint"] = checkpoint and qj.Checkpoint(checkpoint, "v1")
     return qj.render_passes(scenes.disc(), PASSES, SIDE, SIDE, **{"passes": 6, **given})
 
 
@@ -115,6 +117,19 @@ def test_another_image_is_refused(tmp_path):
         image(checkpoint=tmp_path / "state", dtype="float64")
 
 
+def test_other_passes_under_the_same_label_are_refused(tmp_path):
+    """The function that makes samplers is foreign, what it has made is not."""
+
+    def edited(key):
+        return samplers.independent(sequences.sobol(2), key)
+
+    edited.__module__, edited.__qualname__ = one_pass.__module__, one_pass.__qualname__
+    passes(checkpoint=tmp_path / "state")
+    kept = qj.Checkpoint(tmp_path / "state", "v1")
+    with pytest.raises(ValueError, match="state', where first pass is another one:"):
+        qj.render_passes(scenes.disc(), samplers.randomized(edited, 1, spp=4), SIDE, SIDE, 6, checkpoint=kept)
+
+
 def test_passes_end_with_the_time(monkeypatch):
     """At least two, and no sooner; the part that is finished never goes back."""
     clock = [0.0]
@@ -141,7 +156,7 @@ def test_passes_end_with_the_time(monkeypatch):
         ({"seconds": 0}, ValueError, "seconds must be positive and finite, got 0"),
         ({"seconds": [1, 2]}, TypeError, r"seconds must be one number, got \[1, 2\]"),
         ({"progress": 3}, TypeError, "progress must be a function of the finished part, got 3"),
-        ({"checkpoint": 3}, TypeError, "checkpoint must be the path of a file, got 3"),
+        ({"checkpoint": 3}, TypeError, "checkpoint must be the path of a file or a Checkpoint, got 3"),
     ],
 )
 def test_bad_input_is_named(given, error, message):

@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import itertools
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 import analysis
-from figures import _store
+from figures import _handed_out, _store
 from figures.arena import _report
 from figures.arena._rivals import RIVALS, SCENES, rivals
 from qmcjax import samplers, sequences
@@ -42,11 +43,14 @@ def main(argv: Sequence[str]) -> int:
     if not given.samplers and not given.points:
         parser.error("name a function that makes a sampler, module:function, or --points FILE")
     own: dict[str, Any] = {}
+    sets: dict[str, Any] = {}
     try:
         for text in given.samplers:
             own[_free(text.rpartition(":")[2], own)] = _loaded(text)
-        sets = {_free(path.stem, own): analysis.read_points(path) for path in given.points}
-        own |= {name: _rotated(points) for name, points in sets.items()}
+        for path in given.points:
+            name = _free(path.stem, own)
+            sets[name] = analysis.read_points(path)
+            own[name] = _rotated(sets[name])
         worlds = {name: SCENES[name]() for name in given.scenes}
     except (OSError, ValueError, TypeError, ImportError, AttributeError) as error:
         parser.error(str(error))
@@ -157,11 +161,10 @@ def _loaded(text: str) -> Any:
 
 
 def _free(name: str, taken: dict[str, Any]) -> str:
-    """Return a name that neither another own sampler has nor one to compare with."""
-    names = {*taken, *(rival.name for rival in RIVALS.values())}
-    return (
-        name if name not in names else next(f"{name} {k}" for k in range(2, 99) if f"{name} {k}" not in names)
-    )
+    """Return a name whose files are neither those of another own sampler nor of one to compare with."""
+    files = {_handed_out.slug(other) for other in (*taken, *(rival.name for rival in RIVALS.values()))}
+    names = itertools.chain([name], (f"{name} {k}" for k in itertools.count(2)))
+    return next(each for each in names if _handed_out.slug(each) not in files)
 
 
 def _rotated(points: Any) -> Callable[[int], samplers.Sampler]:

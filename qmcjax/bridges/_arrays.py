@@ -49,15 +49,24 @@ def _header(text: bytes, first: int) -> tuple[np.dtype, tuple[int, ...], bool]:
     return dtype, shape, header["fortran_order"]
 
 
-def parsed_npz(data: bytes) -> dict[str, NDArray]:
-    """Return the arrays of a ``.npz`` file, their checksums compared; see :func:`parsed_npy`."""
+def parsed_npz(data: bytes, max_bytes: int) -> dict[str, NDArray]:
+    """Return the arrays of a ``.npz`` file, their checksums compared; see :func:`parsed_npy`.
+
+    What the directory says is checked before anything is unpacked, and no more than that is.
+    """
     arrays = {}
     place = max(data.rfind(b"PK\x05\x06"), 0)  # the directory, at the end
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+            if size > max_bytes:
+                raise ValueError(f"they must take at most max_bytes={max_bytes}, got {size} bytes unpacked")
             for member in archive.infolist():
                 place = max(member.header_offset, 0)
-                arrays[member.filename.removesuffix(".npy")] = archive.read(member)
+                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise ValueError(f"they must be stored or deflated, got method {member.compress_type}")
+                with archive.open(member) as content:
+                    arrays[member.filename.removesuffix(".npy")] = content.read(member.file_size)
     except Exception as error:  # BadZipFile, zlib.error, EOFError, struct.error, RuntimeError, ...
         raise ValueError(f"byte {place}, must be an archive of arrays: {error}") from None
     for name, content in arrays.items():

@@ -18,7 +18,7 @@ _LINES = {0: 1, 2: 1, 3: 16}
 """Lines of a chunk, by compression: none, ZIPS and ZIP, which are the same but for that."""
 
 _ZIP = 3
-_MOST = 1032
+DEFLATES = 1032
 """Times that ZIP makes data smaller, at most."""
 
 _CHECKSUM = "qmcjaxCrc32"
@@ -121,7 +121,7 @@ def _dtype(channels: bytes, width: int) -> np.dtype:
 def _decoded(data: bytes, header: _Header) -> NDArray[np.float32]:
     lines, raw = _LINES[header.compression], header.dtype.itemsize
     count = -(-header.height // lines)
-    if raw * header.height > _MOST * len(data):
+    if raw * header.height > DEFLATES * len(data):
         raise ValueError(f"byte 8, must be a window of {len(data)} bytes, got {raw * header.height} unpacked")
     if len(data) < header.end + 8 * count:
         raise ValueError(f"byte {header.end}, must be places of {count} chunks, got the end of the file")

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from qmcjax.bridges._exr import DEFLATES
+
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}
 """Channels of the types grey, RGB, grey with alpha, RGB with alpha."""
@@ -86,15 +88,16 @@ def decoded(data: bytes) -> Png:
         elif name != b"IEND" and not name[0] & 32:
             raise ValueError(f"byte {at}, must be a chunk of an image without a palette, got {name!r}")
     stride = width * channels * depth // 8
+    wanted, most = (stride + 1) * height, DEFLATES * len(packed)
+    if wanted > most:
+        raise ValueError(f"byte {len(_SIGNATURE)}, must have {wanted} bytes of pixels, got at most {most}")
     try:
         inflater = zlib.decompressobj()
-        lines = inflater.decompress(packed, (stride + 1) * height + 1)
+        lines = inflater.decompress(packed, wanted + 1)
     except zlib.error as error:
         raise ValueError(f"byte {len(_SIGNATURE)}, must have compressed pixels: {error}") from None
-    if len(lines) != (stride + 1) * height:
-        raise ValueError(
-            f"byte {len(_SIGNATURE)}, must have {(stride + 1) * height} bytes of pixels, got {len(lines)}"
-        )
+    if len(lines) != wanted:
+        raise ValueError(f"byte {len(_SIGNATURE)}, must have {wanted} bytes of pixels, got {len(lines)}")
     rows = np.frombuffer(lines, np.uint8).reshape(height, stride + 1)
     if rows[:, 0].max() > 4:
         row = int(np.argmax(rows[:, 0] > 4))

@@ -21,6 +21,7 @@ def read_points(
     *,
     header: bool | None = None,
     dims: int | None = None,
+    max_bytes: int = 2**30,
 ) -> NDArray[np.float64]:
     r"""Read a point set from a file.
 
@@ -39,6 +40,8 @@ def read_points(
         either: if it holds nothing but different integers.
     dims : int, optional
         The number of coordinates, which is not in ``.bin`` files; others must have as many, if it is given.
+    max_bytes : int
+        Largest size of the file, and of all arrays in an archive: nothing larger is read or unpacked.
 
     Returns
     -------
@@ -51,8 +54,8 @@ def read_points(
     TypeError
         If an argument is of another type.
     ValueError
-        If the file holds something else, or there is no such point set: names file and place, in text line
-        and column, else the byte.
+        If the file holds something else or too much, or there is no such point set: names file and place, in
+        text line and column, else the byte.
 
     Notes
     -----
@@ -79,19 +82,23 @@ def read_points(
         which = checks.integer("which", which, 0, checks.INDEX_LIMIT - 1)
     header = None if header is None else checks.flag("header", header)
     dims = None if dims is None else checks.integer("dims", dims, 1, checks.INDEX_LIMIT - 1)
+    max_bytes = checks.integer("max_bytes", max_bytes, 1, 2**63 - 1)
     try:
-        sets = _sets(path, header, dims)
+        size = path.stat().st_size
+        if size > max_bytes:
+            raise ValueError(f"must take at most max_bytes={max_bytes}, got {size} bytes")
+        sets = _sets(path, header, dims, max_bytes)
         place = _place(which, list(sets), path)
         return _checked(sets[place], dims)
     except ValueError as error:
         raise ValueError(f"{path}, {error}") from None
 
 
-def _sets(path: Path, header: bool | None, dims: int | None) -> dict[str | int, NDArray]:
+def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> dict[str | int, NDArray]:
     """Return what is in a file, by name in archives, else by number."""
     data, suffix = path.read_bytes(), path.suffix.lower()
     if suffix == ".npz":
-        return {name: array for name, array in parsed_npz(data).items()}
+        return {name: array for name, array in parsed_npz(data, max_bytes).items()}
     if suffix == ".npy":
         found = [parsed_npy(data)]
     elif suffix == ".bin":

@@ -7,20 +7,22 @@ file there is whole, the last one or the one before.
 import glob
 import json
 import os
+import socket
 import time
 import warnings
 import zipfile
 from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-import jax
 import numpy as np
 from jax.sharding import Mesh
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, devices
-from qmcjax.core.digests import digest, versions
+from qmcjax.core.digests import digest, environment
 
 EVERY = 30.0
 """Seconds between two writes of a state."""
@@ -28,29 +30,50 @@ EVERY = 30.0
 SHARE = 0.05
 """The most of the time that writing takes: states of gigabytes are written less often."""
 
+LEFT = 86400.0
+"""Age in seconds from which on an unfinished file is no longer being written, whoever began it."""
+
 _FORMAT = "qmcjax checkpoint 1"
 _HEADER = "header"
 
 State = dict[str, NDArray]
 
 
-class Kept(Protocol):
-    """Where a loop keeps its state: a file, or a part of one."""
-
-    state: State
-    """What an earlier run has kept, or nothing."""
-
-    def due(self, last: bool = False) -> bool:
-        """Tell whether it is time to write; in the end of a computation it is."""
-        ...
-
-    def write(self, **state: Any) -> None:
-        """Keep arrays in place of what was kept before."""
-        ...
-
-
+@dataclass(frozen=True)
 class Checkpoint:
-    """The state of one computation in a file."""
+    """A file that keeps the state of a computation, and a label of the foreign code in that computation.
+
+    Foreign code is any function, class or object from outside qmcjax, JAX, NumPy and SciPy: a scene or
+    sampler of your own, or a function that one is made of. Only you know whether it has changed since the
+    state was written.
+
+    Parameters
+    ----------
+    path : str or path
+        Of the file, which need not be there.
+    label : str
+        Change it whenever the foreign code changes, or a value that the code uses. A state with another label
+        is refused.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import qmcjax as qj
+    >>> scene = qj.scenes.function(lambda point: point[..., 0] ** 2, ("x", "y"))
+    >>> sampler = qj.samplers.independent(qj.sequences.sobol(2), key=1)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     kept = qj.Checkpoint(Path(folder, "state"), label="squares")
+    ...     print(qj.render(scene, sampler, 8, 8, spp=4, checkpoint=kept).shape)
+    (8, 8)
+    """
+
+    path: str | os.PathLike
+    label: str
+
+
+class File:
+    """The state of one computation in a file: what an earlier run has kept, or nothing."""
 
     def __init__(self, path: Path, header: str, state: State, writes: bool = True) -> None:
         self.path = path
@@ -82,7 +105,7 @@ class Checkpoint:
         self._next = end + max(EVERY, (end - start) / SHARE)
 
     def _write(self, state: Mapping[str, Any]) -> None:
-        temporary = self.path.with_name(f"{_prefix(self.path)}{os.getpid()}")
+        temporary = self.path.with_name(f"{_prefix(self.path)}{os.getpid()}-{socket.gethostname()}")
         try:
             with open(temporary, "wb") as file:
                 np.savez(file, allow_pickle=False, **{_HEADER: np.array(self.header)}, **state)
@@ -96,7 +119,7 @@ class Checkpoint:
 class Part:
     """The state of a loop inside another one, kept in the same file beside the outer one's arrays."""
 
-    def __init__(self, whole: Kept, name: str, **outer: Any) -> None:
+    def __init__(self, whole: File, name: str, **outer: Any) -> None:
         self.whole = whole
         self.prefix = f"{name}."
         self.outer = outer
@@ -113,82 +136,100 @@ class Part:
         self.whole.write(**self.outer, **{f"{self.prefix}{key}": value for key, value in state.items()})
 
 
-def checked(path: Any) -> Path:
-    """Return where a checkpoint is to be, or raise a TypeError or ValueError."""
-    if not isinstance(path, str | os.PathLike):
-        raise TypeError(f"checkpoint must be the path of a file, got {checks.shown(path)}")
-    path = Path(os.fsdecode(path))
-    if path.is_dir() or not path.parent.is_dir():
-        wrong = "a folder" if path.is_dir() else "one in a folder that is not there"
-        raise ValueError(f"checkpoint must be the path of a file, got {wrong}: {str(path)!r}")
-    return path
+Kept = File | Part
+"""Where a loop keeps its state."""
 
 
-def begin(path: Any, writes: bool = True, **made_of: Any) -> Checkpoint:
-    """Return the checkpoint of a computation, with the state that an earlier run of the same has kept.
+def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
+    """Return the file of a computation, with the state that an earlier run of the same has kept.
 
     Parameters
     ----------
-    path : str or path
+    checkpoint : path or Checkpoint
         Of a file, which need not be there.
-    writes : bool
-        Whether it is ever due: one process writes what several share.
+    mesh : Mesh or None
+        Whose processes compute together. All read the file; then the first one writes it when it is due.
     **made_of : Any
         What the result depends on, by the names of arguments.
 
     Returns
     -------
-    Checkpoint
+    File
 
     Raises
     ------
     TypeError
-        If ``path`` is no path, or something cannot be told from others.
+        If ``checkpoint`` is no path or Checkpoint, or something is a tracer.
     ValueError
-        If the file is no checkpoint, damaged, or that of another computation, or the folder is not there.
+        If the file is no checkpoint, damaged, that of another computation, or not the same for all processes,
+        or the folder is not there. If foreign code takes part without a label: now, not when work is lost.
     OSError
         If nothing can be written there.
     """
-    path = checked(path)
+    path, label = _checked(checkpoint)
+    described, foreign = {"label": repr(label), "device": devices.kind(mesh)}, []
+    for name, value in made_of.items():
+        described[name] = repr(value)
+        if not isinstance(value, int | float | str):
+            found, more = digest(name, value)
+            described[name], foreign = f"sha256 {found}", foreign + more
+    if foreign and label is None:
+        raise ValueError(
+            "checkpoint must be a qmcjax.Checkpoint with a label where foreign code takes part, got "
+            f"{str(path)!r} and {', '.join(foreign[:3])}: give Checkpoint(path, label), and another label "
+            "whenever that code changes"
+        )
+    described |= environment()
+    writes, state = devices.is_first(mesh), {}
     if writes:
-        for left in path.parent.glob(f"{glob.escape(_prefix(path))}*"):
-            left.unlink(missing_ok=True)
-    described = {name: _described(name, value) for name, value in made_of.items()}
-    described |= versions() | {
-        "device": jax.devices()[0].device_kind,
-        "default precision": str(jax.dtypes.canonicalize_dtype(np.float64)),
-    }
-    state = {}
+        _clear(path)
     if path.exists():
         known, state = _read(path)
         _refuse_other(path, known, described)
-    made = Checkpoint(path, json.dumps({"format": _FORMAT, "made of": described}), state, writes)
+    made = File(path, json.dumps({"format": _FORMAT, "made of": described}), state, writes)
     if writes and not state:
         made._write({})
+    if not devices.agree(int(digest("checkpoint", state)[0][:8], 16), mesh):
+        raise ValueError(
+            f"checkpoint must be a file that all processes of the mesh see, got {str(path)!r}, which is not "
+            "the same for all"
+        )
     return made
 
 
-def shared(path: Any, mesh: Mesh | None, **made_of: Any) -> Checkpoint:
-    """Return the checkpoint of what the processes of a mesh compute together, or raise as :func:`begin` does.
-
-    The first process writes it when it is due; all have read it before that, since what it writes they make
-    together.
-    """
-    kept = begin(path, devices.is_first(mesh), **made_of)
-    if not devices.agree(int(digest("checkpoint", kept.state)[:8], 16), mesh):
-        raise ValueError(
-            f"checkpoint must be a file that all processes of the mesh see, got {checks.shown(path)}, "
-            "which is not the same for all"
-        )
-    return kept
+def _checked(checkpoint: Any) -> tuple[Path, str | None]:
+    """Return where a checkpoint is to be and its label, or raise a TypeError or ValueError."""
+    path, label = checkpoint, None
+    if isinstance(checkpoint, Checkpoint):
+        path, label = checkpoint.path, checkpoint.label
+        if not isinstance(label, str):
+            raise TypeError(f"checkpoint must have a str as label, got {checks.shown(label)}")
+    if not isinstance(path, str | os.PathLike):
+        raise TypeError(f"checkpoint must be the path of a file or a Checkpoint, got {checks.shown(path)}")
+    path = Path(os.fsdecode(path))
+    if path.is_dir() or not path.parent.is_dir():
+        wrong = "a folder" if path.is_dir() else "one in a folder that is not there"
+        raise ValueError(f"checkpoint must be the path of a file, got {wrong}: {str(path)!r}")
+    return path, label
 
 
 def _prefix(path: Path) -> str:
     return f".{path.name}.part-"
 
 
-def _described(name: str, value: Any) -> str:
-    return repr(value) if isinstance(value, int | float | str | None) else digest(name, value)
+def _clear(path: Path) -> None:
+    """Remove what killed processes left unfinished, and nothing that another one may be writing."""
+    for part in path.parent.glob(f"{glob.escape(_prefix(path))}*"):
+        process, _, host = part.name.removeprefix(_prefix(path)).partition("-")
+        with suppress(OSError):  # Another process may have finished or removed it.
+            ended = time.time() - part.stat().st_mtime > LEFT
+            if os.name == "posix" and host == socket.gethostname():  # Elsewhere a signal 0 would end it.
+                try:
+                    os.kill(int(process), 0)
+                except ProcessLookupError:
+                    ended = True
+            if ended:
+                part.unlink()
 
 
 def _read(path: Path) -> tuple[dict[str, str], State]:
@@ -213,7 +254,7 @@ def _refuse_other(path: Path, known: Mapping[str, str], wanted: Mapping[str, str
     for name in {**known, **wanted}:
         old, new = known.get(name), wanted.get(name)
         if old != new:
-            plain = all(each is None or len(each) < 64 for each in (old, new))
+            plain = not any(str(each).startswith("sha256 ") for each in (old, new))
             differences.append(f"{name} was {old}, is {new}" if plain else f"{name} is another one")
     if differences:
         raise ValueError(

@@ -108,6 +108,11 @@ def local(values: Any, mesh: Mesh | None) -> Any:
     return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) else leaf.addressable_data(0), values)
 
 
+def kind(mesh: Mesh | None) -> str:
+    """Return what kind of device computes: bits may differ between kinds."""
+    return (_usual() if mesh is None else mesh.devices.flat[0]).device_kind
+
+
 def is_first(mesh: Mesh | None) -> bool:
     """Tell whether this process is the one that writes what all processes of a mesh share."""
     return mesh is None or mesh.devices.flat[0].process_index == jax.process_index()

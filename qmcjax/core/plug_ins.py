@@ -14,11 +14,11 @@ from qmcjax.core.pytrees import pytree
 _PLAIN = Array | np.ndarray | np.generic | int | float | str | FunctionType | type | None
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class _Identity:
     """An object that equals only itself, whatever its class says."""
 
-    def __init__(self, value: Any) -> None:
-        self.value = value
+    value: Any
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Identity) and self.value is other.value

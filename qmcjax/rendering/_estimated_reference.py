@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from qmcjax import samplers, sequences
 from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering._render import rendered
 from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
@@ -36,7 +37,7 @@ def estimated_reference(
     *,
     dtype: DTypeLike = jnp.float64,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | None = None,
+    checkpoint: str | os.PathLike | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> tuple[NDArray[np.float64], float]:
     """Estimate the mean over each pixel from randomised replicates, with a bound on the errors.
@@ -57,7 +58,7 @@ def estimated_reference(
         Of points, values and the sums of a replicate.
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run.
-    checkpoint : path, optional
+    checkpoint : path or Checkpoint, optional
         Of a file that keeps what is finished, as that of :func:`qmcjax.render` does.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`.
@@ -74,7 +75,7 @@ def estimated_reference(
         If an argument is not what it is named for.
     ValueError
         If a size is out of range, ``spp`` no multiple of 16, or the scene returns a value that is not finite.
-        If ``checkpoint`` is damaged, or that of another computation or other versions.
+        If ``checkpoint`` is damaged, or that of another computation, label or version, or lacks a label.
     OSError
         If ``checkpoint`` cannot be written at first.
 

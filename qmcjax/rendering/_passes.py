@@ -13,6 +13,7 @@ from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
 from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering._render import render
 from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
@@ -44,7 +45,7 @@ def render_passes(
     seconds: float | None = None,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | None = None,
+    checkpoint: str | os.PathLike | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> Passes:
     """Average freshly randomised passes of an image, until an error is reached or time is over.
@@ -69,10 +70,11 @@ def render_passes(
     progress : callable, optional
         Called with the finished part in (0, 1] after each pass: of all passes, of the time, or of the way to
         the tolerance, whichever is most.
-    checkpoint : path, optional
+    checkpoint : path or Checkpoint, optional
         Of a file that keeps the passes, written every half a minute and in the end. Called again after it was
         killed, the function goes on from there to the same bits; with more ``passes``, a smaller
-        ``tolerance`` or more ``seconds`` it goes on where it had stopped. The file stays there.
+        ``tolerance`` or more ``seconds`` it goes on where it had stopped. The file stays there. A function of
+        your own that makes the sampler takes a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
         ``seconds``.
@@ -87,7 +89,7 @@ def render_passes(
         If an argument is not what it is named for.
     ValueError
         If ``passes`` is out of range, ``tolerance`` or ``seconds`` is not positive, ``checkpoint`` is damaged
-        or that of another computation or other versions, or as :func:`render` does.
+        or that of another computation, label or version, or lacks a label, or as :func:`render` does.
     OSError
         If ``checkpoint`` cannot be written at first. Later on that is a RuntimeWarning.
 
@@ -131,7 +133,8 @@ def render_passes(
     if progress is not None or checkpoint is not None:
         first = task(scene, sampler.of_pass(0), width, height, sampler.spp, dtype)
         check_progress(progress, first)
-        kept = opened(checkpoint, "render_passes", first, devices.checked(mesh), sampler=sampler)
+        made_of = {"sampler": sampler, "first pass": first.sampler}
+        kept = opened(checkpoint, "render_passes", first, devices.checked(mesh), **made_of)
     if kept is not None:
         state = _kept(kept.state, passes)
 

@@ -14,6 +14,7 @@ from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
 from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
 
@@ -35,7 +36,7 @@ def render(
     *,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | None = None,
+    checkpoint: str | os.PathLike | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> Array:
     """Average the samples of each pixel (box filter).
@@ -57,9 +58,10 @@ def render(
         Of points, values and sums. Sums are compensated: they are as good as the values.
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run; not inside ``jax.jit``.
-    checkpoint : path, optional
+    checkpoint : path or Checkpoint, optional
         Of a file that keeps what is finished, written every half a minute and in the end. Called again after
-        it was killed, the function goes on from there to the same bits. The file stays there. Not inside
+        it was killed, the function goes on from there to the same bits. The file stays there. Where foreign
+        code takes part, such as a scene of your own, a :class:`qmcjax.Checkpoint` with a label. Not inside
         ``jax.jit``.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
@@ -79,7 +81,7 @@ def render(
         If a size is out of range, the sampler was made for another image or number of samples, it
         has fewer dimensions than the scene needs, or the scene returns a value that is not finite (the
         message names the pixel, the sample and the point). If ``checkpoint`` is damaged, or that of another
-        scene, sampler, size or dtype, or of other versions.
+        scene, sampler, size, dtype or label, or of other versions or flags of JAX, or lacks a label.
     OSError
         If ``checkpoint`` cannot be written at first. Later on that is a RuntimeWarning.
 

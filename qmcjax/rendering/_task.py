@@ -97,14 +97,14 @@ def check_progress(progress: Any, task: Task) -> None:
 
 def opened(
     checkpoint: Any, function: str, task: Task, mesh: Mesh | None, **made_of: Any
-) -> checkpoints.Checkpoint | None:
+) -> checkpoints.File | None:
     """Return the checkpoint of a function's result, which depends on a task or on something else."""
     if checkpoint is None:
         return None
     _check_outside("checkpoint", checkpoint, task)
     made_of = made_of or {"sampler": task.sampler, "spp": task.spp}
     size = {"width": task.width, "height": task.height, "dtype": task.dtype.name}
-    return checkpoints.shared(checkpoint, mesh, function=function, scene=task.scene, **size, **made_of)
+    return checkpoints.begin(checkpoint, mesh, function=function, scene=task.scene, **size, **made_of)
 
 
 def _check_outside(name: str, value: Any, task: Task) -> None:

@@ -16,6 +16,7 @@ from jax.typing import DTypeLike
 __all__ = [
     "gray_decode",
     "gray_encode",
+    "hash_pair",
     "hash_word",
     "high_product",
     "owen_hash",
@@ -145,35 +146,71 @@ def hash_word(word: Array) -> Array:
     return word ^ (word >> 14)
 
 
+def hash_pair(one: Array, other: Array) -> Array:
+    """Mix two words to one: a bijection of each of them while the other is fixed.
+
+    Both are mixed before they meet. So any two pairs that differ have equal results about once in 2**32, whatever
+    became of their neighbours: in the hash of a sum or an xor of one mixed and one raw word, ranges of the
+    raw word give shifted copies of each other wherever the mixed words are close.
+
+    Parameters
+    ----------
+    one, other : uint32 Array, broadcast together
+        Each xored with a random word of its own, if many hashes of the same pairs are wanted.
+
+    Returns
+    -------
+    uint32 Array
+    """
+    # The factor is odd: it keeps (a, b) and (b, a) apart.
+    return hash_word(hash_word(one) * _word(0x9E3779B9) + hash_word(other))
+
+
+def _masked_sum(word: Array, summand: Array, mask: Array) -> Array:
+    """Replace the bits of a mask by those of the sum with an odd number: carries go on, but flip only there."""
+    return word ^ ((word ^ (word + (summand | _word(1)))) & mask)
+
+
 def owen_hash(reversed_bits: Array, seed: Array) -> Array:
     """Owen-scramble bit-reversed fractions in base 2.
 
-    Digit ``k`` is flipped by a hash of the digits before it: sums and products by odd or even
-    constants only carry from bit ``k`` to the bits above, so that the map is a nested permutation
-    for every seed [1]_.
+    Digit ``k`` is flipped by a hash of the digits before it: sums and products only carry from bit ``k``
+    to the bits above, so that the map is a nested permutation for every seed [1]_.
 
     Parameters
     ----------
     reversed_bits : uint32 Array, shape (...)
         Fractions with the first digit in bit 0.
-    seed : uint32 Array, broadcastable to ``bit_reversed``
+    seed : uint32 Array, broadcastable to ``reversed_bits``
         One well mixed word per realisation and coordinate.
 
     Returns
     -------
     uint32 Array
-        The scrambled bit_reversed.
+        The scrambled fractions, bit-reversed.
+
+    Notes
+    -----
+    Summed over all nodes of a level, the parity of flips is that of the sum over the steps. Sums, and products
+    with odd numbers, have the same parity at all levels, and those with constants have it for all seeds: made of
+    these alone, as usual [1]_ [2]_, a hash cannot reach all permutations of three digits. Under a mask, the
+    levels' parities are independent. All four digits' 2**15 permutations are reached. The rotations of the
+    seed, and the order of the steps, are the result of a search for uniformity over these.
 
     References
     ----------
-    .. [1] S. Laine, T. Karras, "Stratified Sampling for Stochastic Transparency", 2011, with the
-       constants of N. Vegdahl, "Building a Better LK Hash", 2021.
+    .. [1] S. Laine, T. Karras, "Stratified Sampling for Stochastic Transparency", 2011.
+    .. [2] N. Vegdahl, "Building a Better LK Hash", 2021.
     """
-    reversed_bits = reversed_bits ^ (reversed_bits * _word(0x3D20ADEA))
-    reversed_bits = reversed_bits + seed
-    reversed_bits = reversed_bits * ((seed >> 16) | _word(1))
-    reversed_bits = reversed_bits ^ (reversed_bits * _word(0x05526C56))
-    return reversed_bits ^ (reversed_bits * _word(0x53A22864))
+
+    def rotated(count: int) -> Array:
+        return (seed << count) | (seed >> (32 - count))
+
+    word = ((reversed_bits ^ rotated(1)) + rotated(5)) * (rotated(17) | _word(1))
+    word = _masked_sum(word, rotated(21), rotated(24))
+    word = _masked_sum(word, rotated(12), rotated(8))
+    word = word ^ (word * (rotated(29) & _word(0xFFFFFFFE)))
+    return _masked_sum(word * (rotated(1) | _word(1)), rotated(4), rotated(17))
 
 
 def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:

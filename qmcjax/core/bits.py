@@ -149,14 +149,13 @@ def hash_word(word: Array) -> Array:
 def hash_pair(one: Array, other: Array) -> Array:
     """Mix two words to one: a bijection of each of them while the other is fixed.
 
-    Both are mixed before they meet. So any two pairs that differ have equal results about once in 2**32, whatever
-    became of their neighbours: in the hash of a sum or an xor of one mixed and one raw word, ranges of the
-    raw word give shifted copies of each other wherever the mixed words are close.
+    Both are mixed before they meet. If a mixed word met a raw one, ranges of the raw one would give shifted
+    copies of each other wherever the mixed words are close.
 
     Parameters
     ----------
     one, other : uint32 Array, broadcast together
-        Each xored with a random word of its own, if many hashes of the same pairs are wanted.
+        For another hash of the same pairs, xor each with a random word of its own.
 
     Returns
     -------
@@ -167,7 +166,7 @@ def hash_pair(one: Array, other: Array) -> Array:
 
 
 def _masked_sum(word: Array, summand: Array, mask: Array) -> Array:
-    """Replace the bits of a mask by those of the sum with an odd number: carries go on, but flip only there."""
+    """Replace the bits of a mask by those of the sum with an odd number."""
     return word ^ ((word ^ (word + (summand | _word(1)))) & mask)
 
 
@@ -191,11 +190,11 @@ def owen_hash(reversed_bits: Array, seed: Array) -> Array:
 
     Notes
     -----
-    Summed over all nodes of a level, the parity of flips is that of the sum over the steps. Sums, and products
-    with odd numbers, have the same parity at all levels, and those with constants have it for all seeds: made of
-    these alone, as usual [1]_ [2]_, a hash cannot reach all permutations of three digits. Under a mask, the
-    levels' parities are independent. All four digits' 2**15 permutations are reached. The rotations of the
-    seed, and the order of the steps, are the result of a search for uniformity over these.
+    At each level of the tree, count the flips of all nodes: the parity of a composition is the sum of those
+    of its steps. That of a sum or of a product with an odd number is the same at all levels but the first.
+    So hashes of these and of fixed steps [2]_ cannot reach all permutations of three digits. The sum under a
+    mask has the mask's bits as parities, which makes them independent. The rotations and the order of the
+    steps were searched for uniform permutations of four digits.
 
     References
     ----------

@@ -4,6 +4,7 @@ import re
 import shutil
 import subprocess
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -224,6 +225,17 @@ def test_strata_that_would_break_are_refused():
     for dims in ((2,), (0, 1, 2)):
         with pytest.raises(ValueError, match="for strata of 512 samples"):
             bake(sampler, (1, 1), 512, dims, bits=8)
+    # In any pair: here the first has all samples in one place.
+    sobol = sequences.sobol(3)
+    for dims, named in ((4, "1 x 1/512"), (3, "1/512 x 1")):
+        later = samplers.function(
+            lambda x, y, s, dims=dims: jnp.concatenate([jnp.zeros((*s.shape, 2), jnp.float32), sobol(s)], -1)[
+                ..., :dims
+            ],
+            dims,
+        )
+        with pytest.raises(ValueError, match=f"for strata of 512 samples: of the boxes {named} 512 have"):
+            bake(later, (1, 1), 512, tuple(range(dims)), bits=8)
     # More samples than bits, but never more than one in an interval.
     centre = samplers.function(lambda x, y, s: 0.5 * np.ones((*s.shape, 2), np.float32), 2)
     assert np.all(bake(centre, (1, 1), 512, bits=8).values == 128)

@@ -202,7 +202,7 @@ BLUE = {
     "dither, numbers": (samplers.dither(MASKS[1], SOBOL), {1: (0.25, 0.4, 0.45, 0.25)}),
     "ranked": (
         samplers.ranked(2, key=0),
-        {1: (0.03, 0.25, 0.14, 0.05), 4: (0.23, 0.3, 0.17, 0.09), 16: (0.37, 0.13, 0.2, 0.3)},
+        {1: (0.03, 0.25, 0.14, 0.05), 4: (0.28, 0.34, 0.17, 0.09), 16: (0.46, 0.14, 0.2, 0.45)},
     ),
 }
 
@@ -216,7 +216,7 @@ def test_errors_are_blue_noise(name):
             assert low_power(integrand(points[:, :, :spp]).mean(axis=2)) < upper
 
 
-@pytest.mark.parametrize(("dims", "one", "more"), [(2, 0.5, 0.6), (3, 0.6, 0.77), (4, 0.65, 0.87)])
+@pytest.mark.parametrize(("dims", "one", "more"), [(2, 0.5, 0.63), (3, 0.6, 0.77), (4, 0.65, 0.87)])
 def test_low_pass_errors_are_smaller_than_of_random_arrangements(dims, one, more):
     """What the keys were searched for, at the prefixes of the search, against the same pixels shuffled."""
     points = image(samplers.ranked(dims, key=0), 64, 16, tuple(range(dims)))

@@ -267,6 +267,27 @@ def test_all_permutations_are_equally_likely_at_every_node(scramble):
             assert plausible(number[j, :, node], 6)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["owen", "owen_exact"])
+def test_all_scramblings_of_three_digits_come(name):
+    """The 128 of them in base 2, equally often, first and behind fourteen digits."""
+    depths, eight = np.array([0, 14], np.uint32)[:, None], first(8)
+    nodes = jnp.asarray(np.array([0, 1 + 2**13], np.uint32)[:, None] + (eight << depths))
+    with jax.enable_x64(True):
+        drawn = jax.vmap(lambda key: SCRAMBLINGS[name](RadicalInverses((2,)), key))
+        draw = jax.jit(lambda keys: jax.vmap(lambda seq: seq(nodes, (0,), jnp.float64))(drawn(keys)))
+        found = np.concatenate(
+            [draw(keys)[..., 0] for keys in jax.random.split(jax.random.key(6), (16, 256))]
+        )
+    for node, depth in enumerate((0, 14)):
+        digit = cells(found[:, node], 2, depth + 3) % 8
+        # Images of 0 in the first digit, of 0 and 1 before it in the second, of 00, 10, 01, 11 in the third.
+        flips = [digit[:, 0] >> 2, *(digit[:, :2].T >> 1 & 1), *(digit[:, :4].T & 1)]
+        number = sum(flip << k for k, flip in enumerate(flips))
+        assert np.bincount(number, minlength=128).min() > 0
+        assert plausible(number, 128)
+
+
 @each_scrambling
 def test_coordinates_are_scrambled_independently(scramble):
     number = numbered(over_keys(scramble)[0])

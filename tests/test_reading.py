@@ -77,6 +77,13 @@ def test_bad_files_are_named(tmp_path, text, which, message):
         read_points(path, which)
 
 
+def after_three():
+    """Return an engine that has one of its four points left."""
+    engine = SequenceEngine(sequences.hammersley_net(2))
+    engine.random(3)
+    return engine
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -85,6 +92,8 @@ def test_bad_files_are_named(tmp_path, text, which, message):
         (lambda: sequences.tabulated([[np.nan]]), r"points must be in \[0, 1\), got .*nan"),
         (lambda: SequenceEngine(sequences.hammersley_net(2)).random(5), r"n must be .* \[1, 4\], got 5"),
         (lambda: SequenceEngine(sequences.hammersley_net(2)).fast_forward(5), "n must be .* got 5"),
+        (lambda: after_three().fast_forward(2), r"n must be .* \[0, 1\], got 2"),
+        (lambda: after_three().fast_forward(1).random(1), r"start must be .* got 4"),
     ],
 )
 def test_bad_input_is_named(call, message):

@@ -1,13 +1,12 @@
 """Reflection at a surface: Lambertian, by microfacets, or both; evaluated and sampled.
 
-Derivatives with respect to materials are those of detached sampling [1]_: the material is a constant where
-directions and densities depend on it. A direction that moved with the roughness would jump across edges of
-visibility, which the derivatives of samples miss.
+Where directions and densities depend on a material it is a constant: "detached sampling" [1]_. Directions that
+move with the roughness cross edges of visibility, and derivatives of samples miss that.
 
 References
 ----------
 .. [1] T. Zeltner, S. Speierer, I. Georgiev, W. Jakob, "Monte Carlo Estimators for Differential Light
-   Transport", 2021, section 4.
+   Transport", 2021.
 """
 
 from typing import Any

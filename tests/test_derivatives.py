@@ -15,11 +15,15 @@ EYE = np.array([0, 1, 1.5])
 
 
 def floor(light, given):
-    """Return a glossy floor under a ball that shines: a light, or an emitter."""
+    """Return a glossy floor under a ball that shines: an emitter, or a light beside one that is dark.
+
+    Half of the samples are of the dark one: densities that forget how many lights there are would give a bias.
+    """
     material = tracing.glossy(given["color"], given["roughness"], given["diffuse"])
     objects = [tracing.plane([0, 0, 0], [0, 1, 0], material=material)]
     if light:
-        return tracing.world(objects, [tracing.sphere_light(CENTER, RADIUS, given["radiance"])])
+        dark = tracing.sphere_light([3, 2, 1], 1.0, 0.0)
+        return tracing.world(objects, [tracing.sphere_light(CENTER, RADIUS, given["radiance"]), dark])
     ball = tracing.sphere(CENTER, RADIUS, material=tracing.emitter(given["radiance"]))
     return tracing.world([*objects, ball])
 
@@ -87,6 +91,7 @@ def agree(found, truth, part):
     ("name", "light"),
     [
         ("1 bounces", False),
+        ("1 bounces", True),
         ("direct light", True),
         pytest.param("bidirectional", True, marks=pytest.mark.slow),
     ],

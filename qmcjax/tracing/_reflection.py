@@ -1,7 +1,7 @@
 """Reflection at a surface: Lambertian, by microfacets, or both; evaluated and sampled.
 
-Where directions and densities depend on a material it is a constant: "detached sampling" [1]_. Directions that
-move with the roughness cross edges of visibility, and derivatives of samples miss that.
+Where directions and densities depend on a material it is a constant: "detached sampling" [1]_. Directions
+that move with the roughness cross edges of visibility, and derivatives of samples miss that.
 
 References
 ----------

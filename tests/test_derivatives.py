@@ -17,7 +17,7 @@ EYE = np.array([0, 1, 1.5])
 def floor(light, given):
     """Return a glossy floor under a ball that shines: an emitter, or a light beside one that is dark.
 
-    Half of the samples are of the dark one: densities that forget how many lights there are would give a bias.
+    Half of the samples are of the dark one: densities that forget how many lights there are give a bias.
     """
     material = tracing.glossy(given["color"], given["roughness"], given["diffuse"])
     objects = [tracing.plane([0, 0, 0], [0, 1, 0], material=material)]

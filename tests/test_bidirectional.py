@@ -170,35 +170,6 @@ def test_one_picture_by_any_dtype_and_program():
     assert np.mean(abs(double - compiled) > 1e-3 * (1 + compiled)) < 5e-3
 
 
-def smooth_scene(parameters):
-    """Return a picture without edges: the inside of a ball, whose light is a point."""
-    material = tracing.glossy(parameters["color"], parameters["roughness"], 0.4)
-    ball = tracing.sphere([0, 0, 0], parameters["radius"], material=material)
-    world = tracing.world([ball], [tracing.point_light(parameters["position"], [1.0, 2.0, 3.0])])
-    view = tracing.camera(parameters["eye"], [2.0, 0, 0.4])
-    return tracing.bidirectional(world, view, 2, 2, smooth=True)
-
-
-@pytest.mark.slow
-def test_gradients_of_smooth_pictures_are_differences():
-    with jax.enable_x64():
-        given = {
-            "color": jnp.array([0.2, 0.5, 0.7]),
-            "roughness": jnp.array(0.4),
-            "radius": jnp.array(2.0),
-            "position": jnp.array([0.3, 0.5, -0.2]),
-            "eye": jnp.array([0.1, 0.5, 1.0]),
-        }
-        points = jax.random.uniform(jax.random.key(4), (2**9, len(smooth_scene(given).needs)), jnp.float64)
-        mean = jax.jit(lambda given: smooth_scene(given)(points).mean())
-        slopes = jax.jit(jax.grad(mean))(given)
-        for name, value in given.items():
-            for j in np.ndindex(value.shape):
-                ends = [mean(given | {name: value.at[j].add(step)}) for step in (1e-6, -1e-6)]
-                tolerance = 1e-3 * abs(slopes[name]).max()
-                np.testing.assert_allclose(slopes[name][j], (ends[0] - ends[1]) / 2e-6, 1e-3, tolerance)
-
-
 @pytest.mark.slow
 def test_derivatives_that_miss_edges_are_refused():
     def value(color, corner):

@@ -425,7 +425,7 @@ def smooth_scene(parameters):
         tracing.sphere_light([2.0, 2.0, 0], parameters["radius"], 2.0),
     ]
     camera = tracing.camera(parameters["eye"], [0.0, 0, 0], fov=parameters["fov"])
-    return tracing.path_tracing(tracing.world([floor], lights), camera, 1, smooth=True)
+    return tracing.direct_light(tracing.world([floor], lights), camera, smooth=True)
 
 
 @pytest.mark.slow

@@ -51,6 +51,19 @@ def indirect():
     return tracing.world([plane, closing], lights), camera
 
 
+def test_what_moves_out_of_sight_shades_the_sky():
+    """An environment shines from everywhere: a ball that the camera does not see shades the floor it sees."""
+    floor = tracing.plane([0, 0, 0], [0, 1, 0])
+    ball = tracing.sphere([0, 0, 0], 0.5, motion=motion.affine(None, path([0, 2, 3], [0, 2, 0])))
+    camera = tracing.camera([0, 1, 0], [0, 0, 0], up=[0, 0, 1], fov=10)
+    scene = tracing.direct_light(tracing.world([floor, ball], [tracing.environment(1.0)]), camera)
+    upwards = jnp.full(len(scene.needs), 0.5)
+    time = scene.needs.index("time")
+    ends = jnp.stack([upwards.at[time].set(0.0), upwards.at[time].set(0.999)])
+    assert jax.jit(scene)(ends)[:, 0].tolist() == [0.5, 0.0]
+    assert jax.jit(scene.varies)(jnp.zeros_like(upwards), jnp.ones_like(upwards))[time]
+
+
 SCENES = {
     "pinhole": scene,
     "lens": lambda: scene(aperture=0.05, focus=4.0),

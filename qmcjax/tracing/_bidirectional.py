@@ -271,7 +271,7 @@ def bidirectional(
         How many surfaces the path of a light meets, in [0, 64]; more than ``bounces`` are as many. Paths
         begin at points, spheres and rectangles, not at environments. 0 is path tracing.
     smooth : bool, optional
-        See :func:`direct_light`.
+        See :func:`path_tracing`, also for other derivatives.
 
     Returns
     -------

@@ -86,9 +86,11 @@ def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool
         How many mirrors light may meet on its way to the camera, in [0, 64]; what is seen behind more is
         black. Microfacets reflect lights, not other surfaces.
     smooth : bool, optional
-        True vouches that no edge of visibility moves with the parameters that are differentiated: then
+        True asserts that no edge of visibility moves with the parameters that are differentiated: then
         derivatives in all parameters are given. By default those of shapes, motions, camera and places of
-        lights are refused, since the samples' derivatives miss what moving edges do to means.
+        lights are refused, since the samples' derivatives miss what moving edges do to means. Derivatives
+        with respect to colours, roughness, radiance and intensity are unbiased, but 0 at black: no light is
+        followed there.
 
     Returns
     -------

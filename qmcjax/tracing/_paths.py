@@ -150,7 +150,9 @@ def path_tracing(
     """Make the scene of a world where light is scattered from surface to surface.
 
     At each surface a point of a light is sampled, and a direction by the surface; multiple importance
-    sampling weighs both ways to find light by the power heuristic [1]_.
+    sampling weighs both ways to find light by the power heuristic [1]_. Derivatives with respect to materials
+    keep directions, lobes and roulette as they were sampled, and so edges of visibility: "detached sampling"
+    [2]_.
 
     Parameters
     ----------
@@ -164,7 +166,7 @@ def path_tracing(
         From this bounce on, at least 1, paths of little throughput end by chance, the others carry their
         light; each bounce by a coordinate of its own. By default none does.
     smooth : bool, optional
-        See :func:`direct_light`.
+        See :func:`direct_light`. Edges of lights and emitters count, too, as surfaces that scatter see them.
 
     Returns
     -------
@@ -183,6 +185,8 @@ def path_tracing(
     References
     ----------
     .. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, sections 9.2 and 10.2.
+    .. [2] T. Zeltner, S. Speierer, I. Georgiev, W. Jakob, "Monte Carlo Estimators for Differential Light
+       Transport", 2021.
 
     Examples
     --------

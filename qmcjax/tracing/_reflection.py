@@ -1,4 +1,13 @@
-"""Reflection at a surface: Lambertian, by microfacets, or both; evaluated and sampled."""
+"""Reflection at a surface: Lambertian, by microfacets, or both; evaluated and sampled.
+
+Where directions and densities depend on a material it is a constant: "detached sampling" [1]_. Directions
+that move with the roughness cross edges of visibility, and derivatives of samples miss that.
+
+References
+----------
+.. [1] T. Zeltner, S. Speierer, I. Georgiev, W. Jakob, "Monte Carlo Estimators for Differential Light
+   Transport", 2021.
+"""
 
 from typing import Any
 
@@ -23,16 +32,18 @@ def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tu
     cosine = jnp.where(above, cosine, 0)
     zero = jnp.zeros_like(cosine)
     value, density = (zero, zero, zero), zero
-    rough = 0.0 if surface.glossy is None else _chance(surface)
+    fixed = jax.lax.stop_gradient(surface)
+    rough = 0.0 if surface.glossy is None else _chance(fixed)
     if surface.diffuse is not None:
         value = times(cosine / np.pi, surface.diffuse)
         density = (1 - rough) * cosine / np.pi
     if surface.glossy is not None:
         out, into = _local(normal, seen), _local(normal, way)
-        distribution, fresnel, masked, share = _facets(surface.roughness, out, into)
+        distribution, fresnel, masked, _ = _facets(surface.roughness, out, into)
         gloss = each(lambda c: (c + (1 - c) * fresnel) * distribution * masked, surface.glossy)
         lit = jnp.any(jnp.stack(jnp.broadcast_arrays(*surface.glossy)) > 0, axis=0) & above
         value = plus(value, each(lambda c: jnp.where(lit, c, 0), gloss))
+        distribution, _, _, share = _facets(fixed.roughness, out, into)
         density = density + jnp.where(lit, rough * distribution * share, 0)
     return value, density
 
@@ -40,6 +51,7 @@ def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tu
 def sampled(surface: Surface, normal: Vector, seen: Vector, u: Any, v: Any, lobe: Any) -> Vector:
     """Return unit vectors to where light may come from; those below the surface find none."""
     local = None
+    surface = jax.lax.stop_gradient(surface)
     if surface.diffuse is not None:
         local, _ = _maps.hemisphere(u, v)
     if surface.glossy is not None:
@@ -70,7 +82,7 @@ def _chance(surface: Surface) -> Array:
     if surface.diffuse is None:
         return jnp.ones_like(rough)
     total = rough + sum(surface.diffuse)
-    return jax.lax.stop_gradient(rough / jnp.where(total > 0, total, 1))
+    return rough / jnp.where(total > 0, total, 1)
 
 
 def _local(normal: Vector, vector: Vector) -> Vector:

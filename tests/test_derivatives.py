@@ -1,0 +1,189 @@
+"""Derivatives of traced scenes: those of means, across edges that do not move."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import tracing
+
+FLOOR = {"color": 0.7, "roughness": 0.3, "diffuse": 0.2, "radiance": 2.0}
+CENTER, RADIUS = np.array([0, 1, -1.5]), 0.5
+EYE = np.array([0, 1, 1.5])
+
+
+def floor(light, given):
+    """Return a glossy floor under a ball that shines: an emitter, or a light beside one that is dark.
+
+    Half of the samples are of the dark one: densities that forget how many lights there are give a bias.
+    """
+    material = tracing.glossy(given["color"], given["roughness"], given["diffuse"])
+    objects = [tracing.plane([0, 0, 0], [0, 1, 0], material=material)]
+    if light:
+        dark = tracing.sphere_light([3, 2, 1], 1.0, 0.0)
+        return tracing.world(objects, [tracing.sphere_light(CENTER, RADIUS, given["radiance"]), dark])
+    ball = tracing.sphere(CENTER, RADIUS, material=tracing.emitter(given["radiance"]))
+    return tracing.world([*objects, ball])
+
+
+def seen(given):
+    """Return the radiance that the floor reflects at the origin, by quadrature over the ball's directions."""
+    axis, out = CENTER / np.linalg.norm(CENTER), EYE / np.linalg.norm(EYE)
+    nodes, weights = np.polynomial.legendre.leggauss(64)
+    least = np.sqrt(1 - RADIUS**2 / (CENTER @ CENTER))
+    cosine = (0.5 * (1 + least) + 0.5 * (1 - least) * nodes)[:, None]
+    angle = 2 * np.pi * np.arange(64) / 64
+    sine, across = np.sqrt(1 - cosine**2), np.cross(axis, [1.0, 0, 0])
+    way = (
+        cosine[..., None] * axis
+        + (sine * np.cos(angle))[..., None] * np.array([1.0, 0, 0])
+        + (sine * np.sin(angle))[..., None] * across
+    )
+    half = (way + out) / np.linalg.norm(way + out, axis=-1, keepdims=True)
+    a = given["roughness"] ** 2
+    # D, G_2 by lambda and Schlick's F [Walter et al. 2007; Heitz 2014].
+    distribution = a / (np.pi * (half[..., 1] ** 2 * (a - 1) + 1) ** 2)
+
+    def hidden(c):
+        return 0.5 * (np.sqrt(1 + a * (1 - c**2) / c**2) - 1)
+
+    masked = 1 / (1 + hidden(way[..., 1]) + hidden(out[1]))
+    fresnel = given["color"] + (1 - given["color"]) * (1 - half @ out) ** 5
+    reflected = distribution * masked * fresnel / (4 * out[1]) + given["diffuse"] * way[..., 1] / np.pi
+    solid = 0.5 * (1 - least) * weights[:, None] * 2 * np.pi / 64
+    return given["radiance"] * np.sum(reflected * solid)
+
+
+ESTIMATORS = {
+    "direct light": tracing.direct_light,
+    **{f"{k} bounces": partial(tracing.path_tracing, bounces=k) for k in range(3)},
+    "3 bounces, roulette": partial(tracing.path_tracing, bounces=3, roulette=1),
+    "bidirectional": partial(tracing.bidirectional, bounces=2, light_bounces=2),
+}
+
+
+def derived(name, world, view, samples, key):
+    """Return a function of parameters and a step of them: red at random points, and its derivative there."""
+    make = ESTIMATORS[name]
+
+    @jax.jit
+    def values(given, step, points):
+        return jax.jvp(lambda given: make(world(given), view)(points)[:, 0], (given,), (step,))
+
+    def call(given, step):
+        given, step = (jax.tree.map(jnp.float32, tree) for tree in (given, step))
+        points = jax.random.uniform(jax.random.key(key), (samples, len(make(world(given), view).needs)))
+        return [np.asarray(a, np.float64) for a in values(given, step, points)]
+
+    return call
+
+
+def agree(found, truth, part):
+    """Assert that a mean is within five standard errors of the truth, of which these are a small part."""
+    error = found.std() / np.sqrt(len(found))
+    assert abs(found.mean() - truth) < 5 * error + 1e-5 * abs(truth), (found.mean(), truth, error)
+    assert error < part * abs(truth)
+
+
+@pytest.mark.parametrize(
+    ("name", "light"),
+    [
+        ("1 bounces", False),
+        ("1 bounces", True),
+        ("direct light", True),
+        pytest.param("bidirectional", True, marks=pytest.mark.slow),
+    ],
+)
+def test_a_floor_under_a_ball_has_closed_forms(name, light):
+    call = derived(name, partial(floor, light), tracing.camera(EYE, [0, 0, 0], fov=1e-3), 2**18, 1)
+    for parameter, value in FLOOR.items():
+        radiance, slope = call(FLOOR, dict.fromkeys(FLOOR, 0.0) | {parameter: 1.0})
+        low, high = (seen(FLOOR | {parameter: value + step}) for step in (-1e-4, 1e-4))
+        agree(radiance, seen(FLOOR), 0.01)
+        agree(slope, (high - low) / 2e-4, 0.01)
+
+
+ROOM = {
+    "color": 0.6,
+    "roughness": 0.3,
+    "diffuse": 0.1,
+    "wall": 0.5,
+    "checker": 0.2,
+    "sphere": 2.0,
+    "rectangle": 3.0,
+    "point": 1.0,
+    "environment": 0.2,
+    "emitter": 3.0,
+}
+STEPS = (
+    {name: 0.3 * value * (name == "roughness") for name, value in ROOM.items()},
+    {name: value * {"roughness": 0.0, "diffuse": -0.3}.get(name, 0.3) for name, value in ROOM.items()},
+)
+"""Of the roughness, and of all others: less diffuse light changes how often microfacets are sampled, too."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(2)
+
+
+def room(given):
+    """Return a room open above whose glossy floor shows an emitter, with all kinds of lights and a mirror."""
+    lights = [
+        tracing.sphere_light([-1, 1.5, 0.5], 0.3, given["sphere"]),
+        tracing.rectangle_light([0.2, 1.8, -0.5], [0.5, 0, 0], [0, 0, 0.5], given["rectangle"]),
+        tracing.point_light([0.8, 1.2, 1.0], given["point"]),
+        tracing.environment(given["environment"]),
+    ]
+    glossy = tracing.glossy(given["color"], given["roughness"], given["diffuse"])
+    squares = tracing.checker(given["checker"], given["wall"], 2.0)
+    objects = [
+        tracing.rectangle([-2, 0, -2], [0, 0, 4], [4, 0, 0], material=glossy),
+        tracing.rectangle([-2, 0, -2], [4, 0, 0], [0, 2, 0], material=tracing.diffuse(squares)),
+        tracing.sphere([-0.6, 0.3, 0.1], 0.3, material=tracing.diffuse(given["wall"])),
+        tracing.sphere([0.6, 0.3, 0.1], 0.3, material=tracing.mirror(given["color"])),
+        tracing.sphere([0, 0.8, -1.2], 0.4, material=tracing.emitter(given["emitter"])),
+    ]
+    return tracing.world(objects, lights)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ESTIMATORS)
+def test_derivatives_of_means_add_up_to_differences(name):
+    """From 0.7 to 1.3 times some parameters, by the same points: Gauss' rule has no error that matters."""
+    call = derived(name, room, tracing.camera([0, 1.0, 2.0], [0, 0, 0.2], fov=25), 2**17, 2)
+    for step in STEPS:
+
+        def at(part, step=step):
+            return call({name: value + part * step[name] for name, value in ROOM.items()}, step)
+
+        difference = at(1)[0] - at(-1)[0]
+        total = sum(weight * at(node)[1] for node, weight in zip(NODES, WEIGHTS, strict=True))
+        agree(total - difference + difference.mean(), difference.mean(), 0.05)
+
+
+SMOOTH = {
+    "radius": jnp.array(2.0),
+    "position": jnp.array([0.3, 0.5, -0.2]),
+    "eye": jnp.array([0.1, 0.5, 1.0]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["1 bounces", "bidirectional"])
+def test_where_no_edge_moves_places_have_derivatives(name):
+    """Inside a glossy ball whose light is a point there is none: derivatives of samples are differences."""
+
+    def scene(given):
+        ball = tracing.sphere([0, 0, 0], given["radius"], material=tracing.glossy([0.2, 0.5, 0.7], 0.4, 0.4))
+        world = tracing.world([ball], [tracing.point_light(given["position"], [1.0, 2.0, 3.0])])
+        return ESTIMATORS[name](world, tracing.camera(given["eye"], [2.0, 0, 0.4]), smooth=True)
+
+    with jax.enable_x64():
+        given = jax.tree.map(lambda a: a.astype(jnp.float64), SMOOTH)
+        points = jax.random.uniform(jax.random.key(4), (2**9, len(scene(given).needs)), jnp.float64)
+        mean = jax.jit(lambda given: scene(given)(points).mean())
+        slopes = jax.jit(jax.grad(mean))(given)
+        for place, value in given.items():
+            for j in np.ndindex(value.shape):
+                ends = [mean(given | {place: value.at[j].add(step)}) for step in (1e-6, -1e-6)]
+                tolerance = 1e-3 * abs(slopes[place]).max()
+                np.testing.assert_allclose(slopes[place][j], (ends[0] - ends[1]) / 2e-6, 1e-3, tolerance)

@@ -9,6 +9,7 @@ import pytest
 
 from qmcjax import bridges, orders, samplers, sequences
 from qmcjax.bridges import BakedTable, bake, bake_mask, bake_matrices, bake_order, bake_ranked
+from qmcjax.bridges._layout import Layout
 
 SAMPLER = samplers.independent(sequences.sobol(5), key=3)
 TILE, SPP, DIMS = (6, 4), 8, (0, 1, 2, 3, 4)
@@ -177,6 +178,14 @@ def test_textures_have_the_very_bits(tables, tmp_path, bits, ending):
         assert of_texture(texels, table, x, y, s, j) == table.values[y, x, s, j]
 
 
+def test_what_is_not_used_of_a_texture_is_black():
+    """Of five layers side by side in pairs, the sixth."""
+    table = bake(SAMPLER, (3, 2), 5, (0,))
+    texels = Layout(2, 3, 5, 1, 2).texels(np.ones_like(table.values))
+    assert texels.shape == (6, 6, 2) and texels.sum() == table.values.size
+    assert not texels[4:, 3:].any() and not texels[..., 1].any()
+
+
 def test_words_are_in_the_files(tables, tmp_path):
     table = tables[16]
     table.save(tmp_path / "table.npz")
@@ -254,6 +263,7 @@ def test_orders():
         assert table.values[y, x, 0, 0] == position
     with pytest.raises(ValueError, match="table must be of coordinates to have points"):
         _ = table.points
+    assert [bake_order(orders.raster(256, height)).bits for height in (1, 2, 256, 257)] == [8, 16, 16, 32]
 
 
 def test_matrices():

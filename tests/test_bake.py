@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -197,6 +198,15 @@ def test_words_are_in_the_files(tables, tmp_path):
         assert f"// {line}\n" in (tmp_path / "table.h").read_text()
     assert table.readme.encode() in (tmp_path / "table.png").read_bytes()
     assert "Independent(sobol(dims=5))" in table.readme
+    replace(table, about=("ends in \\",)).save(tmp_path / "table.h")
+    assert "\\" not in (tmp_path / "table.h").read_text(), "the next line would be a comment"
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32])
+def test_words_say_what_coordinates_are(tables, bits):
+    formula = re.search("A coordinate is (.*)[.]", tables[bits].readme)[1]
+    found = eval(formula, {"value": tables[bits].values.astype(np.float64)})
+    assert np.array_equal(found, tables[bits].points)
 
 
 def boxes(words, a, b):
@@ -221,6 +231,8 @@ def test_strata_are_kept():
     assert np.all(boxes(words.reshape(256, 16, 2), 4, 0) == 1)
     assert np.max(boxes(words.reshape(1, 4096, 2), 12, 0)) == 16
     assert "1 x 1/4096 4096 have a point, 256 as stored" in coarse.about[-1]
+    # 300 samples have 256 strata, which 8 bits keep.
+    bake(SAMPLER, (2, 1), 300, bits=8)
 
 
 def test_strata_that_would_break_are_refused():

@@ -314,6 +314,15 @@ def test_exr_windows_that_are_too_large_are_refused(tmp_path):
             read_image(tmp_path / "wrong.exr")
 
 
+def test_exr_channels_of_fewer_pixels_are_refused(tmp_path):
+    path = tmp_path / "image.exr"
+    write_image(path, np.zeros((4, 4, 3)))
+    full, half = (b"G\0" + struct.pack("<4i", 2, 0, *steps) for steps in ((1, 1), (2, 1)))
+    path.write_bytes(path.read_bytes().replace(full, half))
+    with pytest.raises(ValueError, match=r"image\.exr, byte 8, must have channels"):
+        read_image(path)
+
+
 def test_exr_is_that_of_the_package(tmp_path):
     """Both ways, with all compressions; ours for scanlines and ZIP, the package for the others."""
     package = pytest.importorskip("OpenEXR")

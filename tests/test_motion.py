@@ -204,6 +204,26 @@ def test_decomposition_and_back(sign):
             assert np.allclose(motion.compose(*found), matrix, atol=1e-13)
 
 
+def test_a_spline_about_one_axis_reproduces_angles_of_second_degree():
+    """Between inner keys, whatever their distances: velocities there are those of parabolas through three."""
+    times, axis = np.array([0.0, 1.0, 1.5, 4.0, 5.0]), [1.0, 2.0, -2.0]
+
+    def turned(time):
+        return motion.quaternion(axis, 0.1 * time**2 - 0.2 * time)
+
+    with jax.enable_x64(True):
+        path = motion.rotation_spline(times, turned(jnp.asarray(times)))
+        inner = jnp.linspace(1.0, 4.0, 31)
+        np.testing.assert_allclose(jax.jit(path)(inner), jax.jit(turned)(inner), atol=1e-12)
+
+
+def test_quaternions_that_are_rounded_are_normalised():
+    rounded = np.round(np.array([[1, 2, 3, 4], [4, -3, 2, 1]]) / np.sqrt(30), 5)
+    keys = motion.rotation_spline([0, 1], rounded).keys
+    np.testing.assert_allclose(np.linalg.norm(keys, axis=1), 1, rtol=1e-15)
+    np.testing.assert_allclose(keys, rounded, rtol=1e-4)
+
+
 @pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])
 def test_matrices_are_singular_at_any_size(size):
     """By the ratio of their factors."""

@@ -537,7 +537,8 @@ def test_pictures_are_never_nan(case, estimator):
         (lambda: tracing.diffuse(1.1), ValueError, r"color must be in \[0, 1\]"),
         (lambda: tracing.diffuse([0.1, 0.2]), ValueError, "color must have shape"),
         (lambda: tracing.diffuse("red"), TypeError, "color must be"),
-        (lambda: tracing.glossy(0.5, 0), ValueError, "roughness must be in"),
+        (lambda: tracing.glossy(0.5, 0.0099), ValueError, "roughness must be in"),
+        (lambda: tracing.glossy(0.5, 1.01), ValueError, "roughness must be in"),
         (lambda: tracing.emitter(-1), ValueError, "radiance must be not negative"),
         (lambda: tracing.checker(0.1, 0.2, 0), ValueError, "scale must be positive"),
         (lambda: tracing.checker(0.1, tracing.checker(0, 1)), TypeError, "other must be a colour"),
@@ -566,6 +567,48 @@ def test_pictures_are_never_nan(case, estimator):
 def test_bad_input_is_named(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_patterns_go_on_on_both_sides_of_0_and_move():
+    """By the parity of whole numbers; where they moved, a point has the colour that it had elsewhere."""
+    rng = np.random.default_rng(2)
+    u, v = rng.uniform(-3, 3, (2, 500)).astype(np.float32)
+    time = rng.uniform(size=500).astype(np.float32)
+    zero = jnp.zeros(500)
+
+    def moved(time):
+        return 2 * time, -time
+
+    checker, stripes = tracing.checker(1.0, 0.0, [2, 3]), tracing.stripes(1.0, 0.0, 2)
+    first = np.floor(2 * u) % 2 == 0
+    assert np.array_equal(stripes(u, v, zero)[0] == 1, first)
+    assert np.array_equal(checker(u, v, zero)[2] == 1, first == (np.floor(3 * v) % 2 == 0))
+    carried = tracing.checker(1.0, 0.0, [2, 3], motion=moved)
+    assert np.array_equal(carried(u, v, time)[1], checker(u - 2 * time, v + time, zero)[1])
+
+
+def test_textures_of_users_may_move():
+    """Unless they say that they have no motion."""
+    still = tracing.diffuse(tracing.checker(0.1, 0.9))
+    moves = tracing.diffuse(tracing.checker(0.1, 0.9, motion=lambda time: (time, time)))
+    own = tracing.diffuse(lambda u, v, time: (time, time, time))
+    assert [material.moving for material in (still, moves, own)] == [False, True, True]
+
+
+def test_polygons_are_covered_evenly():
+    """All parts of the square go to as much area, by the map's derivatives; corners are on the rim."""
+    sides = 5
+    places = jnp.asarray(np.random.default_rng(3).uniform(size=(200, 2)), jnp.float32)
+
+    def point(place):
+        return jnp.stack(_maps.polygon(place[0], place[1], sides))
+
+    derivatives = np.asarray(jax.jit(jax.vmap(jax.jacfwd(point)))(places), np.float64)
+    area = sides / 2 * np.sin(2 * np.pi / sides)
+    np.testing.assert_allclose(abs(np.linalg.det(derivatives)), area, rtol=1e-4)
+    corners = np.array([point(np.float32([k / sides, 1])) for k in range(sides)])
+    np.testing.assert_allclose(np.linalg.norm(corners, axis=1), 1, rtol=1e-6)
+    np.testing.assert_allclose(corners[0], [0, 1], atol=1e-6)
 
 
 @pytest.mark.slow

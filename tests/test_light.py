@@ -532,6 +532,7 @@ def test_pictures_are_never_nan(case, estimator):
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], aperture=0), ValueError, "aperture must be positive"),
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], focus=1), ValueError, "focus must be None without"),
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], aperture=1, blades=2), ValueError, "blades must be"),
+        (lambda: tracing.camera([0, 0, 1], [0, 0, 0], up=[1e-7, 0, 1]), ValueError, "up must be across"),
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], motion=3), TypeError, "motion must be callable"),
         (lambda: tracing.camera([0, 0, np.nan], [0, 0, 0]), ValueError, "position must be finite"),
         (lambda: tracing.diffuse(1.1), ValueError, r"color must be in \[0, 1\]"),
@@ -567,6 +568,34 @@ def test_pictures_are_never_nan(case, estimator):
 def test_bad_input_is_named(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_cameras_see_what_their_numbers_say():
+    """The angle of view is that of the height; lenses are in focus at the target; motions carry the rays."""
+    forward, right, up = np.float32([[0, 0.6, -0.8], [1, 0, 0], [0, 0.8, 0.6]])
+    position, distance, half = np.float32([1, 2, 3]), 4.0, np.tan(np.radians(25))
+    aim = {"position": position, "target": position + distance * forward, "fov": 50, "aspect": 1.5}
+    x, y = np.random.default_rng(5).uniform(size=(2, 50)).astype(np.float32)
+    seen = forward + half * (1.5 * (2 * x - 1)[:, None] * right + (1 - 2 * y)[:, None] * up)
+
+    def rays(of, *lens):
+        sight = of.rays(x, y, jnp.zeros(50), lens)
+        return np.stack(sight.origin, axis=-1), np.stack(sight.direction, axis=-1)
+
+    origin, way = rays(tracing.camera(**aim))
+    assert np.all(origin == position)
+    np.testing.assert_allclose(way, seen / np.linalg.norm(seen, axis=1, keepdims=True), atol=1e-6)
+    u, v = np.random.default_rng(6).uniform(size=(2, 50)).astype(np.float32)
+    start, through = rays(tracing.camera(**aim, aperture=0.5), u, v)
+    off = np.linalg.norm(start - position, axis=1)
+    assert 0.4 < off.max() <= 0.5 and abs((start - position) @ forward).max() < 1e-6
+    focused = start + through * (distance / (through @ forward))[:, None]
+    np.testing.assert_allclose(focused, position + distance * seen, atol=1e-5)
+    turn = np.float32([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    moved, turned = rays(tracing.camera(**aim, motion=tracing.motion.affine(turn, [5, 6, 7])))
+    np.testing.assert_allclose(moved, origin @ turn.T + [5, 6, 7], atol=1e-6)
+    np.testing.assert_allclose(turned, way @ turn.T, atol=1e-6)
+    assert not tracing.camera(**aim, shutter=(0.5, 0.5)).still
 
 
 def test_patterns_go_on_on_both_sides_of_0_and_move():

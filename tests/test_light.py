@@ -624,6 +624,26 @@ def test_textures_of_users_may_move():
     assert [material.moving for material in (still, moves, own)] == [False, True, True]
 
 
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda u: (u, u, u), "material.at must return a qmcjax.tracing.Surface .* got "),
+        (lambda u: Surface(diffuse=(jnp.ones(3),) * 3), "of components of the shape of u, or ()"),
+        (lambda u: Surface(glossy=(u, u, u)), "material.at must return glossy and roughness together"),
+        (lambda u: Surface(diffuse=(u, u, u), roughness=u), "glossy and roughness together"),
+    ],
+)
+def test_materials_of_users_return_surfaces(made, message):
+    @dataclass(frozen=True, eq=False)
+    class Own:
+        def at(self, u, v, time):
+            return made(u)
+
+    world = tracing.world([tracing.sphere([0, 0, 0], 1, material=Own())])
+    with pytest.raises(TypeError, match=message):
+        _ = tracing.path_tracing(world, DOWN, 1).needs
+
+
 def test_polygons_are_covered_evenly():
     """All parts of the square go to as much area, by the map's derivatives; corners are on the rim."""
     sides = 5

@@ -618,6 +618,13 @@ def test_vmap_and_jit_are_the_loop():
     assert np.allclose(many, 5 - radii)
 
 
+def test_a_hit_at_the_limit_does_not_count():
+    """But one at the next smaller number does."""
+    ball = tracing.world([tracing.sphere([0, 0, 5], 1.0)])
+    limits = np.nextafter(np.float32(4), np.float32([0, 4, 9]), dtype=np.float32)
+    assert tracing.any_hit(ball, [0.0, 0, 0], [0.0, 0, 1], 0.0, limits).tolist() == [False, False, True]
+
+
 @pytest.mark.slow
 def test_an_empty_world_and_rays_that_hit_nothing():
     """No object, no ray, no direction, no number: never NaN, also not in derivatives."""

@@ -90,7 +90,13 @@ class _Converted:
 def _call(function: Any, points: Array) -> Any:
     if isinstance(function, _Converted):
         converted = plug_ins.unheld(function.converted)
-        return converted(function.function, points, *function.closed_over)
+        # The program of a function is one for _ROWS points.
+        rows = len(points)
+        blocks = jnp.pad(points, ((0, -rows % _ROWS), (0, 0)), mode="edge").reshape(
+            -1, _ROWS, points.shape[1]
+        )
+        made = [converted(function.function, block, *function.closed_over) for block in blocks]
+        return jax.tree.map(lambda *parts: jnp.concatenate(parts)[:rows], *made)
     return plug_ins.unheld(function)(points)
 
 

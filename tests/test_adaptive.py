@@ -1,6 +1,6 @@
 """Samples that a scene does not need are not taken, and the image is the same."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -8,11 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter
 from tables import slow
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.core.pytrees import pytree
+from qmcjax.rendering import _stopping
 
 SIDE, SPP = 20, 16
 
@@ -298,6 +300,48 @@ def test_passes_stop_by_the_unbiased_variance():
     result = qj.render_adaptive(scene, sampler, 1, 1, 64, tolerance=tolerance)
     assert int(result.counts[0, 0]) == 4 * wanted > 16
     assert float(result.image[0, 0]) == pytest.approx(np.mean(values[:wanted]), abs=1e-6)
+
+
+def test_passes_of_pixels_by_hand():
+    """Each stops for good where the error of it, its neighbours and all channels is small.
+
+    With ``unbiased`` four passes of their own tell how many there are, and are none of the image's.
+    """
+
+    def colours(point):
+        x, y = point[..., 0], point[..., 1]
+        return jnp.stack([jnp.sin(40 * x * x), jnp.where(y > 0.7, x, 0), jnp.cos(9 * y) ** 9], axis=-1)
+
+    scene, sampler, (width, height), limit = scenes.function(colours, ("x", "y")), passes(key=5), (7, 5), 16
+    pilot = replace(sampler, key=jax.random.fold_in(sampler.key, _stopping._PILOT_KEY))
+    values, before = (
+        np.stack([np.float64(qj.render(scene, of.of_pass(k), width, height, 4)) for k in range(count)])
+        for of, count in ((sampler, limit), (pilot, 4))
+    )
+
+    def squared_errors(given):
+        of_passes = np.array([[np.max(np.var(v, axis=0, ddof=1)) for v in row] for row in given])
+        return maximum_filter(of_passes, 3, mode="constant")
+
+    def first(counts):
+        """Return the first passes of each pixel."""
+        return [[values[: counts[y, x], y, x] for x in range(width)] for y in range(height)]
+
+    tolerance = np.sqrt(np.median(squared_errors(first(np.full((height, width), 4)))) / 12)
+    taken, active = np.full((height, width), 4), np.ones((height, width), bool)
+    for _ in range(4, limit):
+        active &= squared_errors(first(taken)) > tolerance**2 * taken
+        taken += active
+    wanted = np.ceil(squared_errors(np.moveaxis(before, 0, 2)) / tolerance**2)
+    wanted = np.clip(wanted, 1, limit - 4).astype(int)
+    for counts, more in ((taken, 0), (wanted, 4)):
+        assert len(np.unique(counts)) > 3
+        found = qj.render_adaptive(
+            scene, sampler, width, height, 4 * limit, tolerance=tolerance, unbiased=more > 0
+        )
+        assert np.array_equal(found.counts, 4 * (counts + more))
+        means = [[v.mean(axis=0) for v in row] for row in first(counts)]
+        np.testing.assert_allclose(found.image, means, atol=1e-6)
 
 
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])

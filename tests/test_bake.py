@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from qmcjax import bridges, orders, samplers, sequences
 from qmcjax.bridges import BakedTable, bake, bake_mask, bake_matrices, bake_order, bake_ranked
+from qmcjax.bridges._layout import Layout
 
 SAMPLER = samplers.independent(sequences.sobol(5), key=3)
 TILE, SPP, DIMS = (6, 4), 8, (0, 1, 2, 3, 4)
@@ -178,6 +180,14 @@ def test_textures_have_the_very_bits(tables, tmp_path, bits, ending):
         assert of_texture(texels, table, x, y, s, j) == table.values[y, x, s, j]
 
 
+def test_what_is_not_used_of_a_texture_is_black():
+    """Of five layers side by side in pairs, the sixth."""
+    table = bake(SAMPLER, (3, 2), 5, (0,))
+    texels = Layout(2, 3, 5, 1, 2).texels(np.ones_like(table.values))
+    assert texels.shape == (6, 6, 2) and texels.sum() == table.values.size
+    assert not texels[4:, 3:].any() and not texels[..., 1].any()
+
+
 def test_words_are_in_the_files(tables, tmp_path):
     table = tables[16]
     table.save(tmp_path / "table.npz")
@@ -189,6 +199,15 @@ def test_words_are_in_the_files(tables, tmp_path):
         assert f"// {line}\n" in (tmp_path / "table.h").read_text()
     assert table.readme.encode() in (tmp_path / "table.png").read_bytes()
     assert "Independent(sobol(dims=5))" in table.readme
+    replace(table, about=("ends in \\",)).save(tmp_path / "table.h")
+    assert "\\" not in (tmp_path / "table.h").read_text(), "the next line would be a comment"
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32])
+def test_words_say_what_coordinates_are(tables, bits):
+    formula = re.search("A coordinate is (.*)[.]", tables[bits].readme)[1]
+    found = eval(formula, {"value": tables[bits].values.astype(np.float64)})
+    assert np.array_equal(found, tables[bits].points)
 
 
 def boxes(words, a, b):
@@ -213,6 +232,8 @@ def test_strata_are_kept():
     assert np.all(boxes(words.reshape(256, 16, 2), 4, 0) == 1)
     assert np.max(boxes(words.reshape(1, 4096, 2), 12, 0)) == 16
     assert "1 x 1/4096 4096 have a point, 256 as stored" in coarse.about[-1]
+    # 300 samples have 256 strata, which 8 bits keep.
+    bake(SAMPLER, (2, 1), 300, bits=8)
 
 
 def test_strata_that_would_break_are_refused():
@@ -266,6 +287,7 @@ def test_orders():
         assert table.values[y, x, 0, 0] == position
     with pytest.raises(ValueError, match="table must be of coordinates to have points"):
         _ = table.points
+    assert [bake_order(orders.raster(256, height)).bits for height in (1, 2, 256, 257)] == [8, 16, 16, 32]
 
 
 def test_matrices():

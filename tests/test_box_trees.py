@@ -336,14 +336,15 @@ def test_two_means_part_what_is_apart():
         assert halves == [set(range(50)), set(range(50, 100))]
 
 
-def test_two_means_are_fixed_points():
+@pytest.mark.parametrize("norm", [2, np.inf])
+def test_two_means_are_fixed_points(norm):
     """Boxes of the root are with the mean that is nearer, by diagonals of what holds both."""
     low, high = boxes(200, 6)
-    tree = trees.two_means_tree(low, high, tries=1)
+    tree = trees.two_means_tree(low, high, tries=1, norm=norm)
     parts = [members(tree)[k] for k in tree.children[-1]]
     weights = np.array([area(*box) for box in zip(low, high, strict=True)])
     means = [np.average((low + high)[of] / 2, axis=0, weights=weights[of]) for of in parts]
-    apart = [np.linalg.norm(np.maximum(high, m) - np.minimum(low, m), axis=1) for m in means]
+    apart = [np.linalg.norm(np.maximum(high, m) - np.minimum(low, m), norm, axis=1) for m in means]
     assert set(np.flatnonzero(apart[0] <= apart[1])) == set(parts[0])
 
 
@@ -439,6 +440,16 @@ def test_parts_in_time_hold_what_moves(kappa):
         assert np.array_equal(number[now], np.arange(60))
         assert np.all(lows[now, :3] <= at(low, times, time) + 1e-12)
         assert np.all(highs[now, :3] >= at(high, times, time) - 1e-12)
+
+
+def test_boxes_that_are_large_at_one_time_stay_whole():
+    """And are hit from the first to the last time, both of them included."""
+    low, high = np.zeros((2, 1, 3)), np.ones((2, 1, 3)) * [[[1.0]], [[10.0]]]
+    lows, highs, number = trees.split_in_time(low, high, [1.0, 3.0])
+    assert (lows.tolist(), highs.tolist(), number.tolist()) == ([[0, 0, 0, 1]], [[10, 10, 10, 3]], [0])
+    tree, times = trees.surface_area_tree(lows, highs), [0.9, 1.0, 2.0, 3.0, 3.1]
+    visited = trees.nodes_visited(tree, [[5, 5, -1]] * 5, [0, 0, 1], time=times)
+    assert visited.tolist() == [0, 1, 1, 1, 0]
 
 
 def hits(tree, rays, vertices, times, time, number=None):

@@ -179,6 +179,8 @@ def test_byte_order_marks_and_headings(tmp_path):
         ("0.5 1e999\n", "line 1, column 5, must be a finite number, got '1e999'"),
         ("0.5 0.5\n0.5 0.5 0.5\n", "line 2, column 9, must have 2 coordinates, got 3"),
         ("0.5 1_0\n", "line 1, column 5"),
+        ("0.5,  x\n", "line 1, column 7, must be a finite number, got 'x'"),
+        ("\xef\xbb\xbf0.5\n0.5\xff", r"line 2, column 4, must be text in utf-8, got the byte 0xff"),
         ("0.5\n0.5\xff", r"line 2, column 4, must be text in utf-8, got the byte 0xff"),
         (
             "# 2 points, 1 coordinates, crc32 00000000\n0.5\n",
@@ -209,6 +211,25 @@ def test_point_sets_of_archives_and_binary_files(tmp_path):
         read_points(tmp_path / "a.npz", dims=2)
 
 
+@pytest.mark.parametrize("version", [(1, 0), (2, 0), (3, 0)])
+def test_arrays_are_those_that_numpy_reads(tmp_path, version):
+    """Of all versions of its format, by columns or by rows, in the other order of bytes."""
+    for points in (POINTS, np.asfortranarray(POINTS), POINTS.astype(">f8")):
+        with (tmp_path / "a.npy").open("wb") as file:
+            np.lib.format.write_array(file, points, version=version)
+        assert np.array_equal(read_points(tmp_path / "a.npy"), POINTS)
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).bits == 64, reason="there are no longer floats")
+def test_floats_with_more_digits_are_not_cut_off(tmp_path):
+    long = np.array([[1 / np.longdouble(3)]])
+    np.save(tmp_path / "long.npy", long)
+    with pytest.raises(ValueError, match=f"must hold floats of shape .* got {long.dtype}"):
+        read_points(tmp_path / "long.npy")
+    with pytest.raises(ValueError, match=f"points: must hold floats of shape .* got {long.dtype}"):
+        write_points(tmp_path / "long.csv", long)
+
+
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
@@ -220,7 +241,11 @@ def test_point_sets_of_archives_and_binary_files(tmp_path):
         (lambda: write_image("a.png", POINTS, transfer="x"), ValueError, "transfer must be one of"),
         (lambda: write_image("a.png", POINTS, transfer="srgb", bits=12), ValueError, "bits must be 8 or 16"),
         (lambda: write_image("a.npy", POINTS, transfer="srgb"), ValueError, "transfer must be None but for"),
-        (lambda: write_image("a.npy", [[np.inf]]), ValueError, "image must be finite, got inf in row 0"),
+        (
+            lambda: write_image("a.npy", [[0.0, 1.0, np.inf]]),
+            ValueError,
+            "image must be finite, got inf in row 0, column 2",
+        ),
         (lambda: write_image("a.npy", [[1e300]]), ValueError, "image must be in the range of float32"),
         (lambda: write_image("a.npy", [0.5]), ValueError, "image must have the shape"),
     ],
@@ -247,19 +272,59 @@ def test_pictures_come_back_within_half_a_step(tmp_path, shape, bits):
         assert whole.shape == shape and whole.max() > 0.9 * (2**bits - 1)
 
 
-def test_all_filters_are_undone_as_pillow_does(tmp_path):
+def picture(lines, kind=2, *between, depth=8):
+    """Return a PNG file of lines, each with its filter first, and of chunks before them."""
+    width = (lines.shape[1] - 1) // ({0: 1, 2: 3, 4: 2, 6: 4}[kind] * depth // 8)
+    head = struct.pack(">IIBBBBB", width, len(lines), depth, kind, 0, 0, 0)
+    data = b"\x89PNG\r\n\x1a\n"
+    packed = zlib.compress(lines.tobytes())
+    for name, body in ((b"IHDR", head), *between, (b"IDAT", packed), (b"IEND", b"")):
+        data += struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
+    return data
+
+
+@pytest.mark.parametrize(("kind", "depth"), [(2, 8), (0, 16)])
+def test_all_filters_are_undone_as_pillow_does(tmp_path, kind, depth):
     """Any bytes are pixels: those of rows with all five filters, at random."""
     rng = np.random.default_rng(5)
     lines = rng.integers(0, 256, (40, 1 + 3 * 17), np.uint8)
     lines[:, 0] = rng.integers(0, 5, 40)
-    head = struct.pack(">IIBBBBB", 17, 40, 8, 2, 0, 0, 0)
-    data = b"\x89PNG\r\n\x1a\n"
-    for name, body in ((b"IHDR", head), (b"IDAT", zlib.compress(lines.tobytes())), (b"IEND", b"")):
-        data += struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
     path = tmp_path / "image.png"
-    path.write_bytes(data)
-    expected = (np.asarray(Image.open(path)) / 255).astype(np.float32)
+    path.write_bytes(picture(lines[:, :-1] if depth == 16 else lines, kind, depth=depth))
+    expected = (np.asarray(Image.open(path)) / (2**depth - 1)).astype(np.float32)
     assert np.array_equal(read_image(path, transfer="linear"), expected)
+
+
+@pytest.mark.parametrize("kind", [4, 6])
+def test_alpha_is_never_srgb(tmp_path, kind):
+    lines = np.tile(np.uint8([0, *[99] * 12]), (2, 1))
+    path = tmp_path / "image.png"
+    path.write_bytes(picture(lines, kind, (b"sRGB", b"\0")))
+    found = read_image(path)
+    assert np.allclose(found[..., -1], 99 / 255)
+    assert np.allclose(found[..., :-1], ((99 / 255 + 0.055) / 1.055) ** 2.4)
+
+
+def test_chunks_that_change_the_picture_are_not_passed_over(tmp_path):
+    """An exponent that is neither of sRGB nor 1, unknown chunks that are critical, pixels too many."""
+    path, lines = tmp_path / "image.png", np.tile(np.uint8([0, 99, 99, 99]), (2, 1))
+    cases = (
+        (picture(lines, 2, (b"gAMA", struct.pack(">I", 45455))), "the file says the exponent 0.45455"),
+        (picture(lines, 2, (b"ABCD", b"")), r"byte 33, must be a chunk of an image without .* got b'ABCD'"),
+        (picture(np.tile(lines, (2, 1))).replace(*sizes(4, 2)), r"byte 8, must have 8 bytes of pixels, got"),
+    )
+    for data, message in cases:
+        path.write_bytes(data)
+        with pytest.raises(ValueError, match=message):
+            read_image(path)
+    path.write_bytes(picture(lines, 2, (b"gAMA", struct.pack(">I", 100000)), (b"abCD", b"")))
+    assert np.allclose(read_image(path), 99 / 255)
+
+
+def sizes(*heights):
+    """Return the first chunks of pictures that are one pixel wide."""
+    heads = [b"IHDR" + struct.pack(">IIBBBBB", 1, height, 8, 2, 0, 0, 0) for height in heights]
+    return [head + struct.pack(">I", zlib.crc32(head)) for head in heads]
 
 
 def test_pictures_of_other_programs(tmp_path):
@@ -282,6 +347,10 @@ def test_light_comes_back_with_every_bit(tmp_path):
     assert np.array_equal(read_image(tmp_path / "image.npy"), image[..., 0])
     np.save(tmp_path / "image.npy", image.astype(np.float64))
     with pytest.raises(ValueError, match="must hold float32 of shape"):
+        read_image(tmp_path / "image.npy")
+    image[1, 3] = np.nan
+    np.save(tmp_path / "image.npy", image)
+    with pytest.raises(ValueError, match=r"image\.npy, row 1, column 3, must be finite, got \[nan nan nan\]"):
         read_image(tmp_path / "image.npy")
 
 
@@ -313,6 +382,15 @@ def test_exr_windows_that_are_too_large_are_refused(tmp_path):
         (tmp_path / "wrong.exr").write_bytes(data)
         with pytest.raises(ValueError, match=r"wrong\.exr, byte \d+, must "):
             read_image(tmp_path / "wrong.exr")
+
+
+def test_exr_channels_of_fewer_pixels_are_refused(tmp_path):
+    path = tmp_path / "image.exr"
+    write_image(path, np.zeros((4, 4, 3)))
+    full, half = (b"G\0" + struct.pack("<4i", 2, 0, *steps) for steps in ((1, 1), (2, 1)))
+    path.write_bytes(path.read_bytes().replace(full, half))
+    with pytest.raises(ValueError, match=r"image\.exr, byte 8, must have channels"):
+        read_image(path)
 
 
 def test_exr_is_that_of_the_package(tmp_path):

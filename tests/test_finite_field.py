@@ -33,6 +33,17 @@ def test_product_equals_python_integers(q, m):
     assert finite_field.product(a - q, b.astype(np.uint32), q).tolist() == multiplied(a, b, q)
 
 
+@pytest.mark.parametrize("dtype", ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"])
+def test_entries_of_any_integer_dtype(dtype):
+    """Those of narrow ones too, though q is beyond their range, and those of 64 bits, without a sign."""
+    bounds = np.iinfo(dtype)
+    matrix = np.array([[bounds.max, 1], [0, bounds.min + 1]], dtype)
+    for q in PRIMES:
+        determinant = bounds.max * (bounds.min + 1) % q
+        assert (finite_field.rank(matrix, q) == 2) == (determinant != 0)
+        assert finite_field.product(matrix, matrix, q).tolist() == multiplied(matrix, matrix, q)
+
+
 def test_product_broadcasts_over_leading_axes():
     a = np.random.default_rng(0).integers(0, 5, (3, 4, 4))
     together = finite_field.product(a, a[0], 5)

@@ -221,6 +221,21 @@ def test_closed_over_values_have_gradients():
     np.testing.assert_allclose(slopes, (1 / 2, -2 / 4), atol=1e-4)
 
 
+@pytest.mark.parametrize("n", [100, 9000])
+def test_closed_over_values_count_all_points(n):
+    """Of several dimensions, and of any number of points: the mean and its derivative are those of a sum."""
+    sequence = sequences.sobol(2)
+    points = np.asarray(sequence.points(n, dtype=np.float64))
+
+    def mean(a):
+        return qj.integrate(lambda points: a * points[:, 0] ** 2 + points[:, 1], sequence, n)
+
+    found, slope = jax.jvp(mean, (jnp.float32(2),), (jnp.float32(1),))
+    squares = np.mean(points[:, 0] ** 2)
+    np.testing.assert_allclose(found, 2 * squares + points[:, 1].mean(), rtol=1e-6)
+    np.testing.assert_allclose(slope, squares, rtol=1e-6)
+
+
 @pytest.mark.parametrize("start", [77, *slow(0)])
 @pytest.mark.parametrize("bad", [np.nan, *slow(np.inf)])
 def test_a_value_that_is_not_finite_is_named_with_its_point(bad, start):

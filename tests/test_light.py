@@ -532,12 +532,14 @@ def test_pictures_are_never_nan(case, estimator):
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], aperture=0), ValueError, "aperture must be positive"),
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], focus=1), ValueError, "focus must be None without"),
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], aperture=1, blades=2), ValueError, "blades must be"),
+        (lambda: tracing.camera([0, 0, 1], [0, 0, 0], up=[1e-7, 0, 1]), ValueError, "up must be across"),
         (lambda: tracing.camera([0, 0, 1], [0, 0, 0], motion=3), TypeError, "motion must be callable"),
         (lambda: tracing.camera([0, 0, np.nan], [0, 0, 0]), ValueError, "position must be finite"),
         (lambda: tracing.diffuse(1.1), ValueError, r"color must be in \[0, 1\]"),
         (lambda: tracing.diffuse([0.1, 0.2]), ValueError, "color must have shape"),
         (lambda: tracing.diffuse("red"), TypeError, "color must be"),
-        (lambda: tracing.glossy(0.5, 0), ValueError, "roughness must be in"),
+        (lambda: tracing.glossy(0.5, 0.0099), ValueError, "roughness must be in"),
+        (lambda: tracing.glossy(0.5, 1.01), ValueError, "roughness must be in"),
         (lambda: tracing.emitter(-1), ValueError, "radiance must be not negative"),
         (lambda: tracing.checker(0.1, 0.2, 0), ValueError, "scale must be positive"),
         (lambda: tracing.checker(0.1, tracing.checker(0, 1)), TypeError, "other must be a colour"),
@@ -566,6 +568,96 @@ def test_pictures_are_never_nan(case, estimator):
 def test_bad_input_is_named(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_cameras_see_what_their_numbers_say():
+    """The angle of view is that of the height; lenses are in focus at the target; motions carry the rays."""
+    forward, right, up = np.float32([[0, 0.6, -0.8], [1, 0, 0], [0, 0.8, 0.6]])
+    position, distance, half = np.float32([1, 2, 3]), 4.0, np.tan(np.radians(25))
+    aim = {"position": position, "target": position + distance * forward, "fov": 50, "aspect": 1.5}
+    x, y = np.random.default_rng(5).uniform(size=(2, 50)).astype(np.float32)
+    seen = forward + half * (1.5 * (2 * x - 1)[:, None] * right + (1 - 2 * y)[:, None] * up)
+
+    def rays(of, *lens):
+        sight = of.rays(x, y, jnp.zeros(50), lens)
+        return np.stack(sight.origin, axis=-1), np.stack(sight.direction, axis=-1)
+
+    origin, way = rays(tracing.camera(**aim))
+    assert np.all(origin == position)
+    np.testing.assert_allclose(way, seen / np.linalg.norm(seen, axis=1, keepdims=True), atol=1e-6)
+    u, v = np.random.default_rng(6).uniform(size=(2, 50)).astype(np.float32)
+    start, through = rays(tracing.camera(**aim, aperture=0.5), u, v)
+    off = np.linalg.norm(start - position, axis=1)
+    assert 0.4 < off.max() <= 0.5 and abs((start - position) @ forward).max() < 1e-6
+    focused = start + through * (distance / (through @ forward))[:, None]
+    np.testing.assert_allclose(focused, position + distance * seen, atol=1e-5)
+    turn = np.float32([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    moved, turned = rays(tracing.camera(**aim, motion=tracing.motion.affine(turn, [5, 6, 7])))
+    np.testing.assert_allclose(moved, origin @ turn.T + [5, 6, 7], atol=1e-6)
+    np.testing.assert_allclose(turned, way @ turn.T, atol=1e-6)
+    assert not tracing.camera(**aim, shutter=(0.5, 0.5)).still
+
+
+def test_patterns_go_on_on_both_sides_of_0_and_move():
+    """By the parity of whole numbers; where they moved, a point has the colour that it had elsewhere."""
+    rng = np.random.default_rng(2)
+    u, v = rng.uniform(-3, 3, (2, 500)).astype(np.float32)
+    time = rng.uniform(size=500).astype(np.float32)
+    zero = jnp.zeros(500)
+
+    def moved(time):
+        return 2 * time, -time
+
+    checker, stripes = tracing.checker(1.0, 0.0, [2, 3]), tracing.stripes(1.0, 0.0, 2)
+    first = np.floor(2 * u) % 2 == 0
+    assert np.array_equal(stripes(u, v, zero)[0] == 1, first)
+    assert np.array_equal(checker(u, v, zero)[2] == 1, first == (np.floor(3 * v) % 2 == 0))
+    carried = tracing.checker(1.0, 0.0, [2, 3], motion=moved)
+    assert np.array_equal(carried(u, v, time)[1], checker(u - 2 * time, v + time, zero)[1])
+
+
+def test_textures_of_users_may_move():
+    """Unless they say that they have no motion."""
+    still = tracing.diffuse(tracing.checker(0.1, 0.9))
+    moves = tracing.diffuse(tracing.checker(0.1, 0.9, motion=lambda time: (time, time)))
+    own = tracing.diffuse(lambda u, v, time: (time, time, time))
+    assert [material.moving for material in (still, moves, own)] == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda u: (u, u, u), "material.at must return a qmcjax.tracing.Surface .* got "),
+        (lambda u: Surface(diffuse=(jnp.ones(3),) * 3), "of components of the shape of u, or ()"),
+        (lambda u: Surface(glossy=(u, u, u)), "material.at must return glossy and roughness together"),
+        (lambda u: Surface(diffuse=(u, u, u), roughness=u), "glossy and roughness together"),
+    ],
+)
+def test_materials_of_users_return_surfaces(made, message):
+    @dataclass(frozen=True, eq=False)
+    class Own:
+        def at(self, u, v, time):
+            return made(u)
+
+    world = tracing.world([tracing.sphere([0, 0, 0], 1, material=Own())])
+    with pytest.raises(TypeError, match=message):
+        _ = tracing.path_tracing(world, DOWN, 1).needs
+
+
+def test_polygons_are_covered_evenly():
+    """All parts of the square go to as much area, by the map's derivatives; corners are on the rim."""
+    sides = 5
+    places = jnp.asarray(np.random.default_rng(3).uniform(size=(200, 2)), jnp.float32)
+
+    def point(place):
+        return jnp.stack(_maps.polygon(place[0], place[1], sides))
+
+    derivatives = np.asarray(jax.jit(jax.vmap(jax.jacfwd(point)))(places), np.float64)
+    area = sides / 2 * np.sin(2 * np.pi / sides)
+    np.testing.assert_allclose(abs(np.linalg.det(derivatives)), area, rtol=1e-4)
+    corners = np.array([point(np.float32([k / sides, 1])) for k in range(sides)])
+    np.testing.assert_allclose(np.linalg.norm(corners, axis=1), 1, rtol=1e-6)
+    np.testing.assert_allclose(corners[0], [0, 1], atol=1e-6)
 
 
 @pytest.mark.slow

@@ -107,6 +107,8 @@ def test_padding_is_fresh():
         {tuple(row) for row in of.reshape(-1, 2).tolist()} for of in (values, padded(16, key=6))
     )
     assert len(points) == values.size // 2 and not points & others
+    many = padded(1, pairs=(*range(1, 40), 257, 65537), side=4)
+    assert len(np.unique(many.reshape(-1, 2), axis=0)) == 41 * 4**2
     halves = values[..., 0] < 0.5
     same = (halves[0] == halves[1]).mean(axis=1)
     # Without shuffles all or none of a pixel's samples are in the same halves; with them 8 of 16 mostly.

@@ -1,6 +1,7 @@
 """Motion as functions of time, against scipy, closed forms and dense samples."""
 
 from functools import partial
+from itertools import product
 
 import jax
 import jax.numpy as jnp
@@ -198,8 +199,65 @@ def test_decomposition_and_back(sign):
         found = motion.decompose(matrix)
         assert np.allclose(found.scale, scale, atol=1e-13)
         assert (rotation.inv() * Rotation.from_quat(found.rotation)).magnitude() < 1e-12
+        assert found.rotation[3] >= 0
         with jax.enable_x64(True):
             assert np.allclose(motion.compose(*found), matrix, atol=1e-13)
+
+
+def test_a_spline_about_one_axis_reproduces_angles_of_second_degree():
+    """Between inner keys, whatever their distances: velocities there are those of parabolas through three."""
+    times, axis = np.array([0.0, 1.0, 1.5, 4.0, 5.0]), [1.0, 2.0, -2.0]
+
+    def turned(time):
+        return motion.quaternion(axis, 0.1 * time**2 - 0.2 * time)
+
+    with jax.enable_x64(True):
+        path = motion.rotation_spline(times, turned(jnp.asarray(times)))
+        inner = jnp.linspace(1.0, 4.0, 31)
+        np.testing.assert_allclose(jax.jit(path)(inner), jax.jit(turned)(inner), atol=1e-12)
+
+
+def test_quaternions_that_are_rounded_are_normalised():
+    rounded = np.round(np.array([[1, 2, 3, 4], [4, -3, 2, 1]]) / np.sqrt(30), 5)
+    keys = motion.rotation_spline([0, 1], rounded).keys
+    np.testing.assert_allclose(np.linalg.norm(keys, axis=1), 1, rtol=1e-15)
+    np.testing.assert_allclose(keys, rounded, rtol=1e-4)
+
+
+@pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])
+def test_matrices_are_singular_at_any_size(size):
+    """By the ratio of their factors."""
+    assert np.allclose(motion.decompose(np.diag([size, size, 1e-11 * size, 1])).rotation, [0, 0, 0, 1])
+    with pytest.raises(ValueError, match="matrix must be regular"):
+        motion.decompose(np.diag([size, size, 1e-13 * size, 1]))
+
+
+def test_the_reach_of_an_affine_map_is_the_box_of_the_corners():
+    """Of one that mirrors and shears, and moves along a path; what turns stays in a ball."""
+    rng = np.random.default_rng(6)
+    matrix, (low, high) = rng.normal(size=(3, 3)), np.sort(rng.normal(size=(2, 3)), axis=0)
+    path = motion.linear_segments([0, 1], rng.normal(size=(2, 3)))
+    corners = np.array(list(product(*zip(low, high, strict=True))))
+    ends = corners @ matrix.T + np.asarray(path.points)[:, None]
+    found = motion.affine(matrix, path).reach(jnp.float32(low), jnp.float32(high))
+    np.testing.assert_allclose(found, [ends.min(axis=(0, 1)), ends.max(axis=(0, 1))], rtol=1e-5)
+    turning = motion.affine(lambda time: motion.quaternion([1.0, 0, 0], time))
+    radius = np.linalg.norm(corners, axis=1).max()
+    for found, sign in zip(turning.reach(jnp.float32(low), jnp.float32(high)), (-1, 1), strict=True):
+        np.testing.assert_allclose(found, [sign * radius] * 3, rtol=1e-6)
+    unknown = motion.affine(lambda time: time[..., None, None] * jnp.eye(3))
+    assert np.isinf(unknown.reach(jnp.float32(low), jnp.float32(high))).all()
+
+
+@pytest.mark.parametrize("corners", [[0.25], [0.25, 0.27], [0.1, 0.2, 0.9]])
+def test_segments_are_shared_out_to_make_the_longest_short(corners):
+    """No other numbers of segments between corners have a shorter longest one."""
+    lengths = np.diff([0, *corners, 1])
+    for segments in range(len(lengths), 12):
+        path = motion.approximated(lambda time: time[:, None], 0.0, 1.0, segments, corners)
+        shares = [n for n in product(range(1, segments), repeat=len(lengths)) if sum(n) == segments]
+        assert len(path.times) == segments + 1 and np.isin(corners, path.times).all()
+        assert np.diff(path.times).max() == pytest.approx(min((lengths / n).max() for n in shares))
 
 
 ANGLES = [

@@ -215,6 +215,30 @@ def test_samples_correct_what_is_not_predicted():
     assert (found.images[1] == 0).all() and (found.samples[1] == 3).all()
 
 
+def test_samples_are_those_of_other_numbers_everywhere():
+    """Of pixels, of blocks of them, of intervals, and of the samples that are added to some."""
+    of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
+    render = Renderer(of, 4, 4, 3, jax.random.key(1))
+    pixels = np.tile(np.arange(16), 4)
+    drawn = [render.sampled(interval, pixels, 1, first).time for interval, first in ((0, 0), (0, 1), (1, 0))]
+    within = np.concatenate([drawn[0], drawn[1], drawn[2] - np.float32(1 / 3)])
+    assert len(np.unique(within.round(6))) == 3 * 64
+
+
+def test_all_samples_of_a_pixel_count_alike():
+    """Those that check it and those that are added, where the prediction of one colour is wrong."""
+    of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
+    render = Renderer(of, 4, 4, 3, jax.random.key(1))
+    step, every = tracing.Step(0, 1, 2, 1), np.arange(16)
+    checked, added = render.sampled(1, every, 2, 0).color, render.sampled(1, every[5:6], 6, 1).color
+    wrong = render.sampled(1, every, 2, 0)
+    wrong.color[5, 2] *= 3
+    found, taken = render.corrected(wrong, every >= 0, step, 2, 8, 0.3)
+    assert taken.tolist() == [8 if pixel == 5 else 2 for pixel in every]
+    np.testing.assert_allclose(found.color[5], (2 * checked[5] + 6 * added[0]) / 8, rtol=1e-6)
+    np.testing.assert_array_equal(found.color[every != 5], checked[every != 5])
+
+
 @pytest.mark.slow
 def test_borders_where_nothing_is_drawn_are_sampled():
     """A wall that slides by more than the image, away and back: nothing of the ends is in the middle."""

@@ -22,6 +22,26 @@ def test_classes_with_equal_fields_have_different_structures(makers, sizes):
         assert jax.tree.structure(a) != jax.tree.structure(b)
 
 
+def test_a_class_that_is_written_anew_is_another_one():
+    """As in a notebook: one name, the same fields, and a program of its own."""
+
+    def defined(factor):
+        @pytree
+        @dataclass(frozen=True)
+        class Scaled:
+            x: jax.Array
+
+            def __call__(self):
+                return factor * self.x
+
+        return Scaled(jnp.float32(3))
+
+    first, second = defined(1), defined(2)
+    assert jax.tree.structure(first) != jax.tree.structure(second) and first != second
+    program = jax.jit(lambda scaled: scaled())
+    assert (program(first), program(second)) == (3, 6)
+
+
 @each("value", OBJECTS)
 def test_flattening_and_back_keeps_class_and_fields(value):
     leaves, structure = jax.tree.flatten(value)
@@ -64,12 +84,25 @@ def test_reprs_are_one_line_and_comparisons_never_fail(value):
         assert value != structure.unflatten(leaves)
 
 
+def test_equal_bytes_are_not_equal_arrays():
+    """The dtype and the shape count, too."""
+    given = [np.zeros((2, 3), "f4"), np.zeros((2, 3), "i4"), np.zeros((3, 2), "f4"), np.zeros(12, "f2")]
+    found = [Shell(array) for array in given]
+    assert [[a == b for b in found] for a in found] == np.eye(4, dtype=bool).tolist()
+
+
 def test_equal_keys_are_equal_and_traced_values_only_themselves():
     assert sequences.owen(sequences.sobol(2), 1) == sequences.owen(sequences.sobol(2), jax.random.key(1))
     assert sequences.owen(sequences.sobol(2), 1) != sequences.owen(sequences.sobol(2), 2)
     compared = []
     jax.jit(lambda a, b: compared.extend((a == a, a == b)) or a.dims)(*[sequences.uniform(1, 0)] * 2)
     assert compared == [True, False]
+
+
+@pytree
+@dataclass(frozen=True, eq=False)
+class Shell:
+    x: np.ndarray
 
 
 def test_methods_that_a_class_writes_itself_stay():

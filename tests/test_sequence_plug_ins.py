@@ -1,6 +1,6 @@
 """Sequences of users: objects without decorators, functions, and what is refused."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
@@ -126,8 +126,16 @@ def test_wrong_points_are_seen_while_tracing(make, message):
 
 
 class HasArray(Simple):
-    def __init__(self):
-        self.table = np.zeros(3)
+    def __init__(self, table):
+        self.table = table
+
+
+@dataclass
+class Named(Simple):
+    """An object that equals others of its name, whatever their points are."""
+
+    name: str
+    shift: int = field(compare=False)
 
 
 @pytest.mark.parametrize(
@@ -154,9 +162,24 @@ def test_other_things_are_refused(value):
     assert ("sequences.tabulated(engine.random(n))" in str(info.value)) == isinstance(value, qmc.QMCEngine)
 
 
-def test_arrays_want_a_pytree():
+@pytest.mark.parametrize("table", [np.zeros(3), jnp.zeros(3), [1, np.zeros(3)], {"deep": (np.zeros(3),)}])
+def test_arrays_want_a_pytree(table):
+    """Those inside of lists, tuples and dictionaries, too."""
     with pytest.raises(TypeError, match=r"must be a pytree to have an array .* 'table'"):
-        sequences.as_sequence("sequence", HasArray())
+        sequences.as_sequence("sequence", HasArray(table))
+
+
+def test_objects_equal_only_themselves():
+    """Programs of one are not those of another, whatever their classes say of equality."""
+    one, other = Named("a", 1), Named("a", 2)
+    assert one == other
+    held = [sequences.as_sequence("sequence", value) for value in (one, one, other)]
+    same, _, differs = map(jax.tree.structure, held)
+    assert held[0] == held[1] and same == jax.tree.structure(held[1])
+    assert held[0] != held[2] and same != differs
+
+
+def test_functions_must_be_callable():
     with pytest.raises(TypeError, match="f must be a function from indices to points, got 3"):
         sequences.function(3, 2)
 

@@ -253,19 +253,59 @@ def test_coordinates_of_textures():
         return np.round(np.concatenate(shape.coordinates(one, point, jnp.zeros(1))), 3).tolist()
 
     ball = tracing.sphere([1, 0, 0], 2.0)
-    assert [at(ball, 3, 0, 0), at(ball, 1, 2, 0), at(ball, 1, 0, 2)[1], at(ball, 1, 0, -2)[1]] == [
-        [0, 0.5],
-        [0.25, 0.5],
-        1,
-        0,
-    ]
+    equator = [at(ball, 3, 0, 0), at(ball, 1, 2, 0), at(ball, -1, 0, 0), at(ball, 1, -2, 0)]
+    assert equator == [[0, 0.5], [0.25, 0.5], [0.5, 0.5], [0.75, 0.5]]
+    assert [at(ball, 1, 0, 2)[1], at(ball, 1, 0, -2)[1]] == [1, 0]
     sheet = tracing.rectangle([0, 0, 0], [2, 0, 0], [1, 1, 0])
     assert [at(sheet, 2, 0, 0), at(sheet, 1, 1, 0), at(sheet, 1.5, 0.5, 0)] == [[1, 0], [0, 1], [0.5, 0.5]]
     assert at(tracing.disc([0, 0, 0], [0, 0, 1], 2.0), 0, 1, 0)[1] == 0.5
     assert at(tracing.cylinder([0, 0, 0], [0, 0, 4], 1.0), 1, 0, 1)[1] == 0.25
-    assert at(tracing.box([0, 0, 0], [1, 2, 4]), 1, 0.5, 1) == [0.25, 0.25]
+    cuboid = tracing.box([0, 0, 0], [1, 2, 4])
+    faces = [at(cuboid, 1, 0.5, 1), at(cuboid, 0.5, 2, 1), at(cuboid, 0.5, 0.5, 4)]
+    assert faces == [[0.25, 0.25], [0.25, 0.5], [0.5, 0.25]]
     assert at(tracing.triangles([[[0, 0, 0], [2, 0, 0], [0, 1, 0]]]), 1, 0.25, 0) == [0.5, 0.25]
     assert at(tracing.plane([0, 0, 1], [0, 0, 3]), 5, 7, 1) == [5, 7]
+
+
+def rims(center, axis, radius):
+    """Return many points of circles, (angles, n, 3)."""
+    angle = np.linspace(0, 2 * np.pi, 1001)[:, None, None]
+    one = np.cross(axis, np.roll(axis, 1, axis=-1))
+    other = np.cross(axis, one)
+    one, other = (a / np.linalg.norm(a, axis=-1, keepdims=True) for a in (one, other))
+    return center + radius[:, None] * (np.cos(angle) * one + np.sin(angle) * other)
+
+
+def test_bounds_are_the_least_boxes():
+    """Around the corners, or many points of the rims, of primitives that lie askew; at both ends of time."""
+    rng = np.random.default_rng(8)
+    a, b, c, radius = *rng.normal(size=(3, 5, 3)), rng.uniform(0.5, 2, 5)
+    corners, moved = rng.normal(size=(2, 5, 3, 3))
+    moving = tracing.triangles(corners, moved)
+    cases = [
+        (tracing.sphere(a, radius), 0, [a - radius[:, None], a + radius[:, None]]),
+        (tracing.rectangle(a, b, c), 0, [a, a + b, a + c, a + b + c]),
+        (tracing.disc(a, b, radius), 0, rims(a, b, radius)),
+        (tracing.cylinder(a, b, radius, closed=False), 0, [*rims(a, b, radius), *rims(a + b, b, radius)]),
+        (moving, 0, np.moveaxis(corners, 1, 0)),
+        (moving, 1, np.moveaxis(moved, 1, 0)),
+    ]
+    for item, time, points in cases:
+        low, high = item.shapes[0].bounds(time)
+        np.testing.assert_allclose(low, np.min(points, axis=0), atol=1e-4)
+        np.testing.assert_allclose(high, np.max(points, axis=0), atol=1e-4)
+
+
+def test_thin_triangles_are_told_from_those_with_an_area():
+    """By the longest edge, whichever vertex is the first: an obtuse one, 2 long."""
+    for height, has_area in ((1e-5, True), (1e-6, False), (0, False)):
+        vertices = np.array([[-1.0, 0, 0], [0, height, 0], [1, 0, 0]])
+        for order in itertools.permutations(range(3)):
+            if has_area:
+                tracing.triangles([vertices[[*order]]])
+                continue
+            with pytest.raises(ValueError, match="vertices must be of triangles with an area"):
+                tracing.triangles([vertices[[*order]]])
 
 
 SPIN = motion.affine(
@@ -576,6 +616,13 @@ def test_vmap_and_jit_are_the_loop():
         )
     )(radii)
     assert np.allclose(many, 5 - radii)
+
+
+def test_a_hit_at_the_limit_does_not_count():
+    """But one at the next smaller number does."""
+    ball = tracing.world([tracing.sphere([0, 0, 5], 1.0)])
+    limits = np.nextafter(np.float32(4), np.float32([0, 4, 9]), dtype=np.float32)
+    assert tracing.any_hit(ball, [0.0, 0, 0], [0.0, 0, 1], 0.0, limits).tolist() == [False, False, True]
 
 
 @pytest.mark.slow

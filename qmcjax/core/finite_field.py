@@ -149,7 +149,8 @@ def _elements(name: str, matrix: np.ndarray, q: int) -> np.ndarray:
     array = np.asarray(matrix)
     if array.dtype.kind not in "iu":
         raise ValueError(f"{name} must hold integers, got {array.dtype}")
-    return (array % q).astype(np.int64)
+    # In at least 32 bits: q may exceed the range of narrower integers.
+    return (array.astype(np.result_type(array, np.uint32)) % q).astype(np.int64)
 
 
 def _square(name: str, matrix: np.ndarray, q: int) -> np.ndarray:

@@ -153,7 +153,7 @@ def test_arc_lengths_are_bounded_whatever_the_weights(keys):
         curve, segments = wild(key), 1 + key % 40
         path = curve.by_arc_length(segments)
         points, lengths = inscribed(curve, 2001)
-        assert -1e-12 < path.length / lengths[-1] - 1 < 2e-4, key
+        assert -1e-9 < path.length / lengths[-1] - 1 < 2e-4, key
         part = np.linspace(0, 1, 8 * segments + 1)
         exact = np.stack([np.interp(part * lengths[-1], lengths, x) for x in points.T], axis=1)
         ends = np.arange(segments + 1)

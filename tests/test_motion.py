@@ -1,14 +1,16 @@
 """Motion as functions of time, against scipy, closed forms and dense samples."""
 
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
+from scipy.special import binom
 from tables import slow, some
 
 from qmcjax.tracing import motion
@@ -118,6 +120,117 @@ def test_arc_length_has_constant_speed_within_its_bound(segments):
     error = np.linalg.norm(in_float64(path, part) - exact, axis=1).max()
     assert error < path.bound
     assert path.bound < 0.5 * path.length / segments + 1e-12  # Half an arc, where a corner is cut off.
+
+
+def wild(key):
+    """Return a curve with weights over 12 orders of magnitude, some of them 0, and all kinds of knots."""
+    rng = np.random.default_rng([29, key])
+    degree, dims = rng.integers(1, 6), rng.integers(1, 4)
+    zeros = key % 4 == 0
+    inner = np.repeat(np.sort(rng.random(3)), rng.integers(0, degree + 1 - zeros, 3))
+    knots = np.concatenate([np.zeros(degree + 1), inner, np.ones(degree + 1)])
+    weights = 10 ** rng.uniform(-6, 6, len(knots) - degree - 1)
+    if zeros:
+        weights[1:-1:3] = 0
+    return motion.nurbs(rng.normal(size=(len(weights), dims)), weights, knots, degree)
+
+
+def inscribed(curve, count):
+    """Return points at parameters that are dense near knots on all scales, and arc lengths between them."""
+    inside = 1 / (1 + np.exp(-np.linspace(-36, 36, count)))
+    ends = np.unique(curve.knots)
+    u = np.sort(np.concatenate([ends, *(a + (b - a) * inside for a, b in pairwise(ends))]))
+    above = BSpline(curve.knots, curve.control * curve.weights[:, None], curve.degree)(u)
+    below = BSpline(curve.knots, curve.weights, curve.degree)(u)
+    points = above[below > 0] / below[below > 0, None]
+    return points, np.append(0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+
+
+@pytest.mark.parametrize("keys", [range(100), *slow(range(100, 1500))])
+def test_arc_lengths_are_bounded_whatever_the_weights(keys):
+    """Polylines between points of a curve are shorter, but not by much."""
+    for key in keys:
+        curve, segments = wild(key), 1 + key % 40
+        path = curve.by_arc_length(segments)
+        points, lengths = inscribed(curve, 2001)
+        assert -1e-9 < path.length / lengths[-1] - 1 < 2e-4, key
+        part = np.linspace(0, 1, 8 * segments + 1)
+        exact = np.stack([np.interp(part * lengths[-1], lengths, x) for x in points.T], axis=1)
+        ends = np.arange(segments + 1)
+        found = np.stack([np.interp(part * segments, ends, x) for x in path.points.T], axis=1)
+        error = np.linalg.norm(found - exact, axis=1)
+        # The polyline is not exact, either.
+        assert error.max() < path.bound + 2e-4 * path.length, key
+        assert error[::8].max() < 2e-4 * path.length, key
+
+
+def integrated(control, weights):
+    """Return the length of a Bezier curve by x = log(t / (1 - t)), in which its speed varies slowly.
+
+    Panels are halved where it varies fast for all that, near cusps, up to 40 times.
+    """
+    degree, (nodes, shares) = len(weights) - 1, np.polynomial.legendre.leggauss(12)
+    k = np.arange(degree + 1)
+
+    def arcs(center, half):
+        x = (center[:, None] + half * nodes)[..., None]
+        t, rest = 1 / (1 + np.exp(-x)), 1 / (1 + np.exp(x))
+        basis = binom(degree, k) * weights * t**k * rest ** (degree - k)
+        basis /= basis.sum(axis=2, keepdims=True)
+        turns = (basis * (k * rest - (degree - k) * t))[..., None, :]
+        velocity = turns @ (control - (basis @ control)[..., None, :])
+        return half * np.linalg.norm(velocity[..., 0, :], axis=2) @ shares
+
+    half, center = 0.5, np.arange(-74.5, 75)
+    length, found = 0.0, arcs(center, half)
+    for _ in range(40):
+        half /= 2
+        center = np.repeat(center, 2) + np.tile([-half, half], len(center))
+        finer = arcs(center, half)
+        bad = abs(finer.reshape(-1, 2).sum(axis=1) - found) > 1e-15 * length
+        length += finer.reshape(-1, 2).sum(axis=1)[~bad].sum()
+        bad = np.repeat(bad, 2)
+        found, center = finer[bad], center[bad]
+    return length + found.sum()
+
+
+def bezier(key):
+    rng = np.random.default_rng([30, key])
+    degree = 2 + key % 4
+    control, weights = rng.normal(size=(degree + 1, 2)), 10 ** rng.uniform(-6, 6, degree + 1)
+    return motion.nurbs(control, weights, [0] * (degree + 1) + [1] * (degree + 1), degree)
+
+
+@pytest.mark.parametrize("keys", [range(100), *slow(range(100, 1500))])
+def test_arc_lengths_are_integrals_of_speed(keys):
+    for key in keys:
+        curve = bezier(key)
+        path = curve.by_arc_length(1 + key % 5)
+        assert abs(path.length / integrated(curve.control, curve.weights) - 1) < 1e-13, key
+        chords = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
+        assert chords.max() * len(chords) <= path.length * (1 + 1e-12), key
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", [0, 3, 5])
+def test_arc_lengths_against_mpmath(key):
+    """In forty digits."""
+    curve = bezier(key)
+    with mpmath.workdps(40):
+        control, weights = (
+            np.vectorize(mpmath.mpf, otypes=[object])(a) for a in (curve.control, curve.weights)
+        )
+        degree, k = curve.degree, np.arange(curve.degree + 1)
+
+        def speed(x):
+            t, rest = 1 / (1 + mpmath.exp(-x)), 1 / (1 + mpmath.exp(x))
+            basis = np.array([mpmath.binomial(degree, j) * t**j * rest ** (degree - j) for j in k]) * weights
+            turns = basis * (k * rest - (degree - k) * t)
+            velocity = (turns @ control * basis.sum() - turns.sum() * (basis @ control)) / basis.sum() ** 2
+            return mpmath.sqrt(velocity @ velocity)
+
+        exact = mpmath.quad(speed, range(-75, 76, 3), maxdegree=6)
+    assert abs(curve.by_arc_length(7).length / exact - 1) < 1e-14
 
 
 def test_linear_segments_touch_the_floor_only_with_ends_at_the_jumps():
@@ -302,7 +415,13 @@ def changed(place, value):
         (lambda: motion.nurbs(*changed(0, [[1, 0]])), ValueError, "control must be at least 3 points"),
         (lambda: motion.nurbs(*changed(1, [1, -1, 1])), ValueError, "weights must be not negative"),
         (
-            lambda: motion.nurbs(*changed(1, [0, 0, 0])),
+            lambda: motion.nurbs(*changed(1, [1, 1, 0])),
+            ValueError,
+            "weights must be positive for at least one",
+        ),
+        (
+            # A jump from the first to the last point.
+            lambda: motion.nurbs([[0], [1], [2]], [1, 0, 1], [0, 0, 1, 2, 2], 1),
             ValueError,
             "weights must be positive for at least one",
         ),

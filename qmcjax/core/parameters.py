@@ -36,7 +36,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     TypeError
         If the values are no real numbers; bools are none.
     ValueError
-        If they have another shape or one is known not to be finite.
+        If they have another shape or one is known not to be finite in float32.
     """
     traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
     array = _of_jax(name, value) if traced else known(name, value)
@@ -46,8 +46,8 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     ):
         wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
         raise ValueError(f"{name} must have shape {wanted}, got {found}: {checks.shown(value)}")
-    if not isinstance(array, Tracer) and not np.all(np.isfinite(np.asarray(array))):
-        raise ValueError(f"{name} must be finite, got {checks.shown(value)}")
+    if not isinstance(array, Tracer) and not np.all(np.abs(np.asarray(array)) <= np.finfo(np.float32).max):
+        raise ValueError(f"{name} must be finite in float32, got {checks.shown(value)}")
     return array
 
 

@@ -4,6 +4,8 @@ Each primitive is a row of 16 numbers, in which what does not depend on the ray 
 misses are negative. Constants have the type of the rays: a literal would make the rest double.
 """
 
+import math
+
 import numpy as np
 
 from qmcjax.tracing._numba import inlined
@@ -49,6 +51,18 @@ def _along(origin, distance, direction):
 
 
 @inlined
+def times(factor, a):
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@inlined
+def power(size, one):
+    """Return the power of two that takes a size to [1, 2): see ``_vectors.scaled``."""
+    share, _ = math.frexp(size)
+    return (share + share) / size if size > 0 else one
+
+
+@inlined
 def vector(rows, k, j):
     return rows[k, j], rows[k, j + 1], rows[k, j + 2]
 
@@ -78,23 +92,26 @@ def fill(rows, k, kind, given, m, unit):
     _put(rows, k, 0, start)
     _put(rows, k, 3, other)
     scale = largest(start)
-    if kind == PLANE:
+    if kind == PLANE or kind == DISC:
+        other = times(power(largest(other), one), other)
+        _put(rows, k, 3, other)
         rows[k, 12] = dot(other, other)
+        if kind == DISC:
+            rows[k, 6] = given[m, 6]
+            scale += given[m, 6]
     elif kind == RECTANGLE:
+        scale += length(other) + length(third)
+        factor = power(max(largest(other), largest(third)), one)
+        other, third = times(factor, other), times(factor, third)
         normal = cross(other, third)
         squared = dot(normal, normal)
-        inverse = one / squared if squared > 0 else one
+        inverse = factor / squared if squared > 0 else factor
         p, q = cross(third, normal), cross(normal, other)
-        p = inverse * p[0], inverse * p[1], inverse * p[2]
-        q = inverse * q[0], inverse * q[1], inverse * q[2]
+        p, q = times(inverse, p), times(inverse, q)
         _put(rows, k, 3, normal)
         _put(rows, k, 6, p)
         _put(rows, k, 9, q)
         rows[k, 12], rows[k, 13], rows[k, 14] = squared, length(p), length(q)
-        scale += length(other) + length(third)
-    elif kind == DISC:
-        rows[k, 6], rows[k, 12] = given[m, 6], dot(other, other)
-        scale += given[m, 6]
     elif kind == BOX:
         scale += largest(other)
     elif kind == SPHERE:
@@ -102,7 +119,7 @@ def fill(rows, k, kind, given, m, unit):
     elif kind == CYLINDER:
         tall = length(other)
         inverse = one / tall if tall > 0 else one
-        rows[k, 3], rows[k, 4], rows[k, 5] = inverse * other[0], inverse * other[1], inverse * other[2]
+        _put(rows, k, 3, times(inverse, other))
         rows[k, 6], rows[k, 7] = tall, given[m, 6]
         scale += given[m, 6] + tall
     else:

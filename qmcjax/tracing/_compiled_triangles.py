@@ -3,7 +3,7 @@
 Eight are a block of 9 rows: the coordinates of their first corners, of the second and of the third ones.
 """
 
-from qmcjax.tracing._compiled_tests import cross, dot, largest, length, minus, vector
+from qmcjax.tracing._compiled_tests import cross, dot, largest, length, minus, power, times, vector
 from qmcjax.tracing._lanes import larger, load, smaller
 from qmcjax.tracing._numba import inlined
 
@@ -128,6 +128,8 @@ def _starts_on(one, other, third, origin, slack, unit):
     """Tell whether a ray starts on a triangle: ``_triangles._on``."""
     slack += unit * (largest(one) + largest(other) + largest(third))
     side, across, seen = minus(other, one), minus(third, one), minus(one, origin)
+    scale = power(max(largest(side), largest(across)), unit / unit)
+    side, across, seen, slack = times(scale, side), times(scale, across), times(scale, seen), scale * slack
     normal = cross(side, across)
     squared = dot(normal, normal)
     height = dot(normal, seen)

@@ -23,13 +23,17 @@ _THIN = 1e-6
 """Area over squared longest edge below which a triangle or rectangle has none in float32."""
 
 
+_TINY = np.finfo(np.float32).tiny
+
+
 def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
     """Make spheres; under an affine motion they are ellipsoids.
 
     Parameters
     ----------
     center : float ArrayLike, shape (3,) or (n, 3)
-        Here and below, n primitives make one object. All numbers may be traced.
+        Here and below, n primitives make one object. All numbers may be traced. In float32, rays hit what is
+        between 1e-10 and 1e9 large: products of three lengths are computed.
     radius : float ArrayLike, shape () or (n,)
     motion : callable, optional
         From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): where the object
@@ -55,7 +59,7 @@ def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material
     """
     center, count = _vectors("center", center)
     radius = _scalars("radius", radius, count)
-    require("radius", radius, lambda r: r > 0, "positive")
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
     return _object(Sphere(center, radius), motion, material)
 
 
@@ -143,9 +147,9 @@ def disc(
     """
     center, count = _vectors("center", center)
     normal, _ = _vectors("normal", normal, count)
-    require("normal", normal, _long, "of a length above 0")
+    require("normal", normal, _long, "of a length above 0 in float32")
     radius = _scalars("radius", radius, count)
-    require("radius", radius, lambda r: r > 0, "positive")
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
     return _object(Disc(center, normal, radius), motion, material)
 
 
@@ -185,9 +189,9 @@ def cylinder(
     """
     start, count = _vectors("base", base)
     way, _ = _vectors("axis", axis, count)
-    require("axis", way, _long, "of a length above 0")
+    require("axis", way, _long, "of a length above 0 in float32")
     radius = _scalars("radius", radius, count)
-    require("radius", radius, lambda r: r > 0, "positive")
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
     if not isinstance(closed, bool):
         raise TypeError(f"closed must be True or False, got {checks.shown(closed)}")
     shapes: tuple[Shape, ...] = (Cylinder(start, way, radius),)
@@ -220,7 +224,7 @@ def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: 
     """
     point, count = _vectors("point", point)
     normal, _ = _vectors("normal", normal, count)
-    require("normal", normal, _long, "of a length above 0")
+    require("normal", normal, _long, "of a length above 0 in float32")
     return _object(Plane(point, normal), motion, material)
 
 
@@ -252,8 +256,7 @@ def triangles(
 
     Notes
     -----
-    Vertices are shared if all their numbers are the same. In float32, edges are to be between 1e-10 and 1e9
-    long: products of four of them are computed.
+    Vertices are shared if all their numbers are the same.
 
     Many triangles that are known before tracing get a tree, which rays go through to those that are near. It
     takes a second for 80,000 triangles, and is walked by compiled loops where numba is installed and the
@@ -356,13 +359,14 @@ def _triangles(name: str, value: Any, count: int | None) -> Any:
 
 def _fat(u: Any, v: Any) -> Any:
     """Tell whether edges span an area that is known in float32."""
+    u, v = np.asarray(u, np.float64), np.asarray(v, np.float64)
     area = np.linalg.norm(np.cross(u, v), axis=-1)
     longest = np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1))
     return area > _THIN * longest
 
 
 def _long(vectors: Any) -> Any:
-    return np.linalg.norm(vectors, axis=-1) > 0
+    return np.abs(vectors).max(axis=-1) >= _TINY
 
 
 def _known(name: str, value: Any, other: Any, holds: Any, rule: str) -> None:

@@ -11,12 +11,15 @@ from qmcjax.tracing._shape import Rays, Shape, first, plane, rounding, row
 from qmcjax.tracing._vectors import (
     Vector,
     along,
+    components,
     cross,
     dot,
     each,
     largest,
     length,
     minus,
+    scaled,
+    stacked,
     tangents,
     times,
     turn,
@@ -41,13 +44,13 @@ class Plane(Shape):
     def distance(self, number: Any, prepared: Rays) -> Array:
         point = row(self.point, number)
         slack = prepared.slack + rounding(largest(point))
-        return plane(point, row(self.axis, number), prepared, slack)
+        return plane(point, _axis(self.axis[number]), prepared, slack)
 
     def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
-        return _height(point, row(self.point, number), row(self.axis, number))
+        return _height(point, row(self.point, number), _axis(self.axis[number]))
 
     def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
-        start, (one, other) = minus(point, row(self.point, number)), tangents(unit(row(self.axis, number)))
+        start, (one, other) = minus(point, row(self.point, number)), tangents(unit(_axis(self.axis[number])))
         return dot(start, one), dot(start, other)
 
     def bounds(self, time: float) -> tuple[Array, Array]:
@@ -70,28 +73,31 @@ class Rectangle(Shape):
     def count(self) -> int:
         return self.corner.shape[0]
 
-    def _edges(self, number: Any) -> tuple[Vector, Vector, Vector]:
-        return row(self.corner, number), row(self.edge_u, number), row(self.edge_v, number)
+    def _scaled(self, number: Any) -> tuple[Vector, Vector, Array, Vector, Vector]:
+        """Return corners, normals, powers of two, and edges times these."""
+        scale, (u, v) = scaled(row(self.edge_u, number), row(self.edge_v, number))
+        return row(self.corner, number), cross(u, v), scale, u, v
 
     def distance(self, number: Any, prepared: Rays) -> Array:
-        corner, u, v = self._edges(number)
-        slack = prepared.slack + rounding(largest(corner) + length(u) + length(v))
-        distance = plane(corner, cross(u, v), prepared, slack)
-        start = minus(along(prepared.origin, distance, prepared.direction), corner)
+        corner, normal, scale, u, v = self._scaled(number)
+        size = length(row(self.edge_u, number)) + length(row(self.edge_v, number))
+        slack = prepared.slack + rounding(largest(corner) + size)
+        distance = plane(corner, normal, prepared, slack)
+        start = times(scale, minus(along(prepared.origin, distance, prepared.direction), corner))
         inside = True
         for part, dual in zip(_parts(start, u, v), _duals(u, v), strict=True):
             # Wider by what is rounding, so that rays do not slip between rectangles that share an edge.
-            wider = slack * length(dual)
+            wider = scale * slack * length(dual)
             inside &= (part >= -wider) & (part <= 1 + wider)
         return jnp.where(inside, distance, jnp.inf)
 
     def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
-        corner, u, v = self._edges(number)
-        return _height(point, corner, cross(u, v))
+        corner, normal, *_ = self._scaled(number)
+        return _height(point, corner, normal)
 
     def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
-        corner, u, v = self._edges(number)
-        one, other = _parts(minus(point, corner), u, v)
+        corner, _, scale, u, v = self._scaled(number)
+        one, other = _parts(times(scale, minus(point, corner)), u, v)
         return jnp.clip(one, 0, 1), jnp.clip(other, 0, 1)
 
     def bounds(self, time: float) -> tuple[Array, Array]:
@@ -119,22 +125,23 @@ class Disc(Shape):
     def distance(self, number: Any, prepared: Rays) -> Array:
         center, radius = row(self.center, number), self.radius[number]
         slack = prepared.slack + rounding(largest(center) + radius)
-        distance = plane(center, row(self.axis, number), prepared, slack)
+        distance = plane(center, _axis(self.axis[number]), prepared, slack)
         start = minus(along(prepared.origin, distance, prepared.direction), center)
         return jnp.where(dot(start, start) <= (radius + slack) * (radius + slack), distance, jnp.inf)
 
     def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
-        return _height(point, row(self.center, number), row(self.axis, number))
+        return _height(point, row(self.center, number), _axis(self.axis[number]))
 
     def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
         start = times(1 / self.radius[number], minus(point, row(self.center, number)))
-        x, y = (dot(start, tangent) for tangent in tangents(unit(row(self.axis, number))))
+        x, y = (dot(start, tangent) for tangent in tangents(unit(_axis(self.axis[number]))))
         tiny = jnp.finfo(x.dtype).tiny
         return turn(x, y), jnp.minimum(jnp.sqrt(jnp.maximum(x * x + y * y, tiny)), 1)
 
     def bounds(self, time: float) -> tuple[Array, Array]:
-        squared = jnp.sum(self.axis * self.axis, axis=1, keepdims=True)
-        across = jnp.sqrt(jnp.maximum(1 - self.axis * self.axis / squared, 0))
+        axis = stacked(_axis(self.axis))
+        squared = jnp.sum(axis * axis, axis=1, keepdims=True)
+        across = jnp.sqrt(jnp.maximum(1 - axis * axis / squared, 0))
         return self.center - self.radius[:, None] * across, self.center + self.radius[:, None] * across
 
 
@@ -211,6 +218,11 @@ def _lower(a: Array, b: Array) -> Array:
 def _higher(a: Array, b: Array) -> Array:
     """Return the higher number, b if one of them is NaN."""
     return jnp.where(a > b, a, b)
+
+
+def _axis(axis: Array) -> Vector:
+    """Return normals that were given in any length in one between 1 and 4."""
+    return scaled(components(axis))[1][0]
 
 
 def _height(point: Vector, base: Vector, normal: Vector) -> tuple[Array, Vector]:

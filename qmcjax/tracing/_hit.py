@@ -11,7 +11,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._found import found, in_dtype
 from qmcjax.tracing._search import search
-from qmcjax.tracing._vectors import components, stacked
+from qmcjax.tracing._vectors import components, scaled, stacked
 from qmcjax.tracing._world import World
 
 
@@ -36,7 +36,8 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     space of the object), does not hit it there: ``hit.point`` can be the origin of the next ray. In float32
     that wants objects no smaller than about a thousandth of their distance from the origin of coordinates:
     there about 2 % of the rays into a mesh miss its other side, and of smaller boxes and cylinders more.
-    Rays whose numbers are not finite, and those with a direction of zero length, hit nothing.
+    Rays whose numbers are not finite, and those with a direction of zero length, hit nothing; else
+    directions may have any length.
 
     Parameters
     ----------
@@ -147,13 +148,15 @@ def _floats(name: str, value: Any) -> Array:
 
 @jit()
 def _any(world: World, origin: Array, direction: Array, time: Array, limit: Array) -> Array:
-    rays = components(origin), components(direction), time, limit
+    scale, (way,) = scaled(components(direction))
+    rays = components(origin), way, time, limit / scale
     return search(in_dtype(world, origin.dtype), *jax.lax.stop_gradient(rays), True)[1] >= 0
 
 
 @jit()
 def _nearest(world: World, origin: Array, direction: Array, time: Array) -> Hit:
-    at = found(in_dtype(world, origin.dtype), components(origin), components(direction), time)
-    distance = jnp.where(at.hit, at.distance, jnp.inf)
+    scale, (way,) = scaled(components(direction))
+    at = found(in_dtype(world, origin.dtype), components(origin), way, time)
+    distance = jnp.where(at.hit, at.distance * scale, jnp.inf)
     point = jnp.where(at.hit[:, None], stacked(at.point), origin)
     return Hit(distance, at.number, stacked(at.normal), point)

@@ -12,7 +12,7 @@ from qmcjax.tracing._found import Found
 from qmcjax.tracing._lights import Environment, Light, Sample
 from qmcjax.tracing._search import search
 from qmcjax.tracing._shape import rounding
-from qmcjax.tracing._vectors import Vector, each, largest, times
+from qmcjax.tracing._vectors import Vector, dot, each, largest, times
 from qmcjax.tracing._world import World
 
 Kind = TypeVar("Kind", bound=Light)
@@ -88,10 +88,9 @@ def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector
         elif light.object() is None:
             continue
         else:
-            here = at.number == first + number
+            here = (at.number == first + number) & (dot(way, at.normal) < 0)
             number += 1
         one, row = jax.tree.map(lambda leaf: leaf[None], light), jnp.zeros_like(at.number)
-        here = here & one.shines(row, way)
         emitted = one.emitted(row)
         radiance = each(lambda new, old, here=here: old + jnp.where(here, new, 0), emitted, radiance)
         likely = one.density(row, origin, normal, way, at.point)

@@ -5,7 +5,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import numbers
 from qmcjax.tracing import _factories
 from qmcjax.tracing._lights import Environment, PointLight, RectangleLight, SphereLight
 from qmcjax.tracing._textures import color
@@ -37,7 +37,8 @@ def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
 def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> SphereLight:
     """Make a sphere that shines outwards, and reflects nothing.
 
-    Points of it are sampled evenly in the cone of directions in which it is seen.
+    Points of it are sampled evenly in the cone of directions in which it is seen. Seen from inside it is
+    black; a sphere with an :func:`emitter` as its material shines to both sides.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> S
         If a shape does not fit, a number is not finite or negative, or the radius is 0.
     """
     center, radius = numbers("center", center, (3,)), numbers("radius", radius)
-    require("radius", radius, lambda r: r > 0, "positive")
+    _factories.sphere(center, radius)
     return SphereLight(center, radius, _radiance("radiance", radiance))
 
 

@@ -169,13 +169,15 @@ def _first(world: World, time: Array, emission: Emission) -> Vertex:
     likely = zero
     for batch, row, here in by_kind(lights, number):
         found = batch.density(row, at.found.point, at.normal, at.seen, start.point)
-        found = found if batch.coordinates else squared(at.found.point, start.point)
+        found = found if batch.coordinates else zero + 1
         likely = jnp.where(here, found / len(world.lights), likely)
     mirror = is_mirror(at)
     near = jnp.where(mirror, 0, likely * likely)
     # What mirrors reflect of points of light would be found only off the surfaces that the camera sees first.
     power = jnp.where(mirror & (visible == 0), 0, extent)
-    return Vertex(at, times(power, start.radiance), extent, near, zero, visible, mirror, ~mirror)
+    # For points of light the squared distance, a ratio to what is of no size, is part of the scale.
+    scale = jnp.where(visible == 0, extent * squared(at.found.point, start.point), extent)
+    return Vertex(at, times(power, start.radiance), scale, near, zero, visible, mirror, ~mirror)
 
 
 def _next(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:

@@ -18,13 +18,13 @@ from qmcjax.tracing._shape import row
 from qmcjax.tracing._vectors import (
     Vector,
     along,
-    components,
     cross,
     dot,
     each,
     length,
     minus,
     plus,
+    scaled,
     times,
     unit,
 )
@@ -75,11 +75,7 @@ class Light(ABC):
 
     @abstractmethod
     def emitted(self, number: Array) -> Vector:
-        """Return radiance, in the directions where it shines."""
-
-    def shines(self, number: Array, way: Vector) -> Array | bool:
-        """Tell whether it shines against rays of a direction."""
-        return True
+        """Return radiance: of what rays hit, to the side of its normal."""
 
 
 class Source(Light):
@@ -140,15 +136,20 @@ class RectangleLight(Source):
         corner, edge_u, edge_v = (part[None] for part in (self.corner, self.edge_u, self.edge_v))
         return Object((Rectangle(corner, edge_u, edge_v),), None, None)
 
+    def _across(self, number: Any) -> tuple[Vector, Array]:
+        """Return normals of some length, and areas."""
+        scale, (edge_u, edge_v) = scaled(row(self.edge_u, number), row(self.edge_v, number))
+        across = cross(edge_u, edge_v)
+        return across, length(across) / (scale * scale)
+
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
         edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
         place = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
-        across = cross(edge_u, edge_v)
-        area = length(across)
+        across, area = self._across(number)
         way = minus(place, point)
         squared = dot(way, way)
         squared = jnp.where(squared > 0, squared, jnp.inf)
-        cosine = jnp.maximum(-dot(unit(way), across) / area, 0)
+        cosine = jnp.maximum(-dot(unit(way), across) / length(across), 0)
         seen = cosine > 0
         factor = jnp.where(seen, cosine * area / squared, 0)
         density = jnp.where(seen, squared / (jnp.where(seen, cosine, 1) * area), 0)
@@ -164,18 +165,15 @@ class RectangleLight(Source):
     def emitted(self, number: Array) -> Vector:
         return row(self.radiance, number)
 
-    def shines(self, number: Array, way: Vector) -> Array:
-        return dot(way, cross(row(self.edge_u, number), row(self.edge_v, number))) < 0
-
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
         edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
         point = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
         local, _ = _maps.hemisphere(way_u, way_v)
-        way = _maps.around(local, unit(cross(edge_u, edge_v)))
+        way = _maps.around(local, unit(self._across(number)[0]))
         return Start(point, unit(way), row(self.radiance, number))
 
     def extent(self) -> Array:
-        return np.pi * length(cross(components(self.edge_u), components(self.edge_v)))
+        return np.pi * self._across(...)[1]
 
 
 @pytree

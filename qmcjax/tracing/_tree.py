@@ -69,8 +69,10 @@ def build(vertices: Any, close: Any = None) -> Tree:
         # A stable sort by node and side; triangles of leaves stay.
         rows = _runs(start, stop)
         node = np.repeat(np.arange(len(start)), stop - start)
-        order[rows] = order[rows[np.lexsort((side, node))]]
         middle = stop - np.bincount(node, side, len(start)).astype(np.int64)
+        seconds = np.cumsum(side) - side
+        seconds -= seconds[(np.cumsum(stop - start) - (stop - start))[node]]
+        order[np.where(side, middle[node] + seconds, rows - seconds)] = order[rows]
         parent = np.repeat(np.flatnonzero(split), 2)
         start, stop = np.stack([start, middle], 1).reshape(-1), np.stack([middle, stop], 1).reshape(-1)
     return _depth_first(order, levels)
@@ -100,48 +102,50 @@ def _sides(
     extent = np.maximum.reduceat(center, first) - least
     scale = _BINS * (1 - 1e-9) / np.where(extent > 0, extent, 1)
     place = ((center - least[node]) * scale[node]).astype(np.int64)
+    boxes = np.concatenate([low.T, -high.T])
     cost, axis, plane = np.full(len(length), np.inf), np.zeros(len(length), int), np.zeros(len(length), int)
     for j in range(3):
-        costs = _costs(low, high, node * _BINS + place[:, j], len(length))
-        best = costs.argmin(axis=1)
-        here = np.take_along_axis(costs, best[:, None], 1)[:, 0]
+        costs = _costs(boxes, node, place[:, j], len(length))
+        best = costs.argmin(axis=0)
+        here = np.take_along_axis(costs, best[None], 0)[0]
         better = here < cost
         cost, axis, plane = (np.where(better, a, b) for a, b in ((here, cost), (j, axis), (best, plane)))
-    whole = _area(np.minimum.reduceat(low, first), np.maximum.reduceat(high, first))
-    chosen = np.take_along_axis(place, axis[node][:, None], 1)[:, 0] > plane[node]
+    whole = _area(np.minimum.reduceat(boxes, first, axis=1))
+    side = np.take_along_axis(place, axis[node][:, None], 1)[:, 0] > plane[node]
     # Without a plane, or too deep: in halves along the longest axis.
-    longest = np.take_along_axis(center, extent.argmax(axis=1)[node][:, None], 1)[:, 0]
-    ranked = np.lexsort((longest, node))
-    rank = np.empty(len(rows), np.int64)
-    rank[ranked] = np.arange(len(rows))
-    half = rank - first[node] >= length[node] // 2
-    side = np.where((halved | np.isinf(cost))[node], half, chosen)
+    some = np.flatnonzero((halved | np.isinf(cost))[node])
+    of_some = node[some]
+    ranked = some[np.lexsort((center[some, extent.argmax(axis=1)[of_some]], of_some))]
+    side[ranked] = some - first[of_some] >= length[of_some] // 2
     worth = (length > LEAF) | (_STEP * whole + cost < length * whole)
     split[split] = worth
     return split, side[worth[node]]
 
 
-def _costs(low: NDArray, high: NDArray, key: NDArray, nodes: int) -> NDArray:
-    """Return areas times triangles behind each plane of all nodes; infinite if a side has fewer than two."""
-    filled, first = np.unique(key[by := np.argsort(key, kind="stable")], return_index=True)
-    lows, highs = np.full((nodes * _BINS, 3), np.inf), np.full((nodes * _BINS, 3), -np.inf)
-    lows[filled] = np.minimum.reduceat(low[by], first)
-    highs[filled] = np.maximum.reduceat(high[by], first)
-    lows, highs = lows.reshape(nodes, _BINS, 3), highs.reshape(nodes, _BINS, 3)
-    counts = np.bincount(key, minlength=nodes * _BINS).reshape(nodes, _BINS)
-    total = np.zeros((nodes, _BINS - 1))
-    for back in (False, True):
-        lows, highs, counts = (a[:, ::-1] if back else a for a in (lows, highs, counts))
-        behind = np.cumsum(counts, axis=1)[:, :-1]
-        boxes = np.minimum.accumulate(lows, axis=1)[:, :-1], np.maximum.accumulate(highs, axis=1)[:, :-1]
-        cost = np.where(behind >= 2, behind * _area(*boxes), np.inf)
-        total += cost[:, ::-1] if back else cost
+def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int) -> NDArray:
+    """Return areas times triangles behind each plane of all nodes; infinite if a side has fewer than two.
+
+    Bins come first: what is done with one of all nodes is done with numbers that are side by side.
+    """
+    key = place * nodes + node
+    counts = np.bincount(key, minlength=_BINS * nodes).reshape(_BINS, nodes)
+    least = np.full((len(boxes), _BINS * nodes), np.inf)
+    for bins, values in zip(least, boxes, strict=True):
+        np.minimum.at(bins, key, values)
+    least = least.reshape(-1, _BINS, nodes)
+    total = np.zeros((_BINS - 1, nodes))
+    for planes, step in ((total, 1), (total[::-1], -1)):
+        box, behind = np.full((len(boxes), nodes), np.inf), np.zeros(nodes, np.int64)
+        for plane, some, count in zip(planes, np.moveaxis(least, 1, 0)[::step], counts[::step], strict=False):
+            np.minimum(box, some, out=box)
+            behind += count
+            plane += np.where(behind >= 2, behind * _area(box), np.inf)
     return total
 
 
-def _area(low: NDArray, high: NDArray) -> NDArray:
-    """Return half the surfaces of boxes; those of none are of no use."""
-    x, y, z = np.moveaxis(np.where(high >= low, high - low, 0), -1, 0)
+def _area(box: NDArray) -> NDArray:
+    """Return half the surfaces of boxes, of low and negated high corners; of none, 0."""
+    x, y, z = np.maximum(-box[3:] - box[:3], 0)
     return x * y + y * z + z * x
 
 

@@ -8,7 +8,18 @@ from jax import Array
 
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shape import Rays, Shape, rounding
-from qmcjax.tracing._vectors import Vector, components, cross, dot, largest, length, minus, plus, times
+from qmcjax.tracing._vectors import (
+    Vector,
+    components,
+    cross,
+    dot,
+    largest,
+    length,
+    minus,
+    plus,
+    scaled,
+    times,
+)
 
 
 class _Sheared(NamedTuple):
@@ -71,11 +82,10 @@ class Triangles(Shape):
         """
         rays = prepared.rays
         corners = self._corners(number, rays.time)
-        normal = cross(minus(corners[1], corners[0]), minus(corners[2], corners[0]))
         size = largest(corners[0]) + largest(corners[1]) + largest(corners[2])
         slack = rays.slack + rounding(size)
         a, b, c = (minus(corner, rays.origin) for corner in corners)
-        off = ~_on(a, normal, minus(corners[1], corners[0]), minus(corners[2], corners[0]), slack)
+        off = ~_on(a, minus(corners[1], corners[0]), minus(corners[2], corners[0]), slack)
         (ax, ay, az), (bx, by, bz), (cx, cy, cz) = (
             (dot(prepared.x, v), dot(prepared.y, v), dot(prepared.z, v)) for v in (a, b, c)
         )
@@ -95,12 +105,13 @@ class Triangles(Shape):
 
     def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
         a, b, c = self._corners(number, time)
-        normal = cross(minus(b, a), minus(c, a))
+        normal = cross(*scaled(minus(b, a), minus(c, a))[1])
         return dot(minus(point, a), normal), normal
 
     def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
         a, b, c = self._corners(number, time)
-        one, other, start = minus(b, a), minus(c, a), minus(point, a)
+        scale, (one, other) = scaled(minus(b, a), minus(c, a))
+        start = times(scale, minus(point, a))
         normal = cross(one, other)
         squared = dot(normal, normal)
         squared = jnp.where(squared > 0, squared, 1)
@@ -140,12 +151,14 @@ def sheared(direction: Vector) -> tuple[Vector, Vector, Vector]:
     )
 
 
-def _on(corner: Vector, normal: Vector, one: Vector, other: Vector, slack: Any) -> Array:
+def _on(corner: Vector, one: Vector, other: Vector, slack: Any) -> Array:
     """Tell whether origins, from which a corner is seen, are on triangles.
 
     Near their planes is not enough: a ray along a triangle's plane that starts beside it would pass it, and
     then slip through the silhouette of a mesh.
     """
+    scale, (one, other) = scaled(one, other)
+    corner, slack, normal = times(scale, corner), scale * slack, cross(one, other)
     squared = dot(normal, normal)
     inverse = 1 / jnp.where(squared > 0, squared, 1)
     duals = times(inverse, cross(other, normal)), times(inverse, cross(normal, one))

@@ -7,7 +7,9 @@ from them fuses into one loop over rays.
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 Vector = tuple[Any, Any, Any]
@@ -61,6 +63,21 @@ def largest(a: Vector) -> Any:
 
 def length(a: Vector) -> Any:
     return jnp.sqrt(dot(a, a))
+
+
+def scaled(*vectors: Vector) -> tuple[Array, list[Vector]]:
+    """Return a power of two, and vectors times it, of which the largest component is in [1, 2).
+
+    Squares of squares of these are in the range of floats. What is computed of them has the same bits as that
+    of the vectors but for the exponents.
+    """
+    size = jnp.asarray(jax.lax.stop_gradient(jnp.max(jnp.stack([largest(a) for a in vectors]), axis=0)))
+    limits = jnp.finfo(size.dtype)
+    integer, exponent = (np.uint32, 0x7F800000) if limits.bits == 32 else (np.uint64, 0x7FF << 52)
+    power = jax.lax.bitcast_convert_type(size, integer) & integer(exponent)
+    # Numbers that are not normal count as 0, and powers of two have inverses that are.
+    power = jnp.clip(jax.lax.bitcast_convert_type(power, size.dtype), limits.tiny, 0.25 / limits.tiny)
+    return 1 / power, [times(1 / power, a) for a in vectors]
 
 
 def unit(a: Vector) -> Vector:

@@ -21,7 +21,7 @@ from qmcjax.tracing._search import search
 from qmcjax.tracing._spans import View
 from qmcjax.tracing._tiles import by_tiles
 from qmcjax.tracing._triangles import sheared
-from qmcjax.tracing._vectors import Vector, components, dot, each
+from qmcjax.tracing._vectors import Vector, components, dot, each, scaled
 from qmcjax.tracing._world import World
 
 TILE = 32
@@ -120,7 +120,7 @@ def visible_intervals(
 def _visible(world: World, origin: Array, direction: Array, shutter: Array, count: int) -> Found:
     origin, direction = moves_an_edge("origin", origin), moves_an_edge("direction", direction)
     world = jax.tree.map(lambda leaf: moves_an_edge("world", jnp.asarray(leaf)), world)
-    return seen(world, components(origin), components(direction), shutter[0], shutter[1], count)
+    return seen(world, components(origin), scaled(components(direction))[1][0], shutter[0], shutter[1], count)
 
 
 def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed: Array, count: int) -> Found:

@@ -6,12 +6,12 @@ shape (..., 4), with the scalar last.
 
 from qmcjax.tracing.motion._affine import Affine as Affine
 from qmcjax.tracing.motion._affine import affine as affine
+from qmcjax.tracing.motion._arc_length import ArcLength as ArcLength
 from qmcjax.tracing.motion._decomposition import Decomposition as Decomposition
 from qmcjax.tracing.motion._decomposition import compose as compose
 from qmcjax.tracing.motion._decomposition import decompose as decompose
 from qmcjax.tracing.motion._nurbs import Nurbs as Nurbs
 from qmcjax.tracing.motion._nurbs import nurbs as nurbs
-from qmcjax.tracing.motion._polyline import ArcLength as ArcLength
 from qmcjax.tracing.motion._polyline import LinearSegments as LinearSegments
 from qmcjax.tracing.motion._polyline import approximated as approximated
 from qmcjax.tracing.motion._polyline import linear_segments as linear_segments

@@ -1,7 +1,6 @@
 """Non-uniform rational B-spline curves as functions of their parameter."""
 
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, known, numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing.motion._polyline import ArcLength, by_arc_length
+from qmcjax.tracing.motion._arc_length import ArcLength, by_arc_length
 from qmcjax.tracing.motion._rows import fetched, span
 
 MAX_DEGREE = 16
@@ -79,20 +78,23 @@ class Nurbs:
         -------
         ArcLength
             From the part of the curve's length that is travelled, in [0, 1], to a point. ``length`` is the
-            whole length, ``bound`` a bound on the distance from the curve.
+            whole length. ``bound``, which holds for all weights, bounds the distance to the point of the
+            curve at the same part of its length, and the error of ``length``.
 
         Raises
         ------
         TypeError
             If the curve is traced.
         ValueError
-            If ``segments`` is out of range, or the curve is a single point.
+            If ``segments`` is out of range, the curve is a single point, or its length takes more
+            than 65536 pieces.
 
         References
         ----------
         .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 2.3.1, Fig. 2.4 and 2.5.
         """
-        return by_arc_length(self, np.unique(known("knots", self.knots)), segments)
+        control, weights = known("control", self.control), known("weights", self.weights)
+        return by_arc_length(control, weights, known("knots", self.knots), self.degree, segments)
 
 
 def _basis(u: Array, knots: Array, degree: int) -> tuple[Array, list[Array]]:
@@ -127,8 +129,8 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
     control : float ArrayLike, shape (n + 1, d)
         Control points. May be traced, as may the weights.
     weights : float ArrayLike, shape (n + 1,), optional
-        None negative. A weight of zero switches its control point off; of ``degree + 1`` in a row at least
-        one is positive. All one by default: a B-spline.
+        None negative. A weight of zero switches its control point off; of those that the curve depends on at
+        a knot, one is positive. All one by default: a B-spline.
     knots : float ArrayLike, shape (n + degree + 2,)
         Nondecreasing, the first and the last ``degree + 1`` of them equal: the curve begins at the first and
         ends at the last control point. Those inside are at most ``degree`` times equal: as many
@@ -170,10 +172,14 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
         raise ValueError(f"control must be at least {degree + 1} points for degree={degree}, got {count}")
     weights = numbers("weights", np.ones(count) if weights is None else weights, (count,))
     require("weights", weights, lambda w: w >= 0, "not negative")
-    windows = partial(np.lib.stride_tricks.sliding_window_view, window_shape=degree + 1)
-    rule = f"positive for at least one of any {degree + 1} control points in a row"
-    require("weights", weights, lambda w: (windows(w) > 0).any(axis=1), rule)
-    return Nurbs(control, weights, _knots(knots, count, degree), degree)
+    knots = _knots(knots, count, degree)
+    _, times = np.unique(knots, return_counts=True)
+    # At a knot, as many basis functions as it is multiple vanish.
+    last = np.minimum(np.cumsum(times) - 1, len(knots) - 2)
+    near = [slice(k - degree, k - min(n, degree) + 1) for k, n in zip(last, times, strict=True)]
+    rule = "positive for at least one of the control points that matter at each knot"
+    require("weights", weights, lambda w: [(w[some] > 0).any() for some in near], rule)
+    return Nurbs(control, weights, knots, degree)
 
 
 def _knots(knots: ArrayLike, count: int, degree: int) -> NDArray[np.float64]:

@@ -1,7 +1,7 @@
-"""Curves as linear segments: of equal arc length, or with ends where the direction jumps."""
+"""Curves as linear segments, with ends where the direction jumps."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -13,116 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, known, numbers, require
-from qmcjax.core.pytrees import jit, pytree
+from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._rows import fetched, span
 
 Curve = Callable[[Array], Array]
-
-_PIECES = 64
-"""At least so many pieces of each smooth part of a curve are integrated by themselves, and 4 of a segment."""
-
-_BLOCK = 2**12
-"""Parameters that are evaluated together: of one shape, so that a curve is compiled once."""
-
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
-"""Gauss-Legendre quadrature on [-1, 1]."""
-
-
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
-class ArcLength:
-    """Chords between points of a curve that are equally far apart along it."""
-
-    points: Any
-    """(segments + 1, d)."""
-
-    length: float = field(metadata={"static": True})
-    """Of the whole curve."""
-
-    bound: float = field(metadata={"static": True})
-    """No point is farther from that of the curve at the same arc length."""
-
-    def __call__(self, part: ArrayLike) -> Array:
-        """Return points by the part of the curve's length that is travelled, in constant time.
-
-        Parameters
-        ----------
-        part : float ArrayLike, shape (...)
-            In [0, 1]; others are moved to the nearest end.
-
-        Returns
-        -------
-        Array, shape (..., d), of the dtype of ``part``
-        """
-        part = jnp.asarray(part)
-        points = cast(self.points, part.dtype)
-        count = points.shape[0] - 1
-        place = jnp.clip(part, 0, 1) * count
-        index = jnp.minimum(place.astype(jnp.int32), count - 1)
-        share = place - index.astype(part.dtype)
-        ends = zip(fetched(points[:-1], index), fetched(points[1:], index), strict=True)
-        return jnp.stack([a + share * (b - a) for a, b in ends], axis=-1)
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Return a box of all points: low and high, (d,)."""
-        points = jnp.asarray(self.points)
-        return points.min(axis=0), points.max(axis=0)
-
-
-def by_arc_length(curve: Curve, knots: NDArray[np.float64], segments: int) -> ArcLength:
-    """Divide a curve, smooth between known knots, into segments of equal arc length.
-
-    A point of an arc of length h and the point of its chord c at the same part are at most
-    ``sqrt(h**2 - c**2) / 2`` apart: at the part a, Stewart's theorem bounds the squared distance by
-    ``a (1 - a) (h**2 - c**2)``, since the arc reaches no farther from either end than it is long.
-    """
-    segments = checks.integer("segments", segments, 1, 2**16)
-    with jax.enable_x64(True):
-        fine = max(_PIECES, -(-4 * segments // (len(knots) - 1)))
-        pieces = np.concatenate([np.linspace(a, b, fine, endpoint=False) for a, b in pairwise(knots)])
-        pieces = np.append(pieces, knots[-1])
-        arcs = np.append(0.0, np.cumsum(_arcs(curve, pieces[:-1], pieces[1:])))
-        length = float(arcs[-1])
-        if not length > 0:
-            raise ValueError(f"the curve must not be a single point, got the length {length}")
-        # Newton's method from the linear interpolation of the table; pieces are short, so that few steps do.
-        wanted = np.linspace(0.0, length, segments + 1)
-        piece = np.clip(np.searchsorted(arcs, wanted, side="right") - 1, 0, len(arcs) - 2)
-        left, right = pieces[piece], pieces[piece + 1]
-        rest, share = wanted - arcs[piece], arcs[piece + 1] - arcs[piece]
-        u = left + (right - left) * np.divide(rest, share, out=np.zeros_like(rest), where=share > 0)
-        for _ in range(8):
-            slope = _points_and_speeds(curve, u)[1]
-            step = np.divide(_arcs(curve, left, u) - rest, slope, out=np.zeros_like(u), where=slope > 0)
-            u = np.clip(u - step, left, right)
-        points = _points_and_speeds(curve, u)[0]
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    arc = length / segments
-    bound = 0.5 * np.sqrt(max(arc**2 * (1 + 1e-9) - float(chords.min()) ** 2, 0.0))
-    return ArcLength(points, length, float(bound))
-
-
-def _arcs(curve: Curve, a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Return the arc lengths from ``a`` to ``b``."""
-    half = 0.5 * (b - a)
-    _, speeds = _points_and_speeds(curve, np.ravel(a[:, None] + half[:, None] * (1 + _NODES)))
-    return half * (speeds.reshape(len(a), -1) @ _WEIGHTS)
-
-
-def _points_and_speeds(curve: Curve, u: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points (n, d) and speeds (n,) at parameters (n,)."""
-    blocks = np.pad(u, (0, -len(u) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
-    found = [_evaluated(curve, block) for block in blocks]
-    points, speeds = (
-        np.concatenate([np.asarray(part) for part in parts]) for parts in zip(*found, strict=True)
-    )
-    return points[: len(u)], speeds[: len(u)]
-
-
-@jit()
-def _evaluated(curve: Curve, u: Array) -> tuple[Array, Array]:
-    points, velocities = jax.jvp(curve, (u,), (jnp.ones_like(u),))
-    return points, jnp.linalg.norm(velocities, axis=-1)
 
 
 @pytree

@@ -1,6 +1,6 @@
 """Statements about samplers from few keys: how often they are false, and that they are Holm's."""
 
-from itertools import combinations
+from itertools import combinations, product
 from math import inf
 
 import numpy as np
@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from analysis import Comparison, ComparisonRow
+from figures import _distinctions
 from qmcjax.core import student
 
 TRIALS = 400
@@ -98,7 +99,7 @@ def test_differences_are_those_of_holm(conditions, margin):
     """Against scipy's tests of each pair, and the procedure as it is printed."""
     rng = np.random.default_rng(conditions)
     samples, n, told = 5, 7, []
-    for _ in range(20):
+    for _ in range(8):
         values = np.linspace(0, 3, samples)[:, None] + 0.5 * rng.standard_normal((conditions, samples, n))
         low, high = student.differences(values, margin)
         np.testing.assert_array_equal(low, -high.T)
@@ -125,6 +126,10 @@ def test_samples_without_scatter():
     np.testing.assert_array_equal(low, values[0, :, None, 0] - values[0, None, :, 0])
     np.testing.assert_array_equal(low, high)
     assert (student.differences(values, 1.0)[0] <= 1).all()
+    # A pair that is alike is one of the three that are left.
+    values[0, 2] = [1.0, 1.1, 1.2, 0.7, 1.3]
+    interval = stats.ttest_rel(values[0, 2], values[0, 0]).confidence_interval(1 - 0.05 / 3)
+    assert student.differences(values)[0][2, 0] == pytest.approx(interval.low)
 
 
 @pytest.mark.parametrize("keys", [1, 2, 3])
@@ -155,3 +160,14 @@ def test_power_grows_with_keys_and_pairs_share_what_keys_have_in_common():
     errors = common * np.array([1.0, 1.2])[:, None] * (1 + 0.05 * rng.random((2, 8)))
     assert list(compared(*errors).ranks("s", 1).values()) == [(1, 1, 1), (2, 2, 2)]
     assert row("a", errors[0]).interval("RMS error")[1] > 1.2 * row("a", errors[1]).interval("RMS error")[0]
+
+
+def test_rates_of_distinctions():
+    """What the program behind the figure finds: few false ones, and all true ones where samplers differ."""
+    trials = 60
+    rows = _distinctions.measure(trials)
+    assert {(row["samplers"], row["keys"]) for row in rows} == set(product((2, 3, 6, 12), (4, 8, 16, 32)))
+    assert all(row["Holm"] < most(0.05, trials) for row in rows if row["ratio"] == 1)
+    # That of ranks is known: 12 samplers, 4 keys.
+    assert max(row["bootstrap"] for row in rows if row["ratio"] == 1) > 0.3
+    assert all(row["Holm"] == 1 for row in rows if row["ratio"] == 1.5 and row["keys"] > 4)

@@ -112,6 +112,17 @@ def test_no_difference_is_said():
         assert choice.margin is None or str(choice.margin) in choice.reason
 
 
+def test_single_scenes_are_said_beside_their_mean():
+    """A zone plate is smooth, and no sampler is better on it at few samples, whatever they are on others."""
+    choice = qj.recommend(scenes.zone_plate(), 4)
+    (name,) = (name for name, other in choice.others.items() if other is choice.margin)
+    errors = logarithms(cell(True, 2, 4, False), [name, choice.name])
+    ratios = np.exp(errors[0] - errors[1])
+    least, most = ratios.min(), ratios.max()
+    assert f'"{name}" has {choice.margin} times that, {least:.2f} to {most:.2f} on single' in choice.reason
+    assert least < 1.05 < 2 < choice.margin.low < most
+
+
 def test_the_type_of_a_scene_tells_its_kind():
     edges, smooth = scenes.disc(), scenes.gaussian()
     assert "scenes with edges in 2 dimensions" in qj.recommend(edges, 4).reason
@@ -232,6 +243,23 @@ def test_a_new_measurement_agrees(name):
     for measure, filtered in enumerate((False, True)):
         listed = logarithms(cell(None, level, spp, filtered), [name])[0, 1]
         assert (np.abs(logarithm[measure] - listed) < 5 * deviation[measure] + 0.001).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spp", [4, 16])
+def test_margins_hold_at_a_size_that_was_not_measured(spp):
+    """The mean ratios of all samplers, with other keys."""
+    size, keys = (96, 96), range(100, 104)
+    smooth = [not choosing.has_edges(scene) for scene in make_recommendations.SCENES[2].values()]
+    measured = {
+        name: make_recommendations.errors(made, 2, size, spp, keys)[:, smooth]
+        for name, made in choosing.CANDIDATES.items()
+    }
+    means = {name: 0.5 * np.log(np.mean(of**2, axis=-1)).mean(axis=-1) for name, of in measured.items()}
+    for filtered in (False, True):
+        choice = qj.recommend(2, spp, True, filtered=filtered)
+        for name, other in choice.others.items():
+            assert other.low < np.exp(means[name] - means[choice.name])[int(filtered)] < other.high, name
 
 
 @pytest.mark.slow

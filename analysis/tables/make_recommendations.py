@@ -83,7 +83,7 @@ def points(sampler: Any, level: int, width: int, height: int, sample: Array) -> 
     y, x = jnp.mgrid[:height, :width].astype(jnp.uint32)
     point = sampler(x, y, jnp.full_like(x, sample), tuple(range(level)))
     corner = jnp.stack([x, y], axis=-1).astype(point.dtype)
-    size = jnp.array([width, height], point.dtype)
+    size = jnp.array([[[width, height]]], point.dtype)
     return jnp.concatenate([(point[..., :2] + corner) / size, point[..., 2:]], axis=-1)
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from jax import Array
 
 from qmcjax.choosing._candidates import CANDIDATES, MOST
@@ -100,9 +101,10 @@ def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: boo
     dimensions, at 1, 4, 16 and 64 samples per pixel. Between these, logarithms of errors are interpolated
     over that of the number of samples: numbers that are no powers of 2 may then be promised too much. Beyond,
     the answer is that of the nearest that was measured, and ``reason`` says so. Intervals of geometric means
-    over scenes are Student's, and reach from the lowest to the highest end at both sizes: they hold the mean
-    of such scenes; a single scene can be different. All pairs of samplers are compared together by Holm's
-    procedure: in 95 of 100 answers, no sampler is called worse that is not. Run times are not counted.
+    over scenes are Student's, and reach from the lowest to the highest end at both sizes. They hold the mean
+    of such scenes; for single scenes ``reason`` has the least and the largest ratio of those measured. All
+    pairs of samplers are compared together by Holm's procedure: in 95 of 100 answers, no sampler is called
+    worse that is not. Run times are not counted.
 
     Examples
     --------
@@ -163,7 +165,8 @@ def _reason(
     if alike:
         said += f"; there is no certain difference to {', '.join(alike)}"
     name, margin = next((name, other) for name, other in others.items() if other.differs)
-    said += f'; "{name}" has {margin} times that'
+    single = np.exp(measured.errors[name] - measured.errors[best])
+    said += f'; "{name}" has {margin} times that, {single.min():.2f} to {single.max():.2f} on single scenes'
     if USUAL in others and USUAL != name and others[USUAL].differs:
         said += f', "{USUAL}" in each pixel {others[USUAL]}'
     return said + "."

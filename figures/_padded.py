@@ -10,7 +10,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import samplers, sequences
-from qmcjax.core.bits import hash_word, owen_hash, reverse
+from qmcjax.core.bits import hash_pair, owen_hash, reverse
 from qmcjax.core.pytrees import pytree
 
 
@@ -66,7 +66,7 @@ class Shuffled(samplers.Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the seeds of the orders, and what the sampler prepares."""
-        seed = hash_word(hash_word(x ^ self.seed) + y) if self.in_pixels else self.seed
+        seed = hash_pair(x ^ self.seed, y ^ ~self.seed) if self.in_pixels else self.seed
         return seed, self.sampler.prepare(x, y, dims)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -46,4 +46,4 @@ else:
         return importlib.import_module("qmcjax.tracing")
 
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

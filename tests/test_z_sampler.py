@@ -76,7 +76,12 @@ def grammar(order):
             lambda node, digit: (4 * node + digit) % 2**32,
         )
     production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
-    return 0, lambda node: permutations()[numbers[node]], lambda node, digit: production[node][digit]
+    shift, letters = int(getattr(order, "shift", 0)), len(production)
+    return (
+        0,
+        lambda node: permutations()[numbers[node]],
+        lambda node, digit: production[(node + shift) % letters][digit],
+    )
 
 
 def recursive_indices(order, where, log_side, spp):
@@ -243,10 +248,11 @@ def test_constituents_have_independent_orders(variant):
 
 
 def test_trees_share_the_production_and_not_the_permutations():
-    """Sect. 4.4: one production, and permutations for each constituent."""
+    """Sect. 4.4: one production, and permutations for each constituent; each enters it elsewhere."""
     sampler = samplers.z(8, 8, 1, 6, "tree", dims=5, alphabet=300)
     tables = [(np.asarray(sampler.orders.production), row) for row in np.asarray(sampler.orders.permutations)]
     assert tables[0][0].shape == (300, 4)
+    assert len({int(shift) for shift in sampler.orders.shift}) == 3
     for production, numbers in tables[1:]:
         assert np.array_equal(production, tables[0][0])
         assert np.mean(numbers == tables[0][1]) < 1 / 24 + 5 / np.sqrt(24 * 300)

@@ -29,9 +29,18 @@ static inline uint32_t reverse(uint32_t v) {
     return (v & 0x55555555) << 1 | ((v >> 1) & 0x55555555);
 }
 
-static inline uint32_t owen(uint32_t n, uint32_t seed) {  // of bit-reversed n; constants by N. Vegdahl
-    n ^= n * 0x3d20adeau; n += seed; n *= (seed >> 16) | 1; n ^= n * 0x05526c56u;
-    return n ^ n * 0x53a22864u;
+static inline uint32_t rotated(uint32_t v, int count) { return v << count | v >> (32 - count); }
+
+static inline uint32_t masked_sum(uint32_t n, uint32_t summand, uint32_t mask) {
+    return n ^ ((n ^ (n + (summand | 1))) & mask);
+}
+
+static inline uint32_t owen(uint32_t n, uint32_t seed) {  // of bit-reversed n, as qmcjax.core.bits.owen_hash
+    n = ((n ^ rotated(seed, 1)) + rotated(seed, 5)) * (rotated(seed, 17) | 1);
+    n = masked_sum(n, rotated(seed, 21), rotated(seed, 24));
+    n = masked_sum(n, rotated(seed, 12), rotated(seed, 8));
+    n ^= n * (rotated(seed, 29) & ~1u);
+    return masked_sum(n * (rotated(seed, 1) | 1), rotated(seed, 4), rotated(seed, 17));
 }
 
 static inline uint32_t pascal(uint32_t v) {  // of bit-reversed v: the second component, in fixed point

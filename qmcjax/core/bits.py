@@ -16,6 +16,7 @@ from jax.typing import DTypeLike
 __all__ = [
     "gray_decode",
     "gray_encode",
+    "hash_pair",
     "hash_word",
     "high_product",
     "owen_hash",
@@ -145,35 +146,70 @@ def hash_word(word: Array) -> Array:
     return word ^ (word >> 14)
 
 
+def hash_pair(one: Array, other: Array) -> Array:
+    """Mix two words to one: a bijection of each of them while the other is fixed.
+
+    Both are mixed before they meet. If a mixed word met a raw one, ranges of the raw one would give shifted
+    copies of each other wherever the mixed words are close.
+
+    Parameters
+    ----------
+    one, other : uint32 Array, broadcast together
+        For another hash of the same pairs, xor each with a random word of its own.
+
+    Returns
+    -------
+    uint32 Array
+    """
+    # The factor is odd: it keeps (a, b) and (b, a) apart.
+    return hash_word(hash_word(one) * _word(0x9E3779B9) + hash_word(other))
+
+
+def _masked_sum(word: Array, summand: Array, mask: Array) -> Array:
+    """Replace the bits of a mask by those of the sum with an odd number."""
+    return word ^ ((word ^ (word + (summand | _word(1)))) & mask)
+
+
 def owen_hash(reversed_bits: Array, seed: Array) -> Array:
     """Owen-scramble bit-reversed fractions in base 2.
 
-    Digit ``k`` is flipped by a hash of the digits before it: sums and products by odd or even
-    constants only carry from bit ``k`` to the bits above, so that the map is a nested permutation
-    for every seed [1]_.
+    Digit ``k`` is flipped by a hash of the digits before it: sums and products only carry from bit ``k``
+    to the bits above, so that the map is a nested permutation for every seed [1]_.
 
     Parameters
     ----------
     reversed_bits : uint32 Array, shape (...)
         Fractions with the first digit in bit 0.
-    seed : uint32 Array, broadcastable to ``bit_reversed``
+    seed : uint32 Array, broadcastable to ``reversed_bits``
         One well mixed word per realisation and coordinate.
 
     Returns
     -------
     uint32 Array
-        The scrambled bit_reversed.
+        The scrambled fractions, bit-reversed.
+
+    Notes
+    -----
+    At each level of the tree, count the flips of all nodes: the parity of a composition is the sum of those
+    of its steps. That of a sum or of a product with an odd number is the same at all levels but the first.
+    So hashes of these and of fixed steps [2]_ cannot reach all permutations of three digits. The sum under a
+    mask has the mask's bits as parities, which makes them independent. The rotations and the order of the
+    steps were searched for uniform permutations of four digits.
 
     References
     ----------
-    .. [1] S. Laine, T. Karras, "Stratified Sampling for Stochastic Transparency", 2011, with the
-       constants of N. Vegdahl, "Building a Better LK Hash", 2021.
+    .. [1] S. Laine, T. Karras, "Stratified Sampling for Stochastic Transparency", 2011.
+    .. [2] N. Vegdahl, "Building a Better LK Hash", 2021.
     """
-    reversed_bits = reversed_bits ^ (reversed_bits * _word(0x3D20ADEA))
-    reversed_bits = reversed_bits + seed
-    reversed_bits = reversed_bits * ((seed >> 16) | _word(1))
-    reversed_bits = reversed_bits ^ (reversed_bits * _word(0x05526C56))
-    return reversed_bits ^ (reversed_bits * _word(0x53A22864))
+
+    def rotated(count: int) -> Array:
+        return (seed << count) | (seed >> (32 - count))
+
+    word = ((reversed_bits ^ rotated(1)) + rotated(5)) * (rotated(17) | _word(1))
+    word = _masked_sum(word, rotated(21), rotated(24))
+    word = _masked_sum(word, rotated(12), rotated(8))
+    word = word ^ (word * (rotated(29) & _word(0xFFFFFFFE)))
+    return _masked_sum(word * (rotated(1) | _word(1)), rotated(4), rotated(17))
 
 
 def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:

@@ -29,7 +29,7 @@ class LookupTree(ScrambledMorton):
         return jnp.uint32(0)
 
     def family(self, keys: Array) -> "LookupTree":
-        """Return independent orders with one production as one object (Eq. 13 to 18)."""
+        """Return orders with one production and permutations of their own as one object (Eq. 13 to 18)."""
         others = jax.vmap(lambda key: random_permutations(self.permutations.shape[0], key))(keys)
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
@@ -44,6 +44,32 @@ class LookupTree(ScrambledMorton):
         return (
             self.production.ravel().at[(node << 2) | digit].get(mode="promise_in_bounds").astype(jnp.uint32)
         )
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class RandomTree(LookupTree):
+    """The same with a random production, which members of a family enter at shifted letters.
+
+    So two nodes where one member has equal letters have independent ones in another, as if each had drawn a
+    production.
+    """
+
+    shift: Array
+    """uint32 scalar, below the number of letters."""
+
+    def family(self, keys: Array) -> "RandomTree":
+        """Return independent orders as one object."""
+        words = jax.vmap(lambda key: jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
+        shifts = scaled(words, self.permutations.shape[0])
+        return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
+
+    def member(self, number: int) -> "RandomTree":
+        """Return one order of a family."""
+        return replace(super().member(number), shift=self.shift[number])
+
+    def _child(self, node: Array, digit: Array) -> Array:
+        return super()._child((node + self.shift) % np.uint32(self.production.shape[0]), digit)
 
 
 def random_permutations(letters: int, key: Array) -> Array:

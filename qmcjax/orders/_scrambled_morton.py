@@ -7,7 +7,13 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.orders._hashed import Hashed, Multiplicative
 from qmcjax.orders._hierarchy import ScrambledMorton
-from qmcjax.orders._lookup_tree import LookupTree, art_production, random_permutations, random_production
+from qmcjax.orders._lookup_tree import (
+    LookupTree,
+    RandomTree,
+    art_production,
+    random_permutations,
+    random_production,
+)
 
 VARIANTS = ("hash", "multiplicative", "tree", "art")
 """Where permutations may come from, see :func:`scrambled_morton`."""
@@ -82,7 +88,7 @@ def scrambled_morton(
     of_production, of_permutations = jax.random.split(random)
     if variant == "art":
         production = art_production()
-    else:
-        letters = checks.integer("alphabet", ALPHABET if alphabet is None else alphabet, 1, 2**16)
-        production = random_production(letters, of_production)
-    return LookupTree(width, height, production, random_permutations(production.shape[0], of_permutations))
+        return LookupTree(width, height, production, random_permutations(len(production), of_permutations))
+    letters = checks.integer("alphabet", ALPHABET if alphabet is None else alphabet, 1, 2**16)
+    production = random_production(letters, of_production)
+    return RandomTree(width, height, production, random_permutations(letters, of_permutations), jnp.uint32(0))

@@ -9,7 +9,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
+from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
@@ -55,7 +55,7 @@ class Independent(Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the seeds of pixels, one for each coordinate."""
-        return tuple(hash_word(hash_word(x ^ self.seeds[j, 0]) + y ^ self.seeds[j, 1]) for j in dims)
+        return tuple(hash_pair(x ^ self.seeds[j, 0], y ^ self.seeds[j, 1]) for j in dims)
 
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike

@@ -47,7 +47,7 @@ def z(
         "plain" is the paper's Z0: Morton's order for all constituents. Hence these are the same, and their
         coordinates repeat: take a joint ``sequence`` for more than two dimensions. The others are those of
         :func:`qmcjax.orders.scrambled_morton`. "tree" and "art" have one production for all constituents,
-        with permutations for each (Eq. 13 to 18).
+        with permutations for each (Eq. 13 to 18); "tree" enters it at letters of their own.
     dims : int, optional
         Number of coordinates, in [1, 65536], by default 2, in pairs; if it is odd, the last one is single.
     constituents : tuple of int, optional
@@ -79,6 +79,11 @@ def z(
     twice as many, only a third of the pixels have a net. At two positions that differ in the last bit only,
     any two samples differ in each coordinate by an odd multiple of ``1 / (2 * spp)`` [1]_ (Appendix A says
     so of four samples, but prints the multiples of 1/8 for eight).
+
+    Over an image, coordinates of different constituents are as uniform together as random points for "hash"
+    and "tree". Not for "art": the letter of a node follows from its place, and there are 4096 letters, each
+    with one permutation for each constituent. So chi-squared of two such coordinates exceeds its mean by a
+    factor of up to 1 + pixels / 4096. "multiplicative" may be as bad.
 
     Nothing but the orders is random: over the keys, a pixel's mean is that of the points of all pixels, not
     the integral. With a randomised joint ``sequence`` it is.

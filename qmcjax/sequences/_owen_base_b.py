@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.bits import hash_word, high_product
+from qmcjax.core.bits import hash_pair, hash_word, high_product
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
 from qmcjax.core.permuted_digits import looked_up
 from qmcjax.core.pytrees import pytree
@@ -47,19 +47,19 @@ class OwenDigits(ScrambledDigits):
         numbers = self.sequence.spans(index, dims)
         seeds = self.seeds[dims]
 
-        prefix = hashed = jnp.zeros_like(numbers[0])
+        prefix = node = jnp.zeros_like(numbers[0])
         scrambled = []
         for k, number in enumerate(numbers):
-            hashed = hash_word(prefix ^ seeds[..., k])
-            moved = number + high_product(hashed, jnp.broadcast_to(word(size), hashed.shape))
+            node = prefix ^ seeds[..., k]
+            moved = number + high_product(hash_word(node), jnp.broadcast_to(word(size), node.shape))
             moved = jnp.where(moved < word(size), moved, moved - word(size))
             scrambled.append(looked_up(self.tables, start, moved))
             prefix = prefix + number * word(size**k)
         leading = jnp.zeros_like(prefix)
         for number in scrambled[:-1]:
             leading = leading * word(size) + number
-        # All digits as one number may exceed a word: the last are added to the hash of the others.
-        tail = hash_word((hashed + numbers[-1]) ^ seeds[..., len(numbers)])
+        # All digits as one number may exceed a word.
+        tail = hash_pair(node, numbers[-1] ^ seeds[..., len(numbers)])
         return cell_fraction(leading, scrambled[-1], tail, base, dtype, width, width * len(numbers))
 
 

@@ -72,7 +72,7 @@ def random_word_of(node: Array, depth: Array, which: Array, seeds: Array) -> Arr
     Two keyed rounds, fed forward, so that words may coincide.
     """
     number = (depth << 16) + which
-    return hash_word(node + seeds[..., 1] + number * np.uint32(0x9E3779B9)) ^ node
+    return hash_word(node + hash_word(number ^ seeds[..., 1])) ^ node
 
 
 def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:

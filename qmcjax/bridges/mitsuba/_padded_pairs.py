@@ -10,7 +10,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.bits import hash_word, owen_hash, reverse
+from qmcjax.core.bits import hash_pair, owen_hash, reverse
 from qmcjax.samplers import as_sampler, independent
 from qmcjax.sequences import sobol
 
@@ -70,9 +70,14 @@ def _of_sampler(sampler: Any, x: Array, y: Array, sample: Array, dims: tuple[int
 @jax.jit
 def _padding(key: Array, pair: Array, x: Array, y: Array, sample: Array) -> Array:
     of_points, of_numbers = jax.random.split(jax.random.fold_in(key, pair))
-    words = jax.random.bits(of_numbers, (2,), jnp.uint32)
-    seed = hash_word(hash_word(x ^ words[0]) + y ^ words[1])
+    seed = pixel_seeds(of_numbers, x, y)
     # Nested from the highest bit on: aligned blocks of 2**k numbers stay together, and so (0,k,2)-nets.
     number = reverse(owen_hash(reverse(sample), seed))
     points = independent(sobol(2), of_points)(x, y, number, (0, 1), jnp.float32)
     return jnp.moveaxis(points, -1, 0)
+
+
+def pixel_seeds(key: Array, x: Array, y: Array) -> Array:
+    """Return a random word for each pixel."""
+    words = jax.random.bits(key, (2,), jnp.uint32)
+    return hash_pair(x ^ words[0], y ^ words[1])

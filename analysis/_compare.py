@@ -56,7 +56,8 @@ def compare(
     ----------
     samplers : mapping of names to samplers
         Each is a sampler, or a function that makes one from those of ``width``, ``height``, ``spp`` and
-        ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once.
+        ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once, and nothing says
+        how sure its errors are.
     scenes : mapping of names to scenes
         With a ``reference(width, height)``.
     spps : iterable of int
@@ -64,7 +65,7 @@ def compare(
     width, height : int
         Of the images in pixels, at least 32.
     keys : int
-        How many images, of keys 0, 1, ...: they tell how sure a mean is.
+        How many images, of keys 0, 1, ...: from fewer than 4 there are no intervals, and no ranks.
     progress : callable, optional
         Called with the finished part in (0, 1].
 
@@ -184,13 +185,14 @@ class Maker:
 def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> ComparisonRow:
     height, width = reference.shape[:2]
     values: dict[str, list[float]] = {measure: [] for measure in MEASURES}
-    seconds, powers = [], []
+    seconds, powers, alike = [], [], True
     first = np.asarray(render(scene, maker(spp, 0), width, height, spp))  # It compiles.
     for key in range(maker.keys):
         sampler = maker(spp, key)
         start = time.perf_counter()
         image = np.asarray(render(scene, sampler, width, height, spp), np.float64)
         seconds.append(time.perf_counter() - start)
+        alike = alike and np.array_equal(image, first)
         for measure, of in MEASURES.items():
             values[measure].append(of(image, reference))
         powers.append(_power(image, reference))
@@ -198,7 +200,7 @@ def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> C
         name,
         maker.name,
         spp,
-        {measure: tuple(each) for measure, each in values.items()},
+        {measure: tuple(each[:1] if alike else each) for measure, each in values.items()},
         statistics.median(seconds),
         np.arange(1, 1 + max(width, height) // 2) / max(width, height),
         np.mean(powers, axis=0),

@@ -10,7 +10,7 @@ from matplotlib.patches import Rectangle
 
 import qmcjax as qj
 from figures import plot
-from qmcjax.choosing import LEVELS, MEASURES, SPPS, Measured
+from qmcjax.choosing import LEVELS, MEASURES, SIZES, SPPS, Measured
 
 KINDS = {"edges": False, "smooth": True}
 
@@ -19,10 +19,11 @@ PALE = 0.45
 
 NOTE = (
     "From the table of qmcjax.recommend, whatever the quality: geometric means over {scenes} scenes of "
-    "this package with exact pixel means, {fewest} to {most} in a cell, 128 x 128 pixels, 8 keys, "
+    "this package with exact pixel means, {fewest} to {most} in a cell, {sizes} pixels, 8 keys, "
     "{samplers} samplers. Filtered: after a Gaussian of 1.5 pixels. The margin is how many times the "
-    "error of the best the next sampler has that is certainly worse, by 2 % in 95 of 100 cases, in "
-    "Student's interval over scenes. Hatched cells: others are not certainly worse; the number says how "
+    "error of the best the next sampler has that is certainly worse, by 2 % at both sizes, in Student's "
+    "intervals over scenes for all pairs of samplers of a cell together (Holm, 5 %). Hatched cells: others "
+    "are not certainly worse; the number says how "
     "many, and the picture which is least among them. {hatched} of {cells} cells are hatched. {often}"
 )
 
@@ -56,7 +57,7 @@ def _cell(kind: str, smooth: bool, level: int, spp: int, filtered: bool, measure
         "dimensions": LEVELS[level],
         "spp": spp,
         "sampler": choice.name,
-        "no difference to": ", ".join(choice.alternatives),
+        "no certain difference to": ", ".join(choice.alternatives),
         "alike": len(choice.alternatives),
         "margin": margin and margin.ratio,
         "margin, low": margin and margin.low,
@@ -84,6 +85,7 @@ def _note(table: list[dict[str, Any]]) -> str:
         scenes=sum(row["number of scenes"] for row in first),
         fewest=min(row["number of scenes"] for row in first),
         most=max(row["number of scenes"] for row in first),
+        sizes=" and ".join(f"{width} x {height}" for width, height in SIZES),
         samplers=max(row["samplers"] for row in table),
         hatched=sum(row["alike"] > 0 for row in table),
         cells=len(table),
@@ -117,7 +119,7 @@ def _panel(axes: Axes, measure: str, rows: list[dict[str, Any]]) -> None:
         axes.add_patch(Rectangle((x, y), 1, 1, fc=fill, ec=edge, hatch="///" if alike else None, lw=1.5))
         name = row["sampler"].replace(", ", ",\n", 1) if len(row["sampler"]) > 14 else row["sampler"]
         like = f"\nand {row['alike']} others" if row["alike"] > 1 else "\nand 1 other" if alike else ""
-        text = f"{name}{like}\n{row['margin']:.2f} ×" if one_differs else "no difference"
+        text = f"{name}{like}\n{row['margin']:.2f} ×" if one_differs else "no certain difference"
         axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=8, linespacing=1.15)
     axes.set(
         title=measure,

@@ -66,6 +66,7 @@ def test_a_page_and_a_table(folder, capsys):
         {"reference", "mine", "(0,2), Owen"},
     ]
     assert "it has 2 dimensions, the scene needs 3" in page
+    assert "2 keys: from fewer than 4 there are no intervals, and all ranks are undecided" in page
     with (folder / "out/compare/compare.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 2 * (3 + 2) and {row["sampler"] for row in rows} == {
@@ -79,12 +80,15 @@ def test_a_page_and_a_table(folder, capsys):
 
 
 def test_a_broken_sampler_is_told_first(folder, capsys):
-    assert main(["compare", "some_samplers:broken", *SMALL, "--scenes", "disc"]) == 1
+    assert main(["compare", "some_samplers:broken", *SMALL, "--scenes", "disc", "--keys", "4"]) == 1
     told = capsys.readouterr().err
     assert "broken breaks 1 of a sampler's promises" in told
     assert "samples 0 and 1 of pixel (0, 0) are the same point" in told
     page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
     assert page.index("are the same point") < page.index('id="ranks"')
+    # It has no key, so that nothing is certain of the two.
+    assert "4 keys (1 for broken): samplers with 1 have no interval" in page
+    assert page.count("(1–2), ") == 2 * 2 * 3 and page.count("(no interval)") == 1
 
 
 def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):

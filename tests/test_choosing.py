@@ -2,12 +2,13 @@
 
 import csv
 from dataclasses import replace
-from itertools import product
+from itertools import permutations, product
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
-from scipy.stats import ttest_rel
+from scipy.stats import ttest_1samp, ttest_rel
 
 import qmcjax as qj
 from analysis.tables import make_recommendations
@@ -17,14 +18,14 @@ TABLE = Path(choosing.__file__).parent / "_data" / "recommendations.csv"
 
 
 def cell(smooth, level, spp, filtered):
-    """Return errors by sampler and scene as the file has them, in thousandths."""
+    """Return errors by sampler, size and scene as the file has them, in thousandths."""
     with TABLE.open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(line for line in stream if line[0] != "#"))
     column = f"{choosing.MEASURES[filtered]} at {spp} spp"
     found = {}
     for row in rows:
         if int(row["level"]) == level and smooth in (None, row["kind"] == "smooth"):
-            found.setdefault(row["sampler"], {})[row["scene"]] = int(row[column])
+            found.setdefault(row["sampler"], {})[row["size"], row["scene"]] = int(row[column])
     return found
 
 
@@ -32,13 +33,18 @@ CELLS = list(product((None, True, False), choosing.LEVELS, choosing.SPPS, (False
 
 
 def test_the_table_has_all_candidates_and_all_scenes():
-    """Each sampler in all levels that it has the dimensions for, so that means are over the same scenes."""
+    """Each sampler in all levels that it has the dimensions for, so that means are over the same scenes.
+
+    At two sizes, of which one is no power of 2 in either direction.
+    """
+    sizes = ["{} x {}".format(*size) for size in choosing.SIZES]
+    assert any(width.bit_count() > 1 and height.bit_count() > 1 for width, height in choosing.SIZES)
     for level, of_level in make_recommendations.SCENES.items():
         assert all(len(scene.needs) <= level for scene in of_level.values())
         found = cell(None, level, 1, False)
         able = [name for name, made in choosing.CANDIDATES.items() if made.most_dims >= level]
         assert list(found) == able
-        assert all(list(errors) == list(of_level) for errors in found.values())
+        assert all(list(errors) == list(product(sizes, of_level)) for errors in found.values())
 
 
 def test_what_is_recommended_is_the_best_of_the_table():
@@ -53,26 +59,68 @@ def test_what_is_recommended_is_the_best_of_the_table():
         assert list(choice.others) == sorted(choice.others, key=means.__getitem__)
 
 
-def test_intervals_are_those_of_paired_differences():
-    found = cell(False, 4, 16, True)
-    choice = qj.recommend(4, 16, False, filtered=True)
-    for name, other in choice.others.items():
-        pairs = [np.array(list(found[n].values())) / 1000 for n in (name, choice.name)]
-        if np.ptp(pairs[0] - pairs[1]):
-            interval = ttest_rel(*pairs).confidence_interval(0.95)
-            np.testing.assert_allclose(np.log([other.low, other.high]), [interval.low, interval.high])
+def logarithms(found, names):
+    """Return errors as they are in the table, shape (samplers, sizes, scenes)."""
+    return np.array([list(found[name].values()) for name in names]).reshape(len(names), 2, -1) / 1000
+
+
+@pytest.mark.parametrize(("level", "filtered"), [(4, True), (2, False)])
+def test_intervals_are_those_of_paired_differences(level, filtered):
+    """By scipy: at each size, with the level at which Holm's procedure ends for all pairs of samplers."""
+    choice = qj.recommend(level, 16, False, filtered=filtered)
+    errors = logarithms(cell(False, level, 16, filtered), [choice.name, *choice.others])
+    pairs = np.array(list(permutations(errors, 2)))
+    above = pairs[:, 0] - pairs[:, 1] - np.log(1.02)
+    p = 2 * ttest_1samp(above, 0, axis=-1, alternative="greater").pvalue.max(axis=-1)
+    # The two directions of a pair: the second is far from certain.
+    p = np.sort(p)[: len(p) // 2]
+    passed = p <= 0.05 / np.arange(len(p), 0, -1)
+    left = len(p) - (len(p) if passed.all() else int(np.argmin(passed)))
+    for k, other in enumerate(choice.others.values(), start=1):
+        intervals = ttest_rel(errors[k], errors[0], axis=-1).confidence_interval(1 - 0.05 / max(1, left))
+        np.testing.assert_allclose(np.log(other.low), intervals.low.min(), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(np.log(other.high), intervals.high.max(), rtol=1e-9, atol=1e-12)
+    assert left > 1
+
+
+def test_identical_samplers_are_called_worse_in_5_of_100_answers_at_most():
+    """The best of them is chosen by the errors that it is then compared by; both sizes say the same."""
+    rng = np.random.default_rng(1)
+    trials, names = 400, [f"sampler {k}" for k in range(16)]
+    false = 0
+    for _ in range(trials):
+        errors = dict(zip(names, rng.standard_normal((16, 1, 12)).repeat(2, axis=1), strict=True))
+        measured = choosing.Measured(("",) * 12, errors)
+        false += any(other.differs for other in measured.ratios(measured.ranked(names)))
+    assert false / trials < 0.05 + 5 * np.sqrt(0.05 * 0.95 / trials)
 
 
 def test_no_difference_is_said():
     """One sample in each pixel has the same RMS error, wherever it is."""
     choice = qj.recommend(4, 1, smooth=False)
-    assert "(0,2), Owen" in choice.alternatives and "no difference" in choice.reason
+    assert "(0,2), Owen" in choice.alternatives and "no certain difference" in choice.reason
+    assert "in images of 128 x 128 and 100 x 76 pixels" in choice.reason
     for choice in (qj.recommend(2, 4, False, filtered=True), qj.recommend(8, 64, True)):
         differ = {name for name, other in choice.others.items() if other.low > 1.02}
         assert set(choice.alternatives) == set(choice.others) - differ
         assert (choice.margin is None) == (not differ)
-        assert ("no difference" in choice.reason) == (len(choice.alternatives) > 0)
+        assert ("no certain difference" in choice.reason) == (len(choice.alternatives) > 0)
+        named = choice.reason.partition("no certain difference to ")[2].partition(";")[0]
+        if named:
+            assert named == ", ".join(f'"{name}"' for name in choice.alternatives)
+        assert f'"{choice.name}" has the least' in choice.reason
         assert choice.margin is None or str(choice.margin) in choice.reason
+
+
+def test_single_scenes_are_said_beside_their_mean():
+    """A zone plate is smooth, and no sampler is better on it at few samples, whatever they are on others."""
+    choice = qj.recommend(scenes.zone_plate(), 4)
+    (name,) = (name for name, other in choice.others.items() if other is choice.margin)
+    errors = logarithms(cell(True, 2, 4, False), [name, choice.name])
+    ratios = np.exp(errors[0] - errors[1])
+    least, most = ratios.min(), ratios.max()
+    assert f'"{name}" has {choice.margin} times that, {least:.2f} to {most:.2f} on single' in choice.reason
+    assert least < 1.05 < 2 < choice.margin.low < most
 
 
 def test_the_type_of_a_scene_tells_its_kind():
@@ -84,6 +132,30 @@ def test_the_type_of_a_scene_tells_its_kind():
     assert " scenes in 3 or 4 dimensions" in qj.recommend(own, 4).reason
     assert qj.recommend(own, 4) == qj.recommend(("x", "y", "time"), 4) == qj.recommend(3, 4)
     assert qj.recommend(own, 4).others == qj.recommend(own, 4).others
+
+
+def test_traced_scenes_have_edges():
+    assert choosing.has_edges(scenes.cornell_box()) is True
+    assert "scenes with edges" in qj.recommend(scenes.occluder(), 4).reason
+
+
+@pytest.mark.parametrize("name", choosing.CANDIDATES)
+def test_each_key_makes_another_sampler(name):
+    """By arrays of the same pytree, so that one program serves all."""
+    made = [choosing.CANDIDATES[name].make(2, 16, 8, 4, key) for key in (1, 2)]
+    assert jax.tree.structure(made[0]) == jax.tree.structure(made[1])
+    leaves = zip(*map(jax.tree.leaves, made), strict=True)
+    assert not all(np.array_equal(*of) for of in leaves)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", choosing.CANDIDATES)
+def test_each_key_makes_other_points(name):
+    """In each coordinate."""
+    made = [choosing.CANDIDATES[name].make(2, 16, 8, 4, key) for key in (1, 2)]
+    x, y, sample = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3])
+    first, second = (np.asarray(sampler(x, y, sample)) for sampler in made)
+    assert (first != second).any(axis=0).all()
 
 
 def test_kinds_of_all_scenes_of_the_table_are_known():
@@ -159,9 +231,9 @@ def test_errors_of_keywords_and_sizes():
 @pytest.mark.parametrize("name", ["(0,2), Owen", "Z, hash", "Hilbert, Owen-Sobol'"])
 def test_a_new_measurement_agrees(name):
     """With other keys: within 5 standard deviations of the mean over those, and the rounding."""
-    level, spp, keys = 4, 4, range(100, 108)
+    level, size, spp, keys = 4, choosing.SIZES[1], 4, range(100, 108)
     of = [
-        np.square(make_recommendations.errors(choosing.CANDIDATES[each], level, spp, keys))
+        np.square(make_recommendations.errors(choosing.CANDIDATES[each], level, size, spp, keys))
         for each in (name, "random")
     ]
     logarithm = 0.5 * np.log(of[0].mean(axis=-1) / of[1].mean(axis=-1))
@@ -169,19 +241,36 @@ def test_a_new_measurement_agrees(name):
     spread = [each.std(axis=-1, ddof=1) / each.mean(axis=-1) / 2 for each in of]
     deviation = np.hypot(*spread) * np.sqrt(1 / len(keys) + 1 / make_recommendations.KEYS)
     for measure, filtered in enumerate((False, True)):
-        listed = np.array(list(cell(None, level, spp, filtered)[name].values())) / 1000
+        listed = logarithms(cell(None, level, spp, filtered), [name])[0, 1]
         assert (np.abs(logarithm[measure] - listed) < 5 * deviation[measure] + 0.001).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spp", [4, 16])
+def test_margins_hold_at_a_size_that_was_not_measured(spp):
+    """The mean ratios of all samplers, with other keys."""
+    size, keys = (96, 96), range(100, 104)
+    smooth = [not choosing.has_edges(scene) for scene in make_recommendations.SCENES[2].values()]
+    measured = {
+        name: make_recommendations.errors(made, 2, size, spp, keys)[:, smooth]
+        for name, made in choosing.CANDIDATES.items()
+    }
+    means = {name: 0.5 * np.log(np.mean(of**2, axis=-1)).mean(axis=-1) for name, of in measured.items()}
+    for filtered in (False, True):
+        choice = qj.recommend(2, spp, True, filtered=filtered)
+        for name, other in choice.others.items():
+            assert other.low < np.exp(means[name] - means[choice.name])[int(filtered)] < other.high, name
 
 
 @pytest.mark.slow
 def test_images_are_those_of_render():
     """The program behind the table evaluates all scenes at the points that an image would take."""
     candidate = choosing.CANDIDATES["(0,2), Owen"]
-    side = make_recommendations.SIDE
-    sampler = candidate.make(2, side, side, 4, 1)
-    drawn = make_recommendations.images(sampler, 2, 4)
+    size = choosing.SIZES[1]
+    sampler = candidate.make(2, *size, 4, 1)
+    drawn = make_recommendations.images(sampler, 2, *size, 4)
     names = list(make_recommendations.SCENES[2])
-    expected = qj.render(scenes.gaussian(), sampler, side, side, 4)
+    expected = qj.render(scenes.gaussian(), sampler, *size, 4)
     np.testing.assert_allclose(drawn[names.index("gaussian")], expected, atol=1e-5)
 
 

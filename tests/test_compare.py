@@ -5,6 +5,7 @@ import re
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy import stats
 
 import analysis
 import qmcjax as qj
@@ -123,6 +124,7 @@ def hilbert(width, height, spp, key):
 @pytest.fixture(scope="module")
 def comparison():
     made = {"Owen": owen, "Hilbert": hilbert, "fixed": KEPT["screen"], "few": samplers.z(SIDE, SIDE, 4, 1)}
+    made["deaf"] = lambda key: KEPT["screen"]
     worlds = {"disc": scenes.disc(), "ball": scenes.ball()}
     return analysis.compare(made, worlds, [1, 4, 16], width=SIDE, height=SIDE, keys=4)
 
@@ -132,19 +134,23 @@ def test_values_are_those_of_images(comparison):
     images = [np.asarray(qj.render(scenes.disc(), owen(key), SIDE, SIDE, 4), np.float64) for key in range(4)]
     row = comparison.row("disc", "Owen", 4)
     assert row.values["filtered error"] == tuple(analysis.filtered_error(image, exact) for image in images)
-    squares = [np.mean((image - exact) ** 2) for image in images]
-    assert row.mean("RMS error") == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-12)
-    low, high = row.interval("RMS error")
-    assert np.sqrt(min(squares)) <= low < row.mean("RMS error") < high <= np.sqrt(max(squares))
+    logarithms = [np.log(np.mean((image - exact) ** 2)) / 2 for image in images]
+    assert np.log(row.mean("RMS error")) == pytest.approx(np.mean(logarithms), rel=1e-12)
+    interval = stats.t.interval(0.95, 3, np.mean(logarithms), stats.sem(logarithms))
+    np.testing.assert_allclose(np.log(row.interval("RMS error")), interval)
     np.testing.assert_array_equal(row.image, images[0].astype(np.float32))
     powers = [analysis.radial_average(analysis.error_spectrum(image, exact))[1] for image in images]
     np.testing.assert_allclose(row.power, np.mean(powers, axis=0))
 
 
-def test_what_has_no_key_is_rendered_once_and_has_no_interval(comparison):
-    row = comparison.row("disc", "fixed", 4)
+@pytest.mark.parametrize("name", ["fixed", "deaf"])
+def test_what_has_one_image_has_no_interval(comparison, name):
+    """Without a key, or with one that changes nothing."""
+    row = comparison.row("disc", name, 4)
     assert {len(values) for values in row.values.values()} == {1}
-    assert row.interval("RMS error") == (row.mean("RMS error"),) * 2
+    assert row.interval("RMS error") == (0, np.inf)
+    assert comparison.slope("disc", name)[1:] == (-np.inf, np.inf)
+    assert comparison.ranks("disc", 4)[name][1:] == (1, 5)
 
 
 def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
@@ -153,7 +159,7 @@ def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
     assert ("ball", "fixed", 4) not in comparison.left_out
     with pytest.raises(KeyError, match="it has 2 dimensions"):
         comparison.row("ball", "Owen", 4)
-    assert len(comparison.rows) + len(comparison.left_out) == 4 * 3 * 2
+    assert len(comparison.rows) + len(comparison.left_out) == 5 * 3 * 2
     assert comparison.promises["few"][0].startswith("it refuses")
 
 

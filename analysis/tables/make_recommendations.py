@@ -4,13 +4,15 @@ Run once (some minutes on one core): ``python -m analysis.tables.make_recommenda
 the rows of samplers that are there: delete those of one to measure it anew.
 
 A sampler's points are those of the most dimensions of a level; scenes of fewer take the first coordinates.
-All scenes of a level are evaluated at the same points, with 8 keys. Of each scene the root mean square of
-its errors over the keys is kept, as 1000 ln(error / error of random samples).
+All scenes of a level are evaluated at the same points, with 8 keys, in images of two sizes: a square of a
+power of 2, which many samplers are made for, and one that is neither. Of each scene and size the root mean
+square of its errors over the keys is kept, as 1000 ln(error / error of random samples).
 """
 
 import csv
 from collections.abc import Iterator
 from functools import cache, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +25,9 @@ from numpy.typing import NDArray
 from analysis import filtered_error
 from analysis.tables import CHOOSING
 from qmcjax import scenes
-from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS, Candidate, has_edges
+from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SIZES, SPPS, Candidate, has_edges
 
-SIDE, KEYS = 128, 8
+KEYS = 8
 BASE = "random"
 """What errors are relative to."""
 
@@ -75,81 +77,85 @@ for level, of_level in SCENES.items():
     of_level[f"genz discontinuous {level}"] = scenes.genz("discontinuous", level, 0.5, SHIFTS[:level])
 
 
-@partial(jax.jit, static_argnames="level")
-def points(sampler: Any, level: int, sample: Array) -> Array:
-    """Return one sample of each pixel, coordinates on the screen first: shape (SIDE, SIDE, level)."""
-    y, x = jnp.mgrid[:SIDE, :SIDE].astype(jnp.uint32)
+@partial(jax.jit, static_argnames=("level", "width", "height"))
+def points(sampler: Any, level: int, width: int, height: int, sample: Array) -> Array:
+    """Return one sample of each pixel, coordinates on the screen first: shape (height, width, level)."""
+    y, x = jnp.mgrid[:height, :width].astype(jnp.uint32)
     point = sampler(x, y, jnp.full_like(x, sample), tuple(range(level)))
     corner = jnp.stack([x, y], axis=-1).astype(point.dtype)
-    return jnp.concatenate([(point[..., :2] + corner) / SIDE, point[..., 2:]], axis=-1)
+    size = jnp.array([[[width, height]]], point.dtype)
+    return jnp.concatenate([(point[..., :2] + corner) / size, point[..., 2:]], axis=-1)
 
 
 @jax.jit
 def added(total: Array, point: Array) -> Array:
-    """Add the values of all scenes of a level, shape (scenes, SIDE, SIDE)."""
+    """Add the values of all scenes of a level, shape (scenes, height, width)."""
     of_level = SCENES[point.shape[-1]].values()
     return total + jnp.stack([scene(point[..., : len(scene.needs)]) for scene in of_level])
 
 
-def images(sampler: Any, level: int, spp: int) -> NDArray[np.float64]:
+def images(sampler: Any, level: int, width: int, height: int, spp: int) -> NDArray[np.float64]:
     """Return images of all scenes of a level. Their program is compiled once, apart from the samplers'."""
-    total = jnp.zeros((len(SCENES[level]), SIDE, SIDE))
+    total = jnp.zeros((len(SCENES[level]), height, width))
     for sample in range(spp):
-        total = added(total, points(sampler, level, jnp.uint32(sample)))
+        total = added(total, points(sampler, level, width, height, jnp.uint32(sample)))
     return np.asarray(total, np.float64) / spp
 
 
 @cache
-def exact(level: int) -> list[NDArray[np.float64]]:
+def exact(level: int, width: int, height: int) -> list[NDArray[np.float64]]:
     """Return what the images tend to."""
-    return [scene.reference(SIDE, SIDE)[0] for scene in SCENES[level].values()]
+    return [scene.reference(width, height)[0] for scene in SCENES[level].values()]
 
 
-def errors(candidate: Candidate, level: int, spp: int, keys: range) -> NDArray[np.float64]:
+def errors(
+    candidate: Candidate, level: int, size: tuple[int, int], spp: int, keys: range
+) -> NDArray[np.float64]:
     """Return the errors, shape (measures, scenes, keys)."""
     found = np.empty((len(MEASURES), len(SCENES[level]), len(keys)))
     for k, key in enumerate(keys):
-        drawn = images(candidate.make(level, SIDE, SIDE, spp, key), level, spp)
-        for j, (image, reference) in enumerate(zip(drawn, exact(level), strict=True)):
+        drawn = images(candidate.make(level, *size, spp, key), level, *size, spp)
+        for j, (image, reference) in enumerate(zip(drawn, exact(level, *size), strict=True)):
             rms = np.sqrt(np.mean((image - reference) ** 2))
             found[:, j, k] = rms, filtered_error(image, reference)
     return found
 
 
-def logarithms(candidate: Candidate) -> dict[int, NDArray[np.float64]]:
-    """Return ln(error) by level, shape (scenes, measures, numbers of samples)."""
+def logarithms(candidate: Candidate) -> dict[tuple[int, tuple[int, int]], NDArray[np.float64]]:
+    """Return ln(error) by level and size, shape (scenes, measures, numbers of samples)."""
     found = {}
-    for level in LEVELS:
+    for level, size in product(LEVELS, SIZES):
         if level <= candidate.most_dims:
-            of_spp = [errors(candidate, level, spp, range(KEYS)) for spp in SPPS]
-            found[level] = np.log(np.sqrt(np.mean(np.square(of_spp), axis=-1))).transpose(2, 1, 0)
+            of_spp = [errors(candidate, level, size, spp, range(KEYS)) for spp in SPPS]
+            found[level, size] = np.log(np.sqrt(np.mean(np.square(of_spp), axis=-1))).transpose(2, 1, 0)
     return found
 
 
-def rows(name: str, base: dict[int, NDArray[np.float64]]) -> Iterator[list[str]]:
+def rows(name: str, base: dict[tuple[int, tuple[int, int]], NDArray[np.float64]]) -> Iterator[list[str]]:
     """Yield the rows of a sampler."""
-    for level, of_scenes in (base if name == BASE else logarithms(CANDIDATES[name])).items():
-        relative = np.rint(1000 * (of_scenes - base[level])).astype(int)
+    found = base if name == BASE else logarithms(CANDIDATES[name])
+    for (level, size), of_scenes in found.items():
+        relative = np.rint(1000 * (of_scenes - base[level, size])).astype(int)
         for (scene, made), numbers in zip(SCENES[level].items(), relative, strict=True):
             kind = "edges" if has_edges(made) else "smooth"
-            yield [scene, kind, str(level), name, *map(str, numbers.ravel())]
+            yield [scene, kind, str(level), "{} x {}".format(*size), name, *map(str, numbers.ravel())]
 
 
 def main(folder: Path = CHOOSING) -> None:
     """Write recommendations.csv into a folder, or go on with it."""
     path = folder / "recommendations.csv"
     numbers = [f"{measure} at {spp} spp" for measure in MEASURES for spp in SPPS]
-    table = [["scene", "kind", "level", "sampler", *numbers]]
+    table = [["scene", "kind", "level", "size", "sampler", *numbers]]
     if path.exists():
         with path.open(encoding="utf-8", newline="") as stream:
             table = [row for row in csv.reader(stream) if not row[0].startswith("#")]
     base = logarithms(CANDIDATES[BASE])
-    done = {row[3] for row in table}
+    done = {row[4] for row in table}
     for name in [name for name in CANDIDATES if name not in done]:
         table += rows(name, base)
-        table[1:] = sorted(table[1:], key=lambda row: list(CANDIDATES).index(row[3]))
+        table[1:] = sorted(table[1:], key=lambda row: list(CANDIDATES).index(row[4]))
         with path.open("w", encoding="utf-8", newline="") as stream:
-            stream.write(f"# 1000 ln(error / error of {BASE}); {SIDE} x {SIDE} pixels; {KEYS} keys\n")
+            stream.write(f"# 1000 ln(error / error of {BASE}); {KEYS} keys\n")
             csv.writer(stream, lineterminator="\n").writerows(table)
         print(name, flush=True)
 

@@ -27,7 +27,9 @@ def errors(compared: Comparison, scene: str) -> bytes | None:
         for name in shown:
             rows = [compared.row(scene, name, spp) for spp in counts]
             means[name] = [row.mean(measure) for row in rows]
-            bands[name] = np.transpose([row.interval(measure) for row in rows])
+            band = np.transpose([row.interval(measure) for row in rows])
+            if np.isfinite(band).all():
+                bands[name] = band
         if all(min(values) > 0 for values in means.values()):
             plot.convergence(counts, means, bands=bands, title=f"{scene}: {measure}", ylabel=measure, ax=axes)
     return _png(figure)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 import analysis
@@ -61,7 +62,6 @@ def write(
     scenes = list(compared.references)
     sections = join(_section(compared, scene, folder) for scene in scenes)
     first = next(iter(compared.references.values()))
-    keys = max((len(row.values["RMS error"]) for row in compared.rows), default=1)
     counts = sorted({row.spp for row in compared.rows} | {spp for *_, spp in compared.left_out})
     links = {"Promises": "promises", "Ranks": "ranks", "Points": "points"}
     links |= {scene: f"scene-{scene}" for scene in scenes}
@@ -75,7 +75,7 @@ def write(
             fill('<a href="#$place">$name</a>', place=place, name=name) for name, place in links.items()
         ),
         size=len(first),
-        keys=quantity(keys, "key"),
+        keys=_keys(compared),
         counts=", ".join(map(str, counts)),
         machine=f"{machine['processor']}, {machine['cores']} cores, JAX {machine['jax']}",
         command=command,
@@ -87,6 +87,19 @@ def write(
     )
     _store.write(folder / PAGE, text.encode())
     return folder / PAGE
+
+
+def _keys(compared: Comparison) -> str:
+    """Return how many images there are of each sampler, and what follows from fewer than 4."""
+    counts: dict[str, int] = {}
+    for row in compared.rows:
+        counts[row.sampler] = max(counts.get(row.sampler, 1), len(row.values["RMS error"]))
+    most = max(counts.values(), default=1)
+    fewer = [name for name, count in counts.items() if count < most]
+    said = quantity(most, "key") + (f" (1 for {', '.join(fewer)})" if fewer else "")
+    if most < 4:
+        return f"{said}: from fewer than 4 there are no intervals, and all ranks are undecided"
+    return f"{said}: samplers with 1 have no interval, and undecided ranks" if fewer else said
 
 
 def _columns(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -219,5 +232,6 @@ def _slopes(compared: Comparison, scene: str) -> Markup:
         except ValueError:
             rows.append([name, "–", ", ".join(seconds)])
         else:
-            rows.append([name, f"{slope:.2f} ({low:.2f} to {high:.2f})", ", ".join(seconds)])
+            between = f"{low:.2f} to {high:.2f}" if np.isfinite(low) else "no interval"
+            rows.append([name, f"{slope:.2f} ({between})", ", ".join(seconds)])
     return _table(f"Slopes on {scene}", ["sampler", "slope of the RMS error", "milliseconds an image"], rows)

@@ -6,6 +6,7 @@ from qmcjax.choosing._recommend import Recommendation as Recommendation
 from qmcjax.choosing._recommend import recommend as recommend
 from qmcjax.choosing._table import LEVELS as LEVELS
 from qmcjax.choosing._table import MEASURES as MEASURES
+from qmcjax.choosing._table import SIZES as SIZES
 from qmcjax.choosing._table import SPPS as SPPS
 from qmcjax.choosing._table import ErrorRatio as ErrorRatio
 from qmcjax.choosing._table import Measured as Measured

@@ -1,7 +1,7 @@
 """What the benchmark has measured, and comparisons of two samplers in it."""
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from qmcjax import scenes
 from qmcjax.choosing._candidates import CANDIDATES
+from qmcjax.core import student
 
 __all__ = ["ErrorRatio", "Measured", "has_edges"]
 
@@ -21,21 +22,24 @@ LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
 
 MEASURES = ("RMS error", "filtered error")
 
+SIZES = ((128, 128), (100, 76))
+"""Widths and heights of the images: many samplers are at their best with powers of 2."""
+
 NEGLIGIBLE = 1.02
-"""Where 95 in 100 intervals cannot exclude that errors differ by less, there is no difference."""
+"""Where errors may differ by less, there is no certain difference."""
 
 
 class ErrorRatio(NamedTuple):
-    """How many times the error of another sampler has: the geometric mean over scenes."""
+    """How many times the error of another sampler has: the geometric mean over scenes and sizes."""
 
     ratio: float
     low: float
-    """Between this and ``high`` is the ratio in 95 of 100 cases."""
+    """Between this and ``high`` is the mean over such scenes, at each size, in 95 of 100 cases."""
     high: float
 
     @property
     def differs(self) -> bool:
-        """Whether the other has certainly more error, by 2 %."""
+        """Whether the other has certainly more error, by 2 % at each size."""
         return self.low > NEGLIGIBLE
 
     def __str__(self) -> str:
@@ -43,7 +47,7 @@ class ErrorRatio(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Of one scene and one sampler."""
+    """Of one scene at one size, and one sampler."""
 
     scene: str
     edges: bool
@@ -59,7 +63,7 @@ class Measured:
 
     scenes: tuple[str, ...]
     errors: Mapping[str, NDArray[np.float64]]
-    """By sampler, ln(error / error of random samples), shape (scenes,)."""
+    """By sampler, ln(error / error of random samples), shape (sizes, scenes)."""
 
     @staticmethod
     def of(edges: bool | None, level: int, spp: int, filtered: bool) -> "Measured":
@@ -69,7 +73,7 @@ class Measured:
         errors = {
             name: np.array(
                 [np.interp(at, known, row.logarithms[int(filtered)]) for row in chosen if row.sampler == name]
-            )
+            ).reshape(len(SIZES), -1)
             for name in dict.fromkeys(row.sampler for row in chosen)
         }
         return Measured(tuple(dict.fromkeys(row.scene for row in chosen)), errors)
@@ -78,20 +82,18 @@ class Measured:
         """Return those of these names that were measured, the one of the least mean first."""
         return sorted((name for name in names if name in self.errors), key=lambda n: self.errors[n].mean())
 
-    def compare(self, other: str, to: str) -> ErrorRatio:
-        """Return how many times the error of one sampler another has.
+    def ratios(self, names: Sequence[str]) -> list[ErrorRatio]:
+        """Return how many times the error of the first of these samplers each has.
 
-        The logarithms of the ratios of all scenes are taken as a sample of those of such scenes: their mean
-        has Student's interval. It holds the scatter of scenes and of keys, which are averaged in each scene.
+        The logarithms of the ratios of all scenes are taken as a sample of those of such scenes, at each
+        size: they hold the scatter of scenes and of keys, which are averaged in each scene. Since the first
+        is chosen by the same errors, all pairs are compared together.
         """
-        from scipy.stats import t
-
-        difference = self.errors[other] - self.errors[to]
-        n = len(difference)
-        half = t.ppf(0.975, n - 1) * difference.std(ddof=1) / np.sqrt(n)
-        mean = difference.mean()
-        ratio, low, high = np.exp([mean, mean - half, mean + half])
-        return ErrorRatio(float(ratio), float(low), float(high))
+        errors = np.stack([self.errors[name] for name in names], axis=1)
+        of_all = errors.mean(axis=(0, 2))
+        low, high = student.differences(errors, np.log(NEGLIGIBLE))
+        ends = np.exp([of_all - of_all[0], low[:, 0], high[:, 0]])
+        return [ErrorRatio(*map(float, of)) for of in ends.T]
 
 
 def has_edges(scene: Any) -> bool | None:
@@ -108,7 +110,7 @@ def has_edges(scene: Any) -> bool | None:
 
 @cache
 def table() -> tuple[Row, ...]:
-    """Read the table; see ``analysis/tables/make_recommendations.py``."""
+    """Read the table, of one size after the other; see ``analysis/tables/make_recommendations.py``."""
     source = resources.files("qmcjax.choosing") / "_data" / "recommendations.csv"
     with source.open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))
@@ -121,6 +123,6 @@ def table() -> tuple[Row, ...]:
                 sampler,
                 np.array(numbers, np.float64).reshape(len(MEASURES), len(SPPS)) / 1000,
             )
-            for scene, kind, level, sampler, *numbers in lines
+            for scene, kind, level, _, sampler, *numbers in lines
             if sampler in CANDIDATES
         )

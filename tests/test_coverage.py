@@ -73,7 +73,9 @@ SHORT = [
 @pytest.mark.parametrize("cell", SHORT, ids=str)
 def test_intervals_hold_integrals_as_often_as_they_say(cell):
     """Fourteen integrands; not more often either, unless rounding or a resolution widens the interval."""
-    for each in coverage.cells(*cell):
+    found = [each for each in coverage.cells(*cell) if each.integrand != coverage.SKEWED]
+    assert len(found) == 14
+    for each in found:
         for level, held in zip(coverage.LEVELS, each.held, strict=True):
             assert held / each.trials >= level - slack(level, each.trials), each
             if not each.wider:

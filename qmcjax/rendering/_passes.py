@@ -95,11 +95,11 @@ def render_passes(
     Notes
     -----
     For a given number of passes, image and variance are unbiased up to rounding. With ``tolerance`` neither
-    is: whether to stop depends on the passes seen, and small errors are estimated where chance has not shown a
-    rare event yet. The means are then too small for values that are rarely large, and variances too small for
-    all. The bias vanishes with the tolerance; what is left of it is least where the number of passes hardly
-    varies, as for many pixels that share the criterion. To be unbiased, find the number of passes with one
-    key, and render that many with another.
+    is: whether to stop depends on the passes seen, and small errors are estimated where chance has not shown
+    a rare event yet. The means are then too small for values that are rarely large, and variances too small
+    for all. The bias vanishes with the tolerance; what is left of it is least where the number of passes
+    hardly varies, as for many pixels that share the criterion. To be unbiased, find the number of passes with
+    one key, and render that many with another.
 
     References
     ----------

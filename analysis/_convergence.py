@@ -69,20 +69,15 @@ class ConvergenceTable:
         weights, logarithms = _fit(spps), np.log(errors)
         return float(weights @ logarithms)
 
-    def slope_interval(
-        self, sampler: str, region: str = "whole", level: float = 0.95, resamples: int = 9999
-    ) -> tuple[float, float]:
-        """Return a bootstrap interval of the slope: percentiles over fits with residuals drawn anew.
+    def slope_interval(self, sampler: str, region: str = "whole", level: float = 0.95) -> tuple[float, float]:
+        """Return a confidence interval of the slope, by Student's distribution of that of a line.
 
         Parameters
         ----------
         sampler, region : str
         level : float
-            In (0, 1): how often the interval is to hold the slope, if errors scatter alike around one power
-            of the number of samples. A bend of the curve is not scatter, and few numbers of samples make
-            the interval too short.
-        resamples : int
-            How many fits, with fixed random numbers: the same table gives the same interval.
+            In (0, 1): how often the interval holds the slope, if the logarithms of errors scatter normally
+            and alike around a line. A bend of the curve is not scatter.
 
         Returns
         -------
@@ -92,13 +87,10 @@ class ConvergenceTable:
         ------
         ValueError
             If ``level`` is out of range, there are fewer than three errors, or one of them is zero.
-
-        References
-        ----------
-        .. [1] B. Efron, R. Tibshirani, "An Introduction to the Bootstrap", 1993, Chap. 9.
         """
+        from scipy.special import stdtrit
+
         spps, errors = self.errors(sampler, region)
-        resamples = checks.integer("resamples", resamples, 1, 2**24)
         level = _arguments.real("level", level, "in (0, 1)", lambda x: 0 < x < 1)
         if len(spps) < 3 or not np.all(errors > 0):
             raise ValueError(
@@ -106,14 +98,11 @@ class ConvergenceTable:
             )
         weights, logarithms = _fit(spps), np.log(errors)
         slope = weights @ logarithms
-        x = np.log(spps) - np.log(spps).mean()
-        residuals = logarithms - logarithms.mean() - slope * x
-        # Residuals of a line through n values are smaller than the scatter, by two degrees of freedom.
-        residuals *= np.sqrt(len(spps) / (len(spps) - 2))
-        drawn = np.random.default_rng(0).integers(0, len(spps), (resamples, len(spps)))
-        slopes = slope + residuals[drawn] @ weights
-        lower, upper = np.quantile(slopes, [0.5 - level / 2, 0.5 + level / 2])
-        return float(lower), float(upper)
+        residuals = logarithms - logarithms.mean() - slope * (np.log(spps) - np.log(spps).mean())
+        freedom = len(spps) - 2
+        deviation = np.sqrt(residuals @ residuals / freedom * (weights @ weights))
+        width = stdtrit(freedom, (1 + level) / 2) * deviation
+        return float(slope - width), float(slope + width)
 
     def efficiency(self, sampler: str, region: str = "whole") -> NDArray[np.float64]:
         """Return 1 / (seconds * mean squared error) for each number of samples.

@@ -15,7 +15,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks, devices, parts, plug_ins, summation
 from qmcjax.core.pytrees import is_traced, jit, pytree
-from qmcjax.sequences import BinarySequence, Sequence, as_sequence, owen, rotate
+from qmcjax.sequences import BinarySequence, OwenDigits, Sequence, as_sequence, owen, rotate
 
 __all__ = ["Estimate", "integrate"]
 
@@ -33,29 +33,42 @@ _SEARCHED = 2**16
 
 
 class Estimate(NamedTuple):
-    """An integral from independent replicates, and how sure it is."""
+    """An integral from independent replicates, and how sure it is: float64, in the structure of the values.
+
+    Of complex numbers each part has its own errors.
+    """
 
     integral: Any
-    """The mean of the replicates, as the function's values."""
+    """The mean of the replicates."""
 
     standard_error: Any
-    """Of the mean, in the same structure. Complex numbers have one for each part."""
+    """Of the mean."""
 
     replicates: int
     """How many."""
 
+    rounding: Any
+    """What rounding may add to the error, which no scatter shows: see :func:`integrate`."""
+
+    resolution: Any
+    """By how much one value may change the mean, where all replicates have the same mean; 0 elsewhere."""
+
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
-        """Return a confidence interval by Student's distribution of the mean of normal variates.
+        """Return a confidence interval: Student's for the mean of normal variates, wider by ``rounding``.
+
+        Where all replicates agree, a mean that is one ``resolution`` away may have a probability p with
+        ``(1 - p)**replicates >= (1 - level) / 2``: the interval is wider by p resolutions.
 
         Parameters
         ----------
         level : float
-            In (0, 1): how often the interval holds the integral, if the replicates are nearly normal.
+            In (0, 1): how often the interval holds the integral at least, if the replicates are nearly normal
+            or take two neighbouring values.
 
         Returns
         -------
         low, high
-            In the structure of the values.
+            float64, in the structure of the values.
 
         Raises
         ------
@@ -69,11 +82,11 @@ class Estimate(NamedTuple):
         if not 0 < level < 1:
             raise ValueError(f"level must be a number in (0, 1), got {level!r}")
         quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
+        unseen = 1 - ((1 - level) / 2) ** (1 / self.replicates)
+        errors = self.standard_error, self.rounding, self.resolution
         with jax.enable_x64(True):  # or float64 becomes float32 here
-            low, high = (
-                jax.tree.map(lambda mean, error, k=k: mean + k * error, self.integral, self.standard_error)
-                for k in (-quantile, quantile)
-            )
+            width = jax.tree.map(lambda s, r, one: quantile * s + r + unseen * one, *errors)
+            low, high = (jax.tree.map(each, self.integral, width) for each in (jnp.subtract, jnp.add))
         return low, high
 
 
@@ -162,7 +175,7 @@ def integrate(
     key : jax.random.key, or int in [0, 2**32)
         Of the replicates.
     dtype : float32 or float64
-        Of points and sums. Sums are compensated: they are as good as the values.
+        Of points and, without ``replicates``, of sums. Sums are compensated: they are as good as the values.
     mesh : jax.sharding.Mesh, optional
         Devices that share the points if there are many, as for :func:`qmcjax.render`. Points are added up in
         the same parts on any devices, so that the integral is the same bit by bit.
@@ -172,7 +185,8 @@ def integrate(
     Array, or pytree of them
         In the structure of the function's values, shape (...); floating and complex ones in their own type,
         others in ``dtype``. With ``replicates`` an :class:`Estimate`: their mean, its standard error, and an
-        ``interval()``.
+        ``interval()``, in float64 whatever ``dtype`` is: in JAX, arithmetic with them needs
+        ``jax.enable_x64``.
 
     Raises
     ------
@@ -185,8 +199,15 @@ def integrate(
     Notes
     -----
     Replicates are Owen-scrambled (:func:`qmcjax.sequences.owen`) if the sequence has digits to scramble, and
-    otherwise rotated (:func:`qmcjax.sequences.rotate`): each is unbiased, they are independent, and so their
-    scatter tells the standard error.
+    otherwise rotated (:func:`qmcjax.sequences.rotate`). They are independent, so their scatter shows the
+    standard error. Their points are in the middle of cells of side 2**-23 in float32 and 2**-32 in float64:
+    each replicate is unbiased up to the curvature of the function in a cell, and up to the rounding of its
+    values. For the latter ``rounding`` is the epsilon of the values, or of ``dtype`` if that is larger, times
+    the mean magnitude of the values, plus half their range for jumps, which cells displace by half their
+    side. Magnitude and range are those of the first 4096 points of a replicate. What cancels within the
+    function is not accounted for.
+
+    Intervals hold the integral as often as they say if the replicates' means are nearly normal.
 
     Examples
     --------
@@ -216,15 +237,21 @@ def integrate(
         copies = [_randomised(sequence, each) for each in keys]
     mesh = devices.checked(mesh)
     with checks.precision(dtype):
-        function = _prepared(function, sequence.dims, dtype)
-        means = []
+        function, like = _prepared(function, sequence.dims, dtype)
+        wide = bool(jax.config.jax_enable_x64)
+    replicated = replicates is not None
+    with checks.precision(jnp.float64 if replicated else dtype):
+        found = []
         for copy in copies:
             arguments = function, copy, np.uint32(start)
-            how = n, dtype, start % _ROWS == 0, mesh, is_traced(arguments)
-            means.append(devices.local(_mean(*devices.placed(arguments, mesh), *how), mesh))
-        for copy, mean in zip(copies, means, strict=True):
-            _refuse_infinite(mean, function, copy, start, n, dtype)
-        return means[0] if replicates is None else _estimate(means)
+            how = n, dtype, start % _ROWS == 0, mesh, is_traced(arguments), replicated, wide
+            found.append(devices.local(_mean(*devices.placed(arguments, mesh), *how), mesh))
+        for copy, columns in zip(copies, found, strict=True):
+            _refuse_infinite(columns, function, copy, start, n, dtype, replicated, wide)
+        if not replicated:
+            return found[0]
+        _, some = _some(function, copies[0], jnp.uint32(start), min(n, _ROWS), dtype, replicated, wide)
+        return _estimate(found, jax.lax.stop_gradient(some), like, n, dtype)
 
 
 def _randomised(sequence: Sequence, key: Array) -> Sequence:
@@ -234,8 +261,10 @@ def _randomised(sequence: Sequence, key: Array) -> Sequence:
         return rotate(sequence, key)
 
 
-def _prepared(function: Any, dims: int, dtype: np.dtype) -> Any:
-    """Return a function as a pytree, for :func:`_call`, or raise a ValueError unless it has a value a row.
+def _prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
+    """Return a function as a pytree, for :func:`_call`, and what its values are like.
+
+    Or raise a ValueError unless it has a value a row.
 
     What it closes over and derivatives may be wanted of becomes an argument of the program.
     """
@@ -253,15 +282,39 @@ def _prepared(function: Any, dims: int, dtype: np.dtype) -> Any:
     if not leaves:
         raise ValueError(f"function must return at least one array of values, got {checks.shown(made)}")
     if closed_over:
-        return _Converted(plug_ins.held("function", converted), function, closed_over)
-    return function
+        function = _Converted(plug_ins.held("function", converted), function, closed_over)
+    return function, made
 
 
 def _is_number(dtype: Any) -> bool:
     return jnp.issubdtype(dtype, jnp.number) or dtype == jnp.bool_
 
 
-@jit("n", "dtype", "aligned", "mesh", "traced")
+def _points(sequence: Sequence, index: Array, dtype: np.dtype, replicated: bool) -> Array:
+    dims = tuple(range(sequence.dims))
+    if not replicated:
+        return sequence.coordinates(index, dims, dtype)
+    exact = dtype if isinstance(sequence, BinarySequence) else np.dtype(np.float64)
+    return _centred(sequence.coordinates(index, dims, exact), sequence, dtype)
+
+
+def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
+    """Move randomised points, not rounded to nearest in float32, to the middle of cells: the mean of any."""
+    if dtype == jnp.float32:
+        side = np.asarray(2.0**-23, points.dtype)
+        return ((jnp.floor(points / side) + np.asarray(0.5, points.dtype)) * side).astype(dtype)
+    if isinstance(sequence, OwenDigits):  # random down to the resolution of float64
+        return points
+    return jnp.minimum(points + np.float64(2.0**-33), np.float64(1 - 2.0**-53))
+
+
+def _values(function: Any, points: Array, dtype: np.dtype, replicated: bool, wide: bool) -> Array:
+    with jax.enable_x64(wide):  # as the caller has it
+        values = _call(function, points)
+    return _columns(values, np.dtype(np.float64) if replicated else dtype)
+
+
+@jit("n", "dtype", "aligned", "mesh", "traced", "replicated", "wide")
 def _mean(
     function: Any,
     sequence: Sequence,
@@ -271,13 +324,16 @@ def _mean(
     aligned: bool,
     mesh: Mesh | None,
     traced: bool,
+    replicated: bool,
+    wide: bool,
 ) -> Any:
-    dims = tuple(range(sequence.dims))
-    points = jax.ShapeDtypeStruct((_ROWS, len(dims)), dtype)
-    like = jax.eval_shape(_call, function, points)
+    """Return the mean of the values; of a replicate, the means of their columns."""
 
     def values(function: Any, points: Array) -> Array:
-        return _columns(_call(function, points.reshape(-1, len(dims))), dtype)
+        return _values(function, points, dtype, replicated, wide)
+
+    def of_index(function: Any, sequence: Sequence, index: Array) -> Array:
+        return values(function, _points(sequence, index, dtype, replicated))
 
     fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
     size = _BATCH if fast else 1
@@ -290,8 +346,9 @@ def _mean(
         function, sequence, blocks, start = parameters
         row = jax.lax.iota(jnp.uint32, _ROWS)
         if blocks is None:
-            return values(function, sequence.coordinates(start + k * np.uint32(_ROWS) + row, dims, dtype))
-        return values(function, sequence.points_of_blocks(blocks.part(k, 1), dtype))
+            return of_index(function, sequence, start + k * np.uint32(_ROWS) + row)
+        points = sequence.points_of_blocks(blocks.part(k, 1), dtype)
+        return values(function, _centred(points, sequence, dtype) if replicated else points)
 
     def batch(parameters: Any, k: Array) -> Array:
         first = k * np.uint32(size)
@@ -309,23 +366,25 @@ def _mean(
     total = parts.summed(of_part, mesh, traced, *parameters)
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
-        total = total + _tree_sum(values(function, sequence.coordinates(index, dims, dtype)))
-    return _of_columns(total / np.asarray(n, total.dtype), like, dtype)
+        total = total + _tree_sum(of_index(function, sequence, index))
+    mean = total / np.asarray(n, total.dtype)
+    if replicated:
+        return mean
+    like = jax.eval_shape(_call, function, jax.ShapeDtypeStruct((_ROWS, sequence.dims), dtype))
+    return _of_columns(mean, like, dtype)
 
 
 def _columns(values: Any, dtype: np.dtype) -> Array:
     """Return all numbers of a row side by side, real and imaginary parts, in one floating type."""
     leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
     parts = [p for leaf in leaves for p in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))]
-    common = dtype
-    for part in parts:
-        if jnp.issubdtype(part.dtype, jnp.floating):
-            common = jnp.promote_types(common, part.dtype)
+    wide = any(part.dtype == jnp.float64 for part in parts)
+    common = np.dtype(np.float64) if wide else dtype
     return jnp.concatenate([part.astype(common).reshape(part.shape[0], -1) for part in parts], axis=1)
 
 
 def _of_columns(column: Array, like: Any, dtype: np.dtype) -> Any:
-    """Return the values of one row as they were."""
+    """Return the numbers of one row as values."""
     first = 0
 
     def next_part(shape: tuple[int, ...]) -> Array:
@@ -353,41 +412,55 @@ def _tree_sum(values: Array) -> Array:
     return values[0]
 
 
-def _estimate(means: list[Any]) -> Estimate:
-    """Return the mean of replicates and its standard error."""
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *means)
-    root = math.sqrt(len(means))
+def _estimate(found: list[Array], some: Array, like: Any, n: int, dtype: np.dtype) -> Estimate:
+    """Return the mean of replicates, its standard error, and what that does not show."""
+    wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _wide(leaf.dtype)), like)
+    means = jnp.stack(found)
+    mean, spread = means.mean(axis=0), jnp.ptp(some, axis=0)
+    magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
 
-    def error(values: Array) -> Array:
-        if jnp.iscomplexobj(values):
-            return jax.lax.complex(error(values.real), error(values.imag))
-        return jnp.std(values, axis=0, ddof=1) / np.asarray(root, values.dtype)
+    def values(columns: Array) -> Any:
+        return _of_columns(columns, wide, np.dtype(np.float64))
 
-    mean = jax.tree.map(lambda values: jnp.mean(values, axis=0), stacked)
-    return Estimate(mean, jax.tree.map(error, stacked), len(means))
+    def rounding(leaf: Any, magnitude: Array) -> Array:
+        types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
+        return magnitude * max(float(jnp.finfo(each).eps) for each in types)
+
+    agree = jnp.ptp(means, axis=0) <= 4 * np.finfo(np.float64).eps * magnitude
+    return Estimate(
+        values(mean),
+        values(jnp.std(means, axis=0, ddof=1) / math.sqrt(len(found))),
+        len(found),
+        jax.tree.map(rounding, like, values(magnitude + spread / 2)),
+        values(jnp.where(agree, spread / n, 0)),
+    )
 
 
-def _refuse_infinite(mean: Any, function: Any, sequence: Sequence, start: int, n: int, dtype: Any) -> None:
-    """Raise a ValueError if a known mean is not finite, with the first point that is to blame."""
-    leaves = jax.tree.leaves(mean)
+def _wide(dtype: Any) -> np.dtype:
+    return np.dtype(np.complex128 if jnp.issubdtype(dtype, jnp.complexfloating) else np.float64)
+
+
+def _refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n: int, *how: Any) -> None:
+    """Raise a ValueError if known means are not finite, with the first point that is to blame."""
+    leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return
     for first in range(start, start + n, _SEARCHED):
-        bad = np.asarray(_infinite(function, sequence, jnp.uint32(first), dtype))
-        bad = np.flatnonzero(bad[: start + n - first])
+        points, values = map(np.asarray, _some(function, sequence, jnp.uint32(first), _SEARCHED, *how))
+        bad = np.flatnonzero(~np.isfinite(values[: start + n - first]).all(axis=1))
         if bad.size:
-            index = first + int(bad[0])
-            (point,) = np.asarray(sequence.points(1, index, dtype))
+            point = ", ".join(str(x) for x in points[bad[0]])
             raise ValueError(
-                f"function must return finite values, got one that is not at point {index}, "
-                f"({', '.join(str(x) for x in point)})"
+                f"function must return finite values, got one that is not at point {first + int(bad[0])}, "
+                f"({point})"
             )
     raise ValueError(f"function must return values whose sum is finite, got an overflow of {n} values")
 
 
-@jit("dtype")
-def _infinite(function: Any, sequence: Sequence, first: Array, dtype: np.dtype) -> Array:
-    """Tell which of some points have a value that is not finite."""
-    index = first + jax.lax.iota(jnp.uint32, _SEARCHED)
-    points = sequence.coordinates(index, tuple(range(sequence.dims)), dtype)
-    return ~jnp.isfinite(_columns(_call(function, points), dtype)).all(axis=1)
+@jit("count", "dtype", "replicated", "wide")
+def _some(
+    function: Any, sequence: Sequence, first: Array, count: int, dtype: np.dtype, replicated: bool, wide: bool
+) -> tuple[Array, Array]:
+    """Return some points and the columns of their values."""
+    points = _points(sequence, first + jax.lax.iota(jnp.uint32, count), dtype, replicated)
+    return points, _values(function, points, dtype, replicated, wide)

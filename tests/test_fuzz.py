@@ -234,7 +234,6 @@ def right_of_names():
         "dtype": [jnp.float32],
         "level": [0.5],
         "label": ["a"],
-        "resamples": [9],
         "region": ["whole"],
         "offset_or_key": [1],
     }
@@ -245,7 +244,7 @@ def right_things(name, qualified):
     return right_of_names().get(name, []) if of_function is None else of_function
 
 
-NEVER_OMITTED = {"width", "height", "repeats", "steps", "budget_s", "iterations", "resamples"}
+NEVER_OMITTED = {"width", "height", "repeats", "steps", "budget_s", "iterations"}
 """What they are by default would take long."""
 
 LEFT_OUT = {"name", "progress", "checkpoint"}
@@ -285,7 +284,7 @@ def targets():
         "scene.reference": noun["scene"].reference,
         "table.errors": table.errors,
         "table.slope_interval": table.slope_interval,
-        "estimate.interval": qmcjax.Estimate(1.0, 0.1, 5).interval,
+        "estimate.interval": qmcjax.Estimate(1.0, 0.1, 5, 0.0, 0.0).interval,
         "SequenceEngine": bridges.SequenceEngine,
         "PlainSampler": bridges.PlainSampler,
         "plain.start": bridges.PlainSampler(noun["sampler"]).start,

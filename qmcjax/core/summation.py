@@ -106,11 +106,22 @@ def _sum_primitive() -> "Primitive":
     primitive.multiple_results = True
     primitive.def_impl(_loop)
     primitive.def_abstract_eval(lambda count, first, *args, term, pinned, sums: list(args[: 2 * sums]))
-    mlir.register_lowering(primitive, mlir.lower_fun(_loop, multiple_results=True))
-    ad.primitive_jvps[primitive] = _jvp
-    ad.primitive_transposes[primitive] = _transpose
-    batching.primitive_batchers[primitive] = _batch
+    mlir.register_lowering(primitive, mlir.lower_fun(_in_precision(_loop), multiple_results=True))
+    ad.primitive_jvps[primitive] = _in_precision(_jvp)
+    ad.primitive_transposes[primitive] = _in_precision(_transpose)
+    batching.primitive_batchers[primitive] = _in_precision(_batch)
     return primitive
+
+
+def _in_precision(rule: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a rule that may run after the context is left in which float64 sums were asked for."""
+
+    def in_precision(*args: Any, **how: Any) -> Any:
+        wide = any(getattr(leaf, "dtype", None) == np.float64 for leaf in jax.tree.leaves(args))
+        with jax.enable_x64(wide or bool(jax.config.jax_enable_x64)):
+            return rule(*args, **how)
+
+    return in_precision
 
 
 def _bind(*args: Any, term: Callable[..., list[Array]], pinned: bool, sums: int) -> list[Array]:

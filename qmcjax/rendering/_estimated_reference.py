@@ -43,8 +43,8 @@ def estimated_reference(
     """Estimate the mean over each pixel from randomised replicates, with a bound on the errors.
 
     Each replicate has ``spp / 16`` samples in every pixel, points of Sobol's sequence that are Owen-scrambled
-    independently for each pixel and replicate. So the estimate is unbiased, and how the replicates scatter
-    tells its standard error.
+    independently for each pixel and replicate. So the estimate is unbiased up to rounding, and the scatter of
+    the replicates shows its standard error.
 
     Parameters
     ----------
@@ -81,9 +81,10 @@ def estimated_reference(
 
     Notes
     -----
-    The bound holds with a probability that depends on the scene: for errors that are nearly normal it is
-    exceeded in one of a million values with the largest error. It says nothing about what no sample has
-    seen, such as a light that one sample in a million hits.
+    The bound holds with a probability that depends on the scene: for errors that are nearly normal, a value
+    with the largest standard error exceeds it with a probability of 1.6e-4, by Student's distribution with 15
+    degrees of freedom. It says nothing about what no sample has seen, such as a light that one sample in a
+    million hits.
 
     References
     ----------

@@ -25,11 +25,12 @@ class Passes(NamedTuple):
     """The mean of independent images."""
 
     image: Array
-    """Shape (height, width) or (height, width, 3): an unbiased estimate of the image."""
+    """Shape (height, width) or (height, width, 3): an estimate of the image, unbiased up to rounding."""
     variance: Array
     """The same shape: an unbiased estimate of the variance of each value of ``image``."""
     error: Array
-    """Shape (): root of the mean of ``variance``, the standard error of the whole image."""
+    """Shape (): the standard error of the whole image, root of the mean of ``variance`` plus the square of
+    what rounding may add: the epsilon of the dtype times the largest value."""
     passes: int
     """How many."""
 
@@ -95,12 +96,12 @@ def render_passes(
 
     Notes
     -----
-    For a given number of passes, image and variance are unbiased. With ``tolerance`` neither is:
-    whether to stop depends on the passes seen, and small errors are estimated where chance has not shown a
-    rare event yet. The means are then too small for values that are rarely large, and variances too small for
-    all. The bias vanishes with the tolerance; what is left of it is least where the number of passes hardly
-    varies, as for many pixels that share the criterion. To be unbiased, find the number of passes with one
-    key, and render that many with another.
+    For a given number of passes, image and variance are unbiased up to rounding. With ``tolerance`` neither
+    is: whether to stop depends on the passes seen, and small errors are estimated where chance has not shown
+    a rare event yet. The means are then too small for values that are rarely large, and variances too small
+    for all. The bias vanishes with the tolerance; what is left of it is least where the number of passes
+    hardly varies, as for many pixels that share the criterion. To be unbiased, find the number of passes with
+    one key, and render that many with another.
 
     References
     ----------
@@ -202,4 +203,6 @@ def _added(image: Array, mean: Array, variance: Array, n: Array) -> tuple[Array,
     deviation = image.astype(mean.dtype) - mean
     # The sum of squared deviations, n (n - 1) times the variance, grows by n / (n + 1) times this one.
     variance = variance * ((n - 1) / (n + 1)) + jnp.square(deviation / (n + 1))
-    return mean + deviation / (n + 1), variance, jnp.sqrt(jnp.mean(variance))
+    mean = mean + deviation / (n + 1)
+    rounding = float(jnp.finfo(image.dtype).eps) * abs(mean).max()
+    return mean, variance, jnp.sqrt(jnp.mean(variance) + jnp.square(rounding))

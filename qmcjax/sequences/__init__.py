@@ -54,6 +54,7 @@ from qmcjax.sequences._one_two import one_two as one_two
 from qmcjax.sequences._optimized_net import optimized_net as optimized_net
 from qmcjax.sequences._owen import Owen as Owen
 from qmcjax.sequences._owen import owen as owen
+from qmcjax.sequences._owen_base_b import OwenDigits as OwenDigits
 from qmcjax.sequences._owen_exact import owen_exact as owen_exact
 from qmcjax.sequences._plug_in import as_sequence as as_sequence
 from qmcjax.sequences._plug_in import function as function

@@ -1,0 +1,122 @@
+"""How often intervals of integrals hold the integral: integrands, numbers of points, sequences, dtypes."""
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax import integrate, sequences
+
+LEVELS = (0.9, 0.95, 0.99)
+REPLICATES = (4, 8, 32)
+SIZES = (2**8, 2**14, 2**22)
+DTYPES = ("float32", "float64")
+SEQUENCES = {"Sobol'": sequences.sobol, "Halton": sequences.halton, "lattice": sequences.lattice}
+DIMS = 8
+"""Of the points: integrands take the first of their coordinates."""
+
+POINTS, MOST = 2**24, 2**25
+"""Of all trials of a cell, if that is two or more; and of one trial at most."""
+
+
+@dataclass(frozen=True)
+class Integrand:
+    """A function of points, and its integral over the unit cube."""
+
+    function: Callable[[Array], Array]
+    integral: float
+
+
+def _peak(points: Array) -> Array:
+    return jnp.exp(-25 * ((points[:, :4] - 0.5) ** 2).sum(axis=1))
+
+
+def _kinks(points: Array) -> Array:
+    factors = [(abs(4 * points[:, j] - 2) + j) / (j + 1) for j in range(5)]
+    return math.prod(factors[1:], start=factors[0])
+
+
+def _product(points: Array) -> Array:
+    factors = [1 + (points[:, j] - 0.5) / (j + 1) for j in range(DIMS)]
+    return math.prod(factors[1:], start=factors[0])
+
+
+INTEGRANDS = {
+    "x^2": Integrand(lambda p: p[:, 0] ** 2, 1 / 3),
+    "sqrt x": Integrand(lambda p: jnp.sqrt(p[:, 0]), 2 / 3),
+    "cos 2 pi x": Integrand(lambda p: jnp.cos(2 * np.pi * p[:, 0]), 0.0),
+    "max(x - 1/3, 0)": Integrand(lambda p: jnp.maximum(p[:, 0] - 1 / 3, 0), 2 / 9),
+    "x < 1/3": Integrand(lambda p: p[:, 0] < 1 / 3, 1 / 3),
+    "exp(-x - y)": Integrand(lambda p: jnp.exp(-p[:, 0] - p[:, 1]), (1 - math.exp(-1)) ** 2),
+    "x y": Integrand(lambda p: p[:, 0] * p[:, 1], 1 / 4),
+    "|x + y - 1|": Integrand(lambda p: abs(p[:, 0] + p[:, 1] - 1), 1 / 3),
+    "1000 + x y / 100": Integrand(lambda p: 1000 + p[:, 0] * p[:, 1] / 100, 1000.0025),
+    "x^2 + y^2 < 1": Integrand(lambda p: p[:, 0] ** 2 + p[:, 1] ** 2 < 1, math.pi / 4),
+    "x + y + z < 1": Integrand(lambda p: p[:, :3].sum(axis=1) < 1, 1 / 6),
+    "peak, 4-D": Integrand(_peak, (math.sqrt(math.pi) / 5 * math.erf(2.5)) ** 4),
+    "kinks, 5-D": Integrand(_kinks, 1.0),
+    "product, 8-D": Integrand(_product, 1.0),
+    "-log x": Integrand(lambda p: -jnp.log(p[:, 0]), 1.0),
+}
+SKEWED = "-log x"
+"""Its errors are those of the point that is nearest to 0: Student's intervals are too short."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """How many of some intervals of each level hold an integral."""
+
+    integrand: str
+    sequence: str
+    dtype: str
+    n: int
+    replicates: int
+    trials: int
+    held: tuple[int, ...]
+    """Of each level."""
+    wider: int
+    """Trials in which rounding or resolution widens the interval by more than a tenth of the standard error:
+    intervals of such a cell may hold the integral more often than they say."""
+
+
+def _values(points: Array) -> dict[str, Array]:
+    return {name: integrand.function(points) for name, integrand in INTEGRANDS.items()}
+
+
+def cells(sequence: str, dtype: str, n: int, replicates: int, trials: int) -> list[Cell]:
+    """Return a cell for each integrand; no two calls share random numbers."""
+    held = {name: np.zeros(len(LEVELS), int) for name in INTEGRANDS}
+    wider = dict.fromkeys(INTEGRANDS, 0)
+    base = jax.random.key(
+        n + replicates + 2**25 * list(SEQUENCES).index(sequence) + 2**28 * (dtype == "float32")
+    )
+    for key in jax.random.split(base, trials):
+        made = SEQUENCES[sequence](DIMS)
+        found = integrate(_values, made, n, replicates=replicates, key=key, dtype=np.dtype(dtype))
+        intervals = [found.interval(level) for level in LEVELS]
+        for name, integrand in INTEGRANDS.items():
+            held[name] += [
+                float(low[name]) <= integrand.integral <= float(high[name]) for low, high in intervals
+            ]
+            extra = float(found.rounding[name]) + float(found.resolution[name])
+            wider[name] += extra > float(found.standard_error[name]) / 10
+    return [
+        Cell(name, sequence, dtype, n, replicates, trials, tuple(held[name].tolist()), wider[name])
+        for name in INTEGRANDS
+    ]
+
+
+def measured(paper: bool) -> list[Cell]:
+    """Return the cells of all sequences, dtypes, sizes and numbers of replicates; in drafts, of a few."""
+    if not paper:
+        return cells("Sobol'", "float32", 2**8, 4, 20)
+    made = []
+    for sequence, dtype, n, replicates in itertools.product(SEQUENCES, DTYPES, SIZES, REPLICATES):
+        if n * replicates <= MOST:
+            made += cells(sequence, dtype, n, replicates, max(2, min(POINTS // n, 400) // replicates))
+    return made

@@ -97,7 +97,6 @@ class SquareOrder(Order):
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height of the padded raster."""
         return 2**self.log_side, 2**self.log_side
 
 

@@ -39,11 +39,9 @@ class Hashed(ScrambledMorton):
         return self.seed
 
     def family(self, keys: Array) -> "Hashed":
-        """Return independent orders as one object."""
         return replace(self, seed=with_random_words(self.seed, keys))
 
     def member(self, number: int) -> "Hashed":
-        """Return one order of a family."""
         return replace(self, seed=self.seed[number])
 
     def _permutation(self, node: Array) -> Array:
@@ -68,11 +66,9 @@ class Multiplicative(ScrambledMorton):
         return jnp.uint32(0)
 
     def family(self, keys: Array) -> "Multiplicative":
-        """Return independent orders as one object."""
         return replace(self, dim=with_random_words(self.dim, keys))
 
     def member(self, number: int) -> "Multiplicative":
-        """Return one order of a family."""
         return replace(self, dim=self.dim[number])
 
     def _permutation(self, node: Array) -> Array:

@@ -34,7 +34,6 @@ class LookupTree(ScrambledMorton):
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
     def member(self, number: int) -> "LookupTree":
-        """Return one order of a family."""
         return replace(self, permutations=self.permutations[number])
 
     def _permutation(self, node: Array) -> Array:
@@ -59,13 +58,11 @@ class RandomTree(LookupTree):
     """uint32 scalar, below the number of letters."""
 
     def family(self, keys: Array) -> "RandomTree":
-        """Return independent orders as one object."""
         words = jax.vmap(lambda key: jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
         shifts = scaled(words, self.permutations.shape[0])
         return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
 
     def member(self, number: int) -> "RandomTree":
-        """Return one order of a family."""
         return replace(super().member(number), shift=self.shift[number])
 
     def _child(self, node: Array, digit: Array) -> Array:

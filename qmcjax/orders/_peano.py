@@ -45,7 +45,6 @@ class Peano(Order):
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height of the padded raster."""
         return 3**self.log_side, 3**self.log_side
 
     def _position(self, x: Array, y: Array) -> Array:

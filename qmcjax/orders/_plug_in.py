@@ -26,7 +26,6 @@ class PlugIn(Order):
 
     @property
     def length(self) -> int:
-        """Number of positions."""
         return self.positions
 
     @property

@@ -55,7 +55,6 @@ class FullScreen(Sampler):
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the image, and the number of samples, of the net."""
         super().check(width, height, spp)
         check_size("net", (self.width, self.height), (width, height))
         if self.net.size is None:

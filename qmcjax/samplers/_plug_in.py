@@ -36,7 +36,6 @@ class PlugIn(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of coordinates that can be asked for."""
         return self.sampler.dims
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -52,7 +51,6 @@ class PlugIn(Sampler):
         return rounded(self.sampler(*state, sample, dims), dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless an image of this size and number of samples can be made."""
         super().check(width, height, spp)
         if hasattr(self.sampler, "check"):
             self.sampler.check(width, height, spp)

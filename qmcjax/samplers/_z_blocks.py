@@ -158,7 +158,6 @@ class Z(Sampler):
         return self.numbered(state, Number(sample), dims, dtype, self.log_spp)
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
-        """Return how many samples a loop best takes together."""
         return 8
 
     def consecutive(

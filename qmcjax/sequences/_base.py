@@ -287,7 +287,6 @@ class PointByPoint(Sequence):
 
     @property
     def size(self) -> int | None:
-        """Number of points."""
         return self.sequence.size
 
     @property
@@ -296,7 +295,6 @@ class PointByPoint(Sequence):
         return self.sequence.limit_64
 
     def with_high_word(self, high: Array) -> Any:
-        """Return the sequence of the points ``high * 2**32 + index``."""
         with_high = self.sequence.with_high_word(high)
         return dataclasses.replace(self, sequence=with_high)  # pyright: ignore[reportArgumentType]
 

@@ -56,11 +56,9 @@ class BinarySequence(Sequence):
         return Fraction(partial(stacked, self.word), partial(stacked, self.bit_reversed))
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of the points, in the shape of ``index``."""
         return to_unit(self.word(index, dim), dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points."""
         if len(dims) <= FEW:
             return super().coordinates(index, dims, dtype)
         return to_unit(self.words(index, dims), dtype)
@@ -70,7 +68,6 @@ class BinarySequence(Sequence):
         return to_unit(self.word(index, dim) + offset, dtype)
 
     def fixed_point(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction, exactly."""
         return self.word(index, dim)
 
     @property
@@ -98,7 +95,6 @@ class BinarySequence(Sequence):
         return fraction
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
-        """Return what the points ``first, ..., first + count - 1`` have in common."""
         linear = self._linear_of_blocks(count, dims)
         if linear is None:
             return super().prepare_block(first, count, dims)
@@ -107,7 +103,6 @@ class BinarySequence(Sequence):
     def block_points(
         self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return point ``first + k`` of each block."""
         linear = self._linear_of_blocks(count, dims)
         if linear is None:
             return super().block_points(block, k, count, dims, dtype)

@@ -24,15 +24,12 @@ class Selection(PointByPoint):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return len(self.selected)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of the points."""
         return self.sequence.coordinate(index, self.selected[dim], dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points."""
         return self.sequence.coordinates(index, self._of(dims), dtype)
 
     def radical_bases(self) -> tuple[int | None, ...]:
@@ -41,7 +38,6 @@ class Selection(PointByPoint):
         return tuple(bases[j] for j in self.selected)
 
     def index_digits(self, component: int, count: int) -> Array | None:
-        """Return what takes the first digits of a component back to those of the index."""
         return self.sequence.index_digits(self.selected[component], count)
 
     def _of(self, dims: tuple[int, ...]) -> tuple[int, ...]:
@@ -57,13 +53,11 @@ class Components(Selection):
     selected: tuple[int, ...] = field(metadata={"static": True})
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
-        """Return what the points ``first, ..., first + count - 1`` have in common."""
         return self.sequence.prepare_block(first, count, self._of(dims))
 
     def block_points(
         self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return point ``first + k`` of each block."""
         return self.sequence.block_points(block, k, count, self._of(dims), dtype)
 
 
@@ -76,19 +70,15 @@ class BinaryComponents(Selection, BinarySequence):
     selected: tuple[int, ...] = field(metadata={"static": True})
 
     def fraction(self, index: Array, dim: int) -> Fraction:
-        """Return one coordinate."""
         return self.sequence.fraction(index, self.selected[dim])
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates."""
         return self.sequence.fractions(index, self._of(dims))
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return self.sequence.bit_reversed(index, self.selected[dim])
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(index, self.selected[dim])
 
     @property
@@ -100,7 +90,6 @@ class BinaryComponents(Selection, BinarySequence):
         return self if linear is self.sequence else BinaryComponents(linear, self.selected)
 
     def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Return the coordinates of this sequence from those of :attr:`linear`."""
         return self.sequence.of_linear(
             fraction, self.selected[dims] if isinstance(dims, int) else self._of(dims)
         )

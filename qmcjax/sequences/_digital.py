@@ -67,7 +67,6 @@ class Digital(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.matrices.shape[0]
 
     @property
@@ -76,23 +75,19 @@ class Digital(BinarySequence):
         return self.limit if self.upper is None else checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> Sequence:
-        """Return the sequence of the points ``high * 2**32 + index``."""
         return super().with_high_word(high) if self.upper is None else Digital64(self, high, self.upper)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         if dim < len(self.steps):
             return self.steps[dim](index)
         return product(reverse(self.matrices[dim]), index)
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         if dim < len(self.steps):
             return reverse(self.steps[dim](index))
         return product(self.matrices[dim], index)
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates."""
         if len(dims) <= FEW:
             return super().fractions(index, dims)
         columns = self._columns(dims)
@@ -146,11 +141,9 @@ class Digital64(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)
 
 

@@ -21,28 +21,22 @@ class Gray(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
     def size(self) -> int | None:
-        """Number of points."""
         return self.sequence.size
 
     def fraction(self, index: Array, dim: int) -> Fraction:
-        """Return one coordinate."""
         return self.sequence.fraction(gray_encode(index), dim)
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates."""
         return self.sequence.fractions(gray_encode(index), dims)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return self.sequence.bit_reversed(gray_encode(index), dim)
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(gray_encode(index), dim)
 
     @property
@@ -54,7 +48,6 @@ class Gray(BinarySequence):
         return self if linear is self.sequence else Gray(linear)
 
     def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Return the coordinates of this sequence from those of :attr:`linear`."""
         return self.sequence.of_linear(fraction, dims)
 
 

@@ -65,7 +65,6 @@ class RadicalInverses(DigitSequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return len(self.bases)
 
     @property
@@ -74,7 +73,6 @@ class RadicalInverses(DigitSequence):
         return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
 
     def with_high_word(self, high: Array) -> Sequence:
-        """Return the sequence of the points ``high * 2**32 + index``."""
         return (
             super().with_high_word(high) if self.tables is not None else RadicalInverses64(self.bases, high)
         )
@@ -106,7 +104,6 @@ class RadicalInverses(DigitSequence):
         return None if self.tables is None or count == 0 else _inverse_permutations(self, component, count)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points."""
         if len(dims) < MANY:
             return super().coordinates(index, dims, dtype)
         parts = []
@@ -120,7 +117,6 @@ class RadicalInverses(DigitSequence):
         return jnp.concatenate(parts, axis=-1)
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
-        """Return what the points ``first, ..., first + count - 1`` have in common."""
         return {
             j: _radical_blocks.prepare(first, count, self.bases[j], self.tables, table_starts(self.bases)[j])
             for j in dims
@@ -129,7 +125,6 @@ class RadicalInverses(DigitSequence):
     def block_points(
         self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return point ``first + k`` of each block."""
         values = []
         for j in dims:
             start = table_starts(self.bases)[j]
@@ -157,7 +152,6 @@ class RadicalInverses64(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return len(self.bases)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:

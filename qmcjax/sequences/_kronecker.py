@@ -31,7 +31,6 @@ class Kronecker(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.steps.shape[0]
 
     @property
@@ -40,11 +39,9 @@ class Kronecker(WordFirst):
         return checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> "Kronecker64":
-        """Return the sequence of the points ``high * 2**32 + index``."""
         return Kronecker64(self, high)
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return _multiple(self.steps[dim], index, np.uint32(0))
 
 
@@ -58,11 +55,9 @@ class Kronecker64(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return _multiple(self.sequence.steps[dim], index, self.high)
 
 

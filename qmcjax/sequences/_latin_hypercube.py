@@ -33,7 +33,6 @@ class LatinHypercube(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.seeds.shape[0]
 
     @property
@@ -42,7 +41,6 @@ class LatinHypercube(WordFirst):
         return self.n
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         seeds = self.seeds[dim]
         jitter = hash_word(hash_word(index ^ seeds[0]) + seeds[1])
         stratum = permuted(index, self.n, seeds[2:])

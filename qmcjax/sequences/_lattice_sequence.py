@@ -29,7 +29,6 @@ class LatticeSequence(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.vector.shape[0]
 
     @property
@@ -38,15 +37,12 @@ class LatticeSequence(WordFirst):
         return checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> "Lattice64":
-        """Return the sequence of the points ``high * 2**32 + index``."""
         return Lattice64(self, high)
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return reverse(index) * self.vector[dim]
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates."""
         wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
         return Fraction(lambda: reverse(index)[..., None] * wanted)
 
@@ -61,11 +57,9 @@ class Lattice64(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         # The product of phi_2's 64 digits with z modulo 1: the upper 32 bits.
         z = jnp.broadcast_to(self.sequence.vector[dim], index.shape)
         return reverse(index) * z + high_product(reverse(self.high), z)

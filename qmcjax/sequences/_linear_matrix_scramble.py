@@ -44,7 +44,6 @@ class Linear(Scrambled):
         return self if linear is self.sequence else linear
 
     def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Return the coordinates of this sequence from those of :attr:`linear`."""
         return fraction if self.linear is self else super().of_linear(fraction, dims)
 
 

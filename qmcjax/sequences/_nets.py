@@ -39,11 +39,9 @@ class Net(BinarySequence):
     def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array: ...
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return self._second(index) if dim else reverse(_fraction(index, self.m))
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return reverse(self._second(index)) if dim else _fraction(index, self.m)
 
     def inverted(self, log_side: int) -> Self:

@@ -40,11 +40,9 @@ class OverPlane(BinarySequence):
         """Return the third coordinate, bit-reversed."""
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return self._third(index) if dim == 2 else self.plane.bit_reversed(index, dim)
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return reverse(self._third(index)) if dim == 2 else self.plane.word(index, dim)
 
     def inverted(self, log_side: int) -> Self:
@@ -118,11 +116,9 @@ class PermutationNet3D(BinarySequence):
         return 2**self.m
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return reverse(self.word(index, dim))
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         numerator = index if dim == 0 else self._numerator(index, dim)
         return numerator << (32 - self.m)
 

@@ -36,21 +36,17 @@ class PlugIn(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return int(plug_ins.unheld(self.held).dims) if self.count is None else self.count
 
     @property
     def size(self) -> int | None:
-        """Number of points."""
         size = getattr(plug_ins.unheld(self.held), "size", None) if self.count is None else None
         return None if size is None else int(size)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of the points."""
         return self.coordinates(index, (dim,), dtype)[..., 0]
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points."""
         call = plug_ins.unheld(self.held)
         with checks.precision(dtype):
             if self.selects:

@@ -38,7 +38,6 @@ class PrimeDigital(DigitSequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return len(self.bases)
 
     @property
@@ -56,7 +55,6 @@ class PrimeDigital(DigitSequence):
         return self._fractions(index[..., None], np.array(dims).reshape((1,) * index.ndim + (-1,)), dtype)
 
     def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
-        """Return the digits of coordinates."""
         digits = iter(self._digits(index, dims))
         numbers = []
         for span in digit_spans(self.base):

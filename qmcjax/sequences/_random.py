@@ -32,7 +32,6 @@ class Uniform(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.seeds.shape[0]
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
@@ -54,7 +53,6 @@ class Jittered(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.seeds.shape[0]
 
     @property
@@ -63,7 +61,6 @@ class Jittered(WordFirst):
         return self.side**self.dims
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         cell = index // np.uint32(self.side**dim) % np.uint32(self.side)
         return _divided(cell, _draw(index, self.seeds[dim]), self.side)
 

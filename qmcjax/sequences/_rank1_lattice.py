@@ -41,7 +41,6 @@ class Rank1Lattice(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.vector.shape[0]
 
     @property
@@ -74,7 +73,6 @@ class BinaryRank1Lattice(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.vector.shape[0]
 
     @property
@@ -83,11 +81,9 @@ class BinaryRank1Lattice(WordFirst):
         return 2**self.m
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return index * self.vector[dim]
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates."""
         wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
         return Fraction(lambda: index[..., None] * wanted)
 

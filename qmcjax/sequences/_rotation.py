@@ -50,15 +50,12 @@ class Rotated(PointByPoint):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of the points."""
         return self.sequence.rotated_coordinate(index, dim, self.offsets[dim], dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points."""
         with jax.enable_x64(True):
             values = self.sequence.coordinates(index, dims, jnp.float64)
             return plus_modulo_1(values, of_dims(self.offsets, dims, values), dtype)

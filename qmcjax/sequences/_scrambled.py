@@ -18,7 +18,6 @@ class Scrambled(PointByPoint, BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @abc.abstractmethod
@@ -26,30 +25,24 @@ class Scrambled(PointByPoint, BinarySequence):
         """Scramble one coordinate, or some that are stacked last."""
 
     def fraction(self, index: Array, dim: int) -> Fraction:
-        """Return one coordinate."""
         return self.mapped(self.sequence.fraction(index, dim), dim)
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates."""
         if len(dims) <= FEW:
             return super().fractions(index, dims)
         return self.mapped(self.sequence.fractions(index, dims), dims)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return self.fraction(index, dim).bit_reversed
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.fraction(index, dim).word
 
     @property
     def linear(self) -> BinarySequence | None:
-        """The sequence below all scramblings, if it is linear."""
         return self.sequence.linear
 
     def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Return the coordinates of this sequence from those of :attr:`linear`."""
         return self.mapped(self.sequence.of_linear(fraction, dims), dims)
 
 

@@ -20,12 +20,10 @@ class ScrambledDigits(Sequence):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
     def size(self) -> int | None:
-        """Number of points."""
         return self.sequence.size
 
     def radical_bases(self) -> tuple[int | None, ...]:
@@ -41,7 +39,6 @@ class ScrambledDigits(Sequence):
         return self._scrambled(index, np.array(dim), dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points."""
         bases = self.sequence.bases
         if len(dims) > 1 and len(set(bases)) == 1:
             # A loop: in one program for all coordinates, what they share is computed again and again.

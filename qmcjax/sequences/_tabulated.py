@@ -26,16 +26,13 @@ class Tabulated(WordFirst):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.table.shape[1]
 
     @property
     def size(self) -> int:
-        """Number of points."""
         return self.table.shape[0]
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.table[index, dim]
 
 

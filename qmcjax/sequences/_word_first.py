@@ -16,5 +16,4 @@ class WordFirst(BinarySequence):
         """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate with its first digit in bit 0."""
         return reverse(self.word(index, dim))

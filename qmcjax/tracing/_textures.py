@@ -58,7 +58,6 @@ class Stripes(Pattern):
     """Two colours along u by turns; see :func:`stripes`."""
 
     def first(self, u: Array, v: Array, scale: Array) -> Array:
-        """Tell where the first colour is."""
         return _even(u * scale[0])
 
 

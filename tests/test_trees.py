@@ -217,6 +217,28 @@ def test_no_ray_slips_through(way):
 
 
 @pytest.mark.slow
+def test_boxes_that_move_have_slack():
+    """Near edges that boxes share: programs round moving corners of boxes and of triangles differently."""
+    x, y = np.meshgrid(4 * np.arange(14) / 13 - 2, 4 * np.arange(14) / 13 - 2, indexing="ij")
+    at = np.stack([x, y, 0 * x], axis=-1)
+    a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    still = np.concatenate([np.stack(part, 2).reshape(-1, 3, 3) for part in ([a, b, c], [a, d, c])])
+    vertices = np.float32(still), np.float32(still + np.array([0.37, 0.11, 0.9]))
+    rng, count = np.random.default_rng(10), 2**17
+    time, row = np.float32(rng.random(count)), rng.integers(len(still), size=count)
+    part, weight = time[:, None], np.float32(rng.random((count, 1)))
+    # Two corners of each triangle: its edge along an axis.
+    one, other = ((1 - part) * vertices[0][row, j] + part * vertices[1][row, j] for j in (0, 1))
+    target = (1 - weight) * one + weight * other
+    origin = np.float32(target + rng.normal(size=(count, 3)) * 10 ** rng.uniform(-5, -3, (count, 1)))
+    given = origin, target - origin, time, np.full(count, np.inf, np.float32)
+    world = tracing.world([mesh(*vertices)])
+    (_, number), (_, expected) = searched(world, *given, way=_search.by_program), looped(world, *given)
+    assert np.mean(expected >= 0) > 0.5
+    np.testing.assert_array_equal(number >= 0, expected >= 0)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 def test_replaced_vertices_are_hit(way):
     """A tree knows what is near what, but boxes are those of the vertices that come."""

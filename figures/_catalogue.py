@@ -166,6 +166,9 @@ CATALOGUE = {
         "figures.discrepancy_records", "Star discrepancy of searched sets beside published values"
     ),
     "optimized-points": Entry("figures.optimized_points", "Points before and after gradient descent"),
+    "intervals": Entry(
+        "figures.intervals", "How often intervals hold the truth, and samplers are told apart", long=True
+    ),
     "chooser": Entry("figures.chooser", "Which sampler to take, by scenes and samples per pixel"),
     "optimized-scrambling": Entry(
         "figures.optimized_scrambling", "Scramblings of nets by gradients, beside annealing", timed=True

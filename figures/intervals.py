@@ -17,13 +17,14 @@ COLORS = {"float32": "C0", "float64": "C1"}
 STYLES = {"Holm": "-", "bootstrap": ":"}
 
 NOTE = (
-    "Left: intervals of qmcjax.integrate with replicates, of {cells} cells: {integrands} integrands in 1 to 8 dimensions, "
-    "{sequences}, {sizes} points, {replicates} replicates; {trials} trials of each cell at most, bars of {sigmas:g} standard deviations "
-    "of a binomial. Cells in which rounding or resolution widens intervals may hold the integral more often than they say: {one_sided} "
-    "cells are tested on one side. {below} of {tests} tests (cells and levels) lie below their level by more than {sigmas:g} sigma, "
-    "{above} of those on two sides above. Middle: part of the trials in which any two of identical samplers are told apart; it "
-    "should be 5 % at most. Dotted: ranks by the bootstrap, as analysis.compare had them before. Right: part of the pairs of 6 samplers "
-    "told apart, each with that many times the error of the one before; normal errors of 5 %."
+    "Left: intervals of qmcjax.integrate with replicates, in {cells} cells: {integrands} integrands in 1 to 8 "
+    "dimensions, {sequences}, {sizes} points, {replicates} replicates, up to {trials} trials a cell; bars of "
+    "{sigmas:g} standard deviations of a binomial. Where rounding or resolution widens an interval, it may hold "
+    "the integral more often than it says: {one_sided} cells are tested on one side. {below} of {tests} tests "
+    "(cells and levels) lie below their level by more than {sigmas:g} sigma, {above} above. Middle: part of the "
+    "trials in which any two of identical samplers are told apart, which should be 5 % at most; dotted, ranks "
+    "by the bootstrap of earlier versions of analysis.compare. Right: part of all pairs of 6 samplers told "
+    "apart, each with that many times the error of the one before; normal errors of 5 %."
 )
 
 
@@ -33,7 +34,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     progress(0.9)
     rows = _distinctions.measure(TRIALS[quality])
     figure = Figure(figsize=(13, 5.2), layout="constrained")
-    figure.suptitle("Intervals hold the integral as often as they say; identical samplers stay indistinct")
+    figure.suptitle("How often intervals hold the integral, and how often samplers are told apart")
     left, middle, right = figure.subplots(1, 3, width_ratios=(1.3, 1, 1))
     _coverages(left, cells)
     _distinguished(middle, [row for row in rows if row["ratio"] == 1])
@@ -102,7 +103,7 @@ def _coverages(axes: Axes, cells: list[_coverage.Cell]) -> None:
     axes.invert_yaxis()
     axes.set(title="intervals of 90, 95 and 99 %", xlabel="part that holds the integral")
     axes.set_xlim(0.8, 1.02)
-    axes.legend(loc="lower left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
 
 
 def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
@@ -137,6 +138,6 @@ def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
                 color=f"C{color}",
                 label=label,
             )
-    axes.set(title="6 different samplers", xlabel="ratio of errors of one and the next", ylabel="pairs told apart")
+    axes.set(title="6 different samplers", xlabel="ratio of errors, next to next", ylabel="pairs told apart")
     axes.set_ylim(-0.02, 1.02)
     axes.legend(title="dotted: bootstrap")

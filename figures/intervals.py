@@ -17,14 +17,15 @@ COLORS = {"float32": "C0", "float64": "C1"}
 STYLES = {"Holm": "-", "bootstrap": ":"}
 
 NOTE = (
-    "Left: intervals of qmcjax.integrate with replicates, in {cells} cells: {integrands} integrands in 1 to 8 "
-    "dimensions, {sequences}, {sizes} points, {replicates} replicates, up to {trials} trials a cell; bars of "
-    "{sigmas:g} standard deviations of a binomial. Where rounding or resolution widens an interval, it may hold "
-    "the integral more often than it says: {one_sided} cells are tested on one side. {below} of {tests} tests "
-    "(cells and levels) lie below their level by more than {sigmas:g} sigma, {above} above. Middle: part of the "
-    "trials in which any two of identical samplers are told apart, which should be 5 % at most; dotted, ranks "
-    "by the bootstrap of earlier versions of analysis.compare. Right: part of all pairs of 6 samplers told "
-    "apart, each with that many times the error of the one before; normal errors of 5 %."
+    "Left: intervals of qmcjax.integrate with replicates, in {cells} cells: {integrands} integrands "
+    "in 1 to 8 dimensions, {sequences}, {sizes} points, {replicates} replicates, up to {trials} "
+    "trials a cell; bars of {sigmas:g} standard deviations of a binomial. Where rounding or "
+    "resolution widens an interval, it may hold the integral more often than it says: {one_sided} "
+    "cells are tested on one side. {below} of {tests} tests (cells and levels) lie below their level "
+    "by more than {sigmas:g} sigma, {above} above. Middle: part of the trials in which any two of "
+    "identical samplers are told apart, which should be 5 % at most; dotted, ranks by the bootstrap "
+    "of earlier versions of analysis.compare. Right: part of all pairs of 6 samplers told apart, each "
+    "with that many times the error of the one before; normal errors of 5 %."
 )
 
 

@@ -1,6 +1,7 @@
 """Scrambled Morton orders by a self-similar tree: a grammar whose letters carry permutations."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -28,12 +29,12 @@ class LookupTree(ScrambledMorton):
         """Letter 0."""
         return jnp.uint32(0)
 
-    def family(self, keys: Array) -> "LookupTree":
+    def family(self, keys: Array) -> Self:
         """Return orders with one production and permutations of their own as one object (Eq. 13 to 18)."""
         others = jax.vmap(lambda key: random_permutations(self.permutations.shape[0], key))(keys)
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
-    def member(self, number: int) -> "LookupTree":
+    def member(self, number: int) -> Self:
         return replace(self, permutations=self.permutations[number])
 
     def _permutation(self, node: Array) -> Array:
@@ -57,12 +58,12 @@ class RandomTree(LookupTree):
     shift: Array
     """uint32 scalar, below the number of letters."""
 
-    def family(self, keys: Array) -> "RandomTree":
+    def family(self, keys: Array) -> Self:
         words = jax.vmap(lambda key: jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
         shifts = scaled(words, self.permutations.shape[0])
         return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
 
-    def member(self, number: int) -> "RandomTree":
+    def member(self, number: int) -> Self:
         return replace(super().member(number), shift=self.shift[number])
 
     def _child(self, node: Array, digit: Array) -> Array:

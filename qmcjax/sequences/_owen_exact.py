@@ -66,7 +66,7 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
 
     This is nested uniform scrambling, the reference for :func:`owen`: the permutations of any two nodes of
     the tree are drawn independently, at random access and for all digits. In base 2 it costs 32 hashes
-    a coordinate, where :func:`owen` takes four products; in base b, from two hashes a digit in the smallest
+    a coordinate, where :func:`owen` takes three products; in base b, from two hashes a digit in the smallest
     bases to b in the large ones.
 
     Parameters

@@ -673,7 +673,7 @@ ORIGIN = np.zeros(3, np.float32)
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: tracing.sphere([0, 0, 0], 0.0), ValueError, "radius must be positive, got"),
+        (lambda: tracing.sphere([0, 0, 0], 0.0), ValueError, "radius must be positive"),
         (lambda: tracing.sphere([0, 0], 1.0), ValueError, r"center must have shape \(3,\), got \(2,\)"),
         (lambda: tracing.sphere([0, np.nan, 0], 1.0), ValueError, "center must be finite"),
         (lambda: tracing.sphere([1e39, 0, 0], 1.0), ValueError, "center must be finite in float32"),

@@ -47,7 +47,8 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
         wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
         raise ValueError(f"{name} must have shape {wanted}, got {found}: {checks.shown(value)}")
     if not isinstance(array, Tracer) and not np.all(np.abs(np.asarray(array)) <= np.finfo(np.float32).max):
-        raise ValueError(f"{name} must be finite in float32, got {checks.shown(value)}")
+        rule = "finite in float32" if np.all(np.isfinite(np.asarray(array))) else "finite"
+        raise ValueError(f"{name} must be {rule}, got {checks.shown(value)}")
     return array
 
 

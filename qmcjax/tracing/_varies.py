@@ -19,7 +19,7 @@ from qmcjax.tracing._interaction import kinds
 from qmcjax.tracing._lights import Environment
 from qmcjax.tracing._object import Object
 from qmcjax.tracing._shape import Shape
-from qmcjax.tracing._vectors import along, plus, stacked
+from qmcjax.tracing._vectors import along, components, plus, scaled, stacked
 from qmcjax.tracing._world import World
 
 _FAR = 1e15
@@ -158,7 +158,8 @@ def _slab(item: Object, shape: Shape, count: int, dtype: Any) -> tuple[Array, Ar
     """Return normals, and the intervals of products with them: that of planes, else what holds for all."""
     if not isinstance(shape, Plane) or item.motion is not None or count < shape.count:
         return jnp.zeros((count, 3), dtype), jnp.full(count, -1, dtype), jnp.ones(count, dtype)
-    normal, point = (jnp.broadcast_to(part, (count, 3)).astype(dtype) for part in (shape.axis, shape.point))
+    axis = stacked(scaled(components(shape.axis))[1][0])
+    normal, point = (jnp.broadcast_to(part, (count, 3)).astype(dtype) for part in (axis, shape.point))
     height, size = jnp.sum(normal * point, axis=1), jnp.sum(abs(normal * point), axis=1)
     return normal, height - _SLACK * size, height + _SLACK * size
 

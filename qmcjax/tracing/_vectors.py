@@ -5,6 +5,7 @@ from them fuses into one loop over rays.
 """
 
 from collections.abc import Callable
+from functools import reduce
 from typing import Any
 
 import jax
@@ -71,7 +72,7 @@ def scaled(*vectors: Vector) -> tuple[Array, list[Vector]]:
     Squares of squares of these are in the range of floats. What is computed of them has the same bits as that
     of the vectors but for the exponents.
     """
-    size = jnp.asarray(jax.lax.stop_gradient(jnp.max(jnp.stack([largest(a) for a in vectors]), axis=0)))
+    size = jnp.asarray(jax.lax.stop_gradient(reduce(jnp.maximum, map(largest, vectors))))
     limits = jnp.finfo(size.dtype)
     integer, exponent = (np.uint32, 0x7F800000) if limits.bits == 32 else (np.uint64, 0x7FF << 52)
     power = jax.lax.bitcast_convert_type(size, integer) & integer(exponent)

@@ -102,9 +102,10 @@ def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: boo
     over that of the number of samples: numbers that are no powers of 2 may then be promised too much. Beyond,
     the answer is that of the nearest that was measured, and ``reason`` says so. Intervals of geometric means
     over scenes are Student's, and reach from the lowest to the highest end at both sizes. They hold the mean
-    of such scenes; for single scenes ``reason`` has the least and the largest ratio of those measured. All
-    pairs of samplers are compared together by Holm's procedure: in 95 of 100 answers, no sampler is called
-    worse that is not. Run times are not counted.
+    of such scenes with these keys: eight other keys move those of samplers with one sequence over the whole
+    image by up to a third. For single scenes ``reason`` has the least and the largest ratio of those
+    measured. All pairs of samplers are compared together by Holm's procedure: in 95 of 100 answers, no
+    sampler is called worse that is not. Run times are not counted.
 
     Examples
     --------

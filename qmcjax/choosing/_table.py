@@ -86,8 +86,8 @@ class Measured:
         """Return how many times the error of the first of these samplers each has.
 
         The logarithms of the ratios of all scenes are taken as a sample of those of such scenes, at each
-        size: they hold the scatter of scenes and of keys, which are averaged in each scene. Since the first
-        is chosen by the same errors, all pairs are compared together.
+        size. Scenes share their keys: what those have in common is no part of the scatter. Since the first is
+        chosen by the same errors, all pairs are compared together.
         """
         errors = np.stack([self.errors[name] for name in names], axis=1)
         of_all = errors.mean(axis=(0, 2))

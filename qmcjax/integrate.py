@@ -229,7 +229,7 @@ def integrate(
     mesh = devices.checked(mesh)
     with checks.precision(dtype):
         function, like = _prepared(function, sequence.dims, dtype)
-        wide = bool(jax.config.jax_enable_x64)
+        wide = jnp.result_type(float) == jnp.float64
     replicated = replicates is not None
     with checks.precision(jnp.float64 if replicated else dtype):
         found = []

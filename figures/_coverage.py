@@ -63,8 +63,9 @@ INTEGRANDS = {
     "product, 8-D": Integrand(_product, 1.0),
     "-log x": Integrand(lambda p: -jnp.log(p[:, 0]), 1.0),
 }
-SKEWED = "-log x"
-"""Its errors are those of the point that is nearest to 0: Student's intervals are too short."""
+STEP, SKEWED = "x < 1/3", "-log x"
+"""Means of the first take two values. Errors of the second are those of the point that is nearest to 0:
+Student's intervals are too short."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,8 @@ class Cell:
     held: tuple[int, ...]
     """Of each level."""
     wider: int
-    """Trials in which rounding or resolution widens the interval by more than a tenth of the standard error:
-    intervals of such a cell may hold the integral more often than they say."""
+    """Trials in which rounding is more than a tenth of the standard error, or means are two-valued: intervals
+    of such a cell may hold the integral more often than they say."""
 
 
 def _values(points: Array) -> dict[str, Array]:
@@ -103,8 +104,9 @@ def cells(sequence: str, dtype: str, n: int, replicates: int, trials: int) -> li
             held[name] += [
                 float(low[name]) <= integrand.integral <= float(high[name]) for low, high in intervals
             ]
-            extra = float(found.rounding[name]) + float(found.resolution[name])
-            wider[name] += extra > float(found.standard_error[name]) / 10
+            wider[name] += name == STEP or 10 * float(found.rounding[name]) > float(
+                found.standard_error[name]
+            )
     return [
         Cell(name, sequence, dtype, n, replicates, trials, tuple(held[name].tolist()), wider[name])
         for name in INTEGRANDS

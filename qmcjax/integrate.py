@@ -1,6 +1,7 @@
 """The mean of a function over the points of a sequence, none of which is kept."""
 
 import math
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, overload
@@ -33,16 +34,16 @@ _SEARCHED = 2**16
 
 
 class Estimate(NamedTuple):
-    """An integral from independent replicates, and how sure it is: float64, in the structure of the values.
+    """An integral from independent replicates, and how sure it is.
 
-    Of complex numbers each part has its own errors.
+    In the structure of the values, in float64; complex numbers have errors for each part.
     """
 
     integral: Any
     """The mean of the replicates."""
 
     standard_error: Any
-    """Of the mean."""
+    """Of the mean: see :func:`integrate` for counts, which may agree by chance."""
 
     replicates: int
     """How many."""
@@ -50,20 +51,13 @@ class Estimate(NamedTuple):
     rounding: Any
     """What rounding may add to the error, which no scatter shows: see :func:`integrate`."""
 
-    resolution: Any
-    """By how much one value may change the mean, where all replicates have the same mean; 0 elsewhere."""
-
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
         """Return a confidence interval: Student's for the mean of normal variates, wider by ``rounding``.
-
-        Where all replicates agree, a mean that is one ``resolution`` away may have a probability p with
-        ``(1 - p)**replicates >= (1 - level) / 2``: the interval is wider by p resolutions.
 
         Parameters
         ----------
         level : float
-            In (0, 1): how often the interval holds the integral at least, if the replicates are nearly normal
-            or take two neighbouring values.
+            In (0, 1): how often the interval holds the integral at least, if replicates are nearly normal.
 
         Returns
         -------
@@ -82,11 +76,9 @@ class Estimate(NamedTuple):
         if not 0 < level < 1:
             raise ValueError(f"level must be a number in (0, 1), got {level!r}")
         quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
-        unseen = 1 - ((1 - level) / 2) ** (1 / self.replicates)
-        errors = self.standard_error, self.rounding, self.resolution
-        with jax.enable_x64(True):  # or float64 becomes float32 here
-            width = jax.tree.map(lambda s, r, one: quantile * s + r + unseen * one, *errors)
-            low, high = (jax.tree.map(each, self.integral, width) for each in (jnp.subtract, jnp.add))
+        with jax.enable_x64(True):  # or what is traced becomes float32 here
+            width = jax.tree.map(lambda s, r: quantile * s + r, self.standard_error, self.rounding)
+            low, high = (jax.tree.map(each, self.integral, width) for each in (operator.sub, operator.add))
         return low, high
 
 
@@ -185,8 +177,7 @@ def integrate(
     Array, or pytree of them
         In the structure of the function's values, shape (...); floating and complex ones in their own type,
         others in ``dtype``. With ``replicates`` an :class:`Estimate`: their mean, its standard error, and an
-        ``interval()``, in float64 whatever ``dtype`` is: in JAX, arithmetic with them needs
-        ``jax.enable_x64``.
+        ``interval()``, in float64 whatever ``dtype`` is. They are NumPy arrays unless they are traced.
 
     Raises
     ------
@@ -207,7 +198,13 @@ def integrate(
     side. Magnitude and range are those of the first 4096 points of a replicate. What cancels within the
     function is not accounted for.
 
-    Intervals hold the integral as often as they say if the replicates' means are nearly normal.
+    Intervals hold the integral as often as they say if the replicates' means are nearly normal. Means of
+    counts may take two values only, as for a jump along one axis, and few replicates then agree by chance.
+    So where most means have an equal one, the squared standard error grows by three times the square of
+    range / (n * replicates): intervals then hold the integral at least as often as they say, for up to 32
+    replicates and any probabilities of the two values. Nothing is done where a smooth part hides this: of
+    ``x + (x < 1/3)``, n = 256, an interval of 95 % holds the integral in 80 % with 4 replicates, in 93 % with
+    8. Nor where means are skewed: of ``-log x``, n = 256, it does in 90 %.
 
     Examples
     --------
@@ -238,7 +235,7 @@ def integrate(
     mesh = devices.checked(mesh)
     with checks.precision(dtype):
         function, like = _prepared(function, sequence.dims, dtype)
-        wide = bool(jax.config.jax_enable_x64)
+        wide = jnp.result_type(float) == jnp.float64
     replicated = replicates is not None
     with checks.precision(jnp.float64 if replicated else dtype):
         found = []
@@ -420,19 +417,21 @@ def _estimate(found: list[Array], some: Array, like: Any, n: int, dtype: np.dtyp
     magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
 
     def values(columns: Array) -> Any:
-        return _of_columns(columns, wide, np.dtype(np.float64))
+        made = _of_columns(columns, wide, np.dtype(np.float64))
+        return made if isinstance(columns, Tracer) else jax.tree.map(np.asarray, made)
 
     def rounding(leaf: Any, magnitude: Array) -> Array:
         types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
         return magnitude * max(float(jnp.finfo(each).eps) for each in types)
 
-    agree = jnp.ptp(means, axis=0) <= 4 * np.finfo(np.float64).eps * magnitude
+    gaps = jnp.median(jnp.diff(jnp.sort(means, axis=0), axis=0), axis=0)
+    equal = jax.lax.stop_gradient(gaps) <= 4 * np.finfo(np.float64).eps * magnitude
+    unseen = jnp.where(equal, 3 * jnp.square(spread / (n * len(found))), 0)
     return Estimate(
         values(mean),
-        values(jnp.std(means, axis=0, ddof=1) / math.sqrt(len(found))),
+        values(jnp.sqrt(jnp.var(means, axis=0, ddof=1) / len(found) + unseen)),
         len(found),
         jax.tree.map(rounding, like, values(magnitude + spread / 2)),
-        values(jnp.where(agree, spread / n, 0)),
     )
 
 

@@ -284,7 +284,7 @@ def targets():
         "scene.reference": noun["scene"].reference,
         "table.errors": table.errors,
         "table.slope_interval": table.slope_interval,
-        "estimate.interval": qmcjax.Estimate(1.0, 0.1, 5, 0.0, 0.0).interval,
+        "estimate.interval": qmcjax.Estimate(1.0, 0.1, 5, 0.0).interval,
         "SequenceEngine": bridges.SequenceEngine,
         "PlainSampler": bridges.PlainSampler,
         "plain.start": bridges.PlainSampler(noun["sampler"]).start,

@@ -118,7 +118,7 @@ def _in_precision(rule: Callable[..., Any]) -> Callable[..., Any]:
 
     def in_precision(*args: Any, **how: Any) -> Any:
         wide = any(getattr(leaf, "dtype", None) == np.float64 for leaf in jax.tree.leaves(args))
-        with jax.enable_x64(wide or bool(jax.config.jax_enable_x64)):
+        with jax.enable_x64(wide or jnp.result_type(float) == jnp.float64):
             return rule(*args, **how)
 
     return in_precision

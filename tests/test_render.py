@@ -11,7 +11,7 @@ from tables import SAMPLERS, SIDE, SPP, first, some
 import qmcjax as qj
 from figures._measure_cost import peak_of
 from qmcjax import orders, samplers, scenes, sequences
-from qmcjax.rendering import _render
+from qmcjax.rendering import _render, _task
 
 
 @jax.tree_util.register_dataclass
@@ -304,6 +304,22 @@ POLE = qj.scenes.function(lambda p: 1 / abs(jnp.floor(32 * p[..., 1]) - 5), ("x"
 def test_bad_values_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_the_first_value_that_is_not_finite_is_named(monkeypatch):
+    """By column, row and number, in an image that is no square; it is looked for in a few samples at a time."""
+    monkeypatch.setattr(_task, "_SEARCHED", 2)
+
+    def in_order(x, y, sample):
+        return jnp.stack([jnp.full(sample.shape, 0.5), (sample.astype(jnp.float32) + 0.5) / 8], axis=-1)
+
+    def value(point):
+        late = (jnp.floor(5 * point[..., 0]) == 3) & (jnp.floor(24 * point[..., 1]) >= 8 + 5)
+        return jnp.where(late, jnp.nan, 1.0).astype(point.dtype)
+
+    scene = qj.scenes.function(value, ("x", "y"))
+    with pytest.raises(ValueError, match=r"finite values, got nan in pixel \(3, 1\), sample 5, point"):
+        qj.render(scene, samplers.function(in_order, 2), 5, 3, 8)
 
 
 @pytest.mark.slow

@@ -307,7 +307,7 @@ def test_bad_values_are_named(call, message):
 
 
 def test_the_first_value_that_is_not_finite_is_named(monkeypatch):
-    """By column, row and number, in an image that is no square; it is looked for in a few samples at a time."""
+    """By column, row and number, in an image that is no square; searched for in a few samples at a time."""
     monkeypatch.setattr(_task, "_SEARCHED", 2)
 
     def in_order(x, y, sample):

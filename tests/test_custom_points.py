@@ -36,6 +36,10 @@ def far(offset, where=lambda x, y, sample: sample == sample):
     return points
 
 
+def below(x, y, sample, dims, dtype):
+    return half(x, y, sample, dims, dtype).at[..., 1].set(-0.25)
+
+
 LATE = far(5, lambda x, y, sample: (x == 2) & (y == 1) & (sample == 5))
 RENDERS = {
     "render": qj.render,
@@ -52,9 +56,10 @@ RENDERS = {
         (far(0.5), r"\[1.0, 1.0\] in pixel \(0, 0\), sample 0"),
         (far(-0.75), r"\[-0.25, -0.25\] in pixel"),
         (far(np.nan), r"\[nan, nan\] in pixel"),
+        (below, r"\[0.5, -0.25\] in pixel"),
         (LATE, r"\[5.5, 5.5\] in pixel \(2, 1\), sample 5"),
     ],
-    ids=["far", "one", "negative", "nan", "late"],
+    ids=["far", "one", "negative", "nan", "below", "late"],
 )
 def test_points_outside_are_named(render, points, message):
     with pytest.raises(ValueError, match=r"sampler must return points in \[0, 1\), got " + message):

@@ -12,7 +12,10 @@ import pytest
 import qmcjax as qj
 from qmcjax import sequences, tracing
 from qmcjax.tracing import _maps, _reflection
+from qmcjax.tracing._found import in_dtype
+from qmcjax.tracing._illumination import Choice, illuminated, visible
 from qmcjax.tracing._materials import Surface
+from qmcjax.tracing._vectors import along
 
 N = 2**20
 
@@ -622,6 +625,37 @@ def test_textures_of_users_may_move():
     moves = tracing.diffuse(tracing.checker(0.1, 0.9, motion=lambda time: (time, time)))
     own = tracing.diffuse(lambda u, v, time: (time, time, time))
     assert [material.moving for material in (still, moves, own)] == [False, True, True]
+
+
+LIGHTS = {
+    "rectangle": tracing.rectangle_light([9.0, 5, 7], [0, 0, 2], [1, 1, 0], 3.0),
+    "sphere": tracing.sphere_light([10.0, 6, 8], 1.5, 3.0),
+    "environment": tracing.environment(3.0),
+}
+
+
+@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+def test_light_that_is_sampled_arrives_and_is_found_with_its_density(light):
+    """None of it is in its own shadow, as far as to the rim; a ray that hits it knows how likely that was."""
+    rng = np.random.default_rng(4)
+    u, v = rng.uniform(size=(2, 4000)).astype(np.float32)
+    v[:1000] = 1 - 2.0 ** -rng.integers(8, 25, 1000)
+    point = tuple(jnp.asarray(rng.uniform(0, 0.5, 4000), jnp.float32) for _ in range(3))
+    normal = tuple(jnp.full(4000, a, jnp.float32) for a in (0.6, 0.0, 0.8))
+    world = in_dtype(tracing.world([], [light]), jnp.float32)
+
+    @jax.jit
+    def arriving(u, v):
+        sample = illuminated(world, Choice(None, u, v), point, normal)
+        every = jnp.ones(u.shape, bool)
+        hit = along(point, jnp.where(jnp.isfinite(sample.distance), sample.distance, 1), sample.way)
+        one = jax.tree.map(lambda leaf: leaf[None], world.lights[0])
+        density = one.density(jnp.zeros(u.shape, jnp.int32), point, normal, sample.way, hit)
+        return visible(world, sample, point, jnp.zeros(u.shape), every), sample.density, density
+
+    seen, sampled, density = arriving(u, v)
+    assert np.all(seen)
+    np.testing.assert_allclose(density, sampled, rtol=2e-3)
 
 
 @pytest.mark.parametrize(

@@ -150,6 +150,9 @@ def test_shade_of_the_object():
     np.testing.assert_allclose(white - black, LAYERS["moving"].reference(8, 8)[0], atol=0.02)
     with pytest.raises(ValueError, match="shade must be a finite number, got nan"):
         render(shade=float("nan"))
+    for wrong in (True, "1", [1.0]):
+        with pytest.raises(TypeError, match="shade must be a finite number, got"):
+            render(shade=wrong)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from tables import SAMPLERS, SIDE, SPP, first, some
 import qmcjax as qj
 from figures._peak_memory import peak_of
 from qmcjax import orders, samplers, scenes, sequences
-from qmcjax.rendering import _render
+from qmcjax.rendering import _render, _task
 
 
 @jax.tree_util.register_dataclass
@@ -119,9 +119,9 @@ def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
 
     scene, sampler, parts = qj.scenes.zone_plate(), samplers.independent(sequences.sobol(2), key=0), []
     whole = qj.render(scene, sampler, 16, 16, 48)
-    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 16)
+    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 32)
     split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
-    assert parts == [16 / 48, 32 / 48, 1.0]
+    assert parts == [32 / 48, 1.0], "the second call has half as many samples"
     assert np.array_equal(whole, split)
 
 
@@ -207,6 +207,7 @@ def test_gradient_through_scene_parameters(spp):
         (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(16,\) and float32"),
         (lambda p: p[..., 0] < 0.5, r"float64, got \(16,\) and bool"),
         (lambda p: p[0, 0], r"got \(\) and float64"),
+        (lambda p: p[..., None], r"got \(16, 2, 1\) and float64"),
     ],
 )
 def test_values_have_the_dtype_and_shape_of_the_points(values, message):
@@ -272,6 +273,9 @@ SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]
 SCENE = qj.scenes.zone_plate()
 
 
+POLE = qj.scenes.function(lambda p: 1 / abs(jnp.floor(32 * p[..., 1]) - 5), ("x", "y"))
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -290,6 +294,7 @@ SCENE = qj.scenes.zone_plate()
             r"must have the 3 dimensions .* got 2: \('time',\) are missing",
         ),
         (lambda: qj.render(SCENE, SAMPLER, 32, 32, 4, dtype=jnp.float16), "dtype must be .* got .*float16"),
+        (lambda: qj.render(POLE, SAMPLER, 32, 32, 4), r"finite values, got inf in pixel \(0, 5\), sample 0"),
         (
             lambda: qj.render(SCENE, samplers.independent(sequences.hammersley_net(3), 0), 4, 4, 9),
             "spp must be at most 8 for this sequence, got 9",
@@ -299,6 +304,22 @@ SCENE = qj.scenes.zone_plate()
 def test_bad_values_are_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+def test_the_first_value_that_is_not_finite_is_named(monkeypatch):
+    """By column, row and number, in an image that is no square; searched for in a few samples at a time."""
+    monkeypatch.setattr(_task, "_SEARCHED", 2)
+
+    def in_order(x, y, sample):
+        return jnp.stack([jnp.full(sample.shape, 0.5), (sample.astype(jnp.float32) + 0.5) / 8], axis=-1)
+
+    def value(point):
+        late = (jnp.floor(5 * point[..., 0]) == 3) & (jnp.floor(24 * point[..., 1]) >= 8 + 5)
+        return jnp.where(late, jnp.nan, 1.0).astype(point.dtype)
+
+    scene = qj.scenes.function(value, ("x", "y"))
+    with pytest.raises(ValueError, match=r"finite values, got nan in pixel \(3, 1\), sample 5, point"):
+        qj.render(scene, samplers.function(in_order, 2), 5, 3, 8)
 
 
 @pytest.mark.slow

@@ -47,6 +47,12 @@ def test_frames_are_their_own():
     assert list(qj.sliding_means([image], 2)) == []
 
 
+def test_the_oldest_image_is_added_first():
+    """The last 1 is not lost in what was added before."""
+    images = [[a] for a in (5.0, 1e16, 1.0, -1e16, 1.0)]
+    assert [frame.tolist() for frame in qj.sliding_means(images, 4)][1] == [1 / 4]
+
+
 def test_mistakes():
     with pytest.raises(ValueError, match=r"count must be an integer in \[1, 65536\], got 0"):
         qj.sliding_means([np.ones(2)], 0)
@@ -54,6 +60,8 @@ def test_mistakes():
         qj.sliding_means(3, 1)
     with pytest.raises(ValueError, match=r"images must have one shape, \(2,\), got \(3,\)"):
         list(qj.sliding_means([np.ones(2), np.ones(3)], 2))
+    with pytest.raises(ValueError, match=r"images must have one shape, \(2, 3\), got \(3, 2\)"):
+        list(qj.sliding_means([np.ones((2, 3)), np.ones((3, 2))], 2))
     with pytest.raises(TypeError, match="images must be made of real numbers, got 'a'"):
         list(qj.sliding_means("ab", 2))
     with pytest.raises(ValueError, match="images must be finite"):

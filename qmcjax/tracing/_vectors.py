@@ -73,12 +73,13 @@ def scaled(*vectors: Vector) -> tuple[Array, list[Vector]]:
     of the vectors but for the exponents.
     """
     size = jnp.asarray(jax.lax.stop_gradient(reduce(jnp.maximum, map(largest, vectors))))
-    limits = jnp.finfo(size.dtype)
-    integer, exponent = (np.uint32, 0x7F800000) if limits.bits == 32 else (np.uint64, 0x7FF << 52)
-    power = jax.lax.bitcast_convert_type(size, integer) & integer(exponent)
-    # Numbers that are not normal count as 0, and powers of two have inverses that are.
-    power = jnp.clip(jax.lax.bitcast_convert_type(power, size.dtype), limits.tiny, 0.25 / limits.tiny)
-    return 1 / power, [times(1 / power, a) for a in vectors]
+    integer, one = (np.uint32, 0x3F800000) if size.dtype == jnp.float32 else (np.uint64, 0x3FF << 52)
+    least = one & -one
+    # Exponents of numbers that are not normal, or have inverses that are not, count as the nearest others.
+    bits = jax.lax.bitcast_convert_type(size, integer) & integer(2 * one + least)
+    bits = jnp.clip(bits, integer(least), integer(2 * one - least))
+    scale = jax.lax.bitcast_convert_type(integer(2 * one) - bits, size.dtype)
+    return scale, [times(scale, a) for a in vectors]
 
 
 def unit(a: Vector) -> Vector:

@@ -267,6 +267,10 @@ def test_inside_a_program():
         (lambda: estimate(Flat()), "scene.boundary must return points .1024, 2. .*got .1024, 1. and .1024,."),
         (lambda: estimate(scenes.heaviside(4)), "sequence must have the 3 dimensions.*Heaviside.*got 1"),
         (lambda: estimate(scenes.disc(), n=0), "n must be an integer in .1, 2147483648., got 0"),
+        (
+            lambda: boundary_gradient(scenes.disc(), sequences.hammersley_net(3), 4, 4, 9),
+            "n must be an integer in .1, 8., got 9",
+        ),
         (lambda: estimate(scenes.disc(), width=0), "width must be an integer"),
         (lambda: estimate(scenes.disc(), 65536, 65536), "width times height must be below 2"),
         (lambda: estimate(scenes.disc(), dtype=jnp.float16), "dtype must be .*float16"),

@@ -601,6 +601,18 @@ def test_cameras_see_what_their_numbers_say():
     assert not tracing.camera(**aim, shutter=(0.5, 0.5)).still
 
 
+def test_what_only_the_rim_of_the_lens_sees_may_matter():
+    """A ball beside the middle of the view, before the plane in focus: some rays of the pixel hit it."""
+    ball = tracing.sphere([0.86, 0, -1], 0.1, material=tracing.emitter(1.0))
+    camera = tracing.camera([0, 0, 0], [0, 0, -10], aperture=1.0)
+    scene = tracing.direct_light(tracing.world([ball]), camera)
+    assert scene.needs == ("x", "y", "lens_u", "lens_v")
+    low, high = jnp.array([0.5, 0.5, 0, 0]), jnp.array([0.501, 0.501, 1, 1])
+    points = np.asarray(low) + np.asarray(high - low) * np.asarray(sequences.sobol(4).points(4096))
+    assert 0 < np.mean(scene(jnp.asarray(points))) < 0.05 and np.all(scene.varies(low, high))
+    assert not np.any(scene.varies(jnp.array([0.0, 0.5, 0, 0]), jnp.array([0.001, 0.501, 1, 1])))
+
+
 def test_patterns_go_on_on_both_sides_of_0_and_move():
     """By the parity of whole numbers; where they moved, a point has the colour that it had elsewhere."""
     rng = np.random.default_rng(2)

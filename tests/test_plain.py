@@ -156,6 +156,7 @@ def test_engines_of_scipy_go_on_where_they_are():
     engine = qmc.Halton(2, scramble=False)
     engine.fast_forward(5)
     assert np.allclose(tabulate(engine, 7).points(7), qmc.Halton(2, scramble=False).random(12)[5:])
+    assert SequenceEngine(sequences.sobol(2)).random(0).shape == (0, 2)
 
 
 def test_scipy_takes_our_engine():

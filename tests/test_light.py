@@ -639,14 +639,14 @@ def test_textures_of_users_may_move():
     assert [material.moving for material in (still, moves, own)] == [False, True, True]
 
 
-LIGHTS = {
+ASIDE = {
     "rectangle": tracing.rectangle_light([9.0, 5, 7], [0, 0, 2], [1, 1, 0], 3.0),
     "sphere": tracing.sphere_light([10.0, 6, 8], 1.5, 3.0),
     "environment": tracing.environment(3.0),
 }
 
 
-@pytest.mark.parametrize("light", LIGHTS.values(), ids=LIGHTS.keys())
+@pytest.mark.parametrize("light", ASIDE.values(), ids=ASIDE)
 def test_light_that_is_sampled_arrives_and_is_found_with_its_density(light):
     """None of it is in its own shadow, as far as to the rim; a ray that hits it knows how likely that was."""
     rng = np.random.default_rng(4)

@@ -135,7 +135,7 @@ def test_the_estimate_is_the_closed_form(name):
     exact = flat(scene.reference_gradient(WIDTH, HEIGHT)[0])
     sigma = samples.std(axis=0, ddof=1) / np.sqrt(keys)
     off = abs(samples.mean(axis=0) - exact)
-    # An edge that just touches a pixel may be missed by all points: by no more than what one key finds at most.
+    # An edge that just touches a pixel may be missed by all points: by at most what one key finds elsewhere.
     one_point = 2 * WIDTH * HEIGHT / (n * keys)
     missed = np.where(np.any(samples, axis=0), one_point, abs(samples).max(axis=(0, 1, 2)) / keys)
     assert np.all(off <= 5 * sigma + missed)

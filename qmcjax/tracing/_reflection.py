@@ -71,11 +71,6 @@ def reflected(normal: Vector, seen: Vector) -> Vector:
     return minus(times(2 * dot(normal, seen), normal), seen)
 
 
-def lobes(surface: Surface) -> int:
-    """Return how many kinds of reflection are chosen from."""
-    return (surface.diffuse is not None) + (surface.glossy is not None)
-
-
 def _chance(surface: Surface) -> Array:
     """Return with which chance a direction is one of the microfacets."""
     rough = sum(surface.glossy) if surface.glossy is not None else 0

@@ -11,6 +11,7 @@ import pytest
 from tables import NETS, ORDERS, SAMPLERS, SEQUENCES, Table, each, some
 
 from qmcjax import pytree, sequences
+from qmcjax.core.pytrees import is_traced
 
 OBJECTS = SEQUENCES | SAMPLERS | Table({name: partial(make, 8, 8) for name, make in ORDERS.items()})
 
@@ -118,3 +119,9 @@ def test_methods_that_a_class_writes_itself_stay():
             return other == 5
 
     assert repr(Own(jnp.zeros(2))) == "own" and Own(jnp.zeros(2)) == 5
+
+
+def test_what_functions_close_over_may_be_traced():
+    found = []
+    jax.grad(lambda x: (found.append(is_traced((lambda: x,))), x)[1])(1.0)
+    assert found == [True] and not is_traced((lambda: found,))

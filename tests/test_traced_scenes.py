@@ -72,7 +72,7 @@ def test_values(name):
     value = compiled(scene, given)
     assert value.shape == (2**12, 3) and value.dtype == jnp.float32
     assert jnp.isfinite(value).all() and (value >= 0).all() and (value.std(axis=0) > 0.01).all()
-    assert 0.1 < value.mean() < 0.6
+    assert 0.05 < value.mean() < 0.6
     # Fused programs round differently: a ray along an edge may fall to the other side.
     others = [compiled(scene, given[::-1])[::-1][:64], *([scene(given[:64])] if name == EAGER else [])]
     for other in others:

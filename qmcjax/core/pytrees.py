@@ -84,8 +84,14 @@ def _generated(method: Any) -> bool:
 
 
 def is_traced(values: Any) -> bool:
-    """Tell whether values are not known yet: inside ``jax.jit`` not even those of new arrays are."""
-    return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((values, jnp.zeros(()))))
+    """Tell whether values are not known yet, or what functions among them close over.
+
+    Inside ``jax.jit`` not even those of new arrays are.
+    """
+    leaves = jax.tree.leaves((values, jnp.zeros(())))
+    cells = [cell for leaf in leaves for cell in getattr(leaf, "__closure__", None) or ()]
+    leaves += jax.tree.leaves([cell.cell_contents for cell in cells])
+    return any(isinstance(leaf, Tracer) for leaf in leaves)
 
 
 class Compiled(Generic[R]):

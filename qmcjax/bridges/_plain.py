@@ -52,7 +52,7 @@ class PlainSampler:
     >>> plain.start((5, 2), sample=7)
     >>> u, v = plain.get2d()
     >>> print(f"{u:.4f} {v:.4f} {plain.get1d():.4f}")
-    0.7036 0.8591 0.6498
+    0.7102 0.9689 0.0561
     """
 
     def __init__(self, sampler: Any, dtype: DTypeLike = np.float32) -> None:

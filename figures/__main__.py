@@ -14,17 +14,18 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from figures import _programs, _store, page
-from figures._catalogue import CATALOGUE, Entry
-from figures._job import Job, Where
-from figures._making import warn
-from figures._update import update
+from figures import page
+from figures.catalogue import CATALOGUE, Entry
+from figures.making import compiled_programs, store
+from figures.making.figures import warn
+from figures.making.job import Job, Where
+from figures.making.updating import update
 
 COMMANDS = {
     "compare": "figures.arena",
-    "compilations": "figures.compilations",
-    "gpu": "figures._gpu",
-    "plan": "figures._plan",
+    "compilations": "figures.commands.compilations",
+    "gpu": "figures.commands.gpu",
+    "plan": "figures.commands.planning",
 }
 """Commands beside the figures, by the modules whose ``main`` they are."""
 
@@ -63,13 +64,13 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         return 0
     _check_job(parser, options)
     try:
-        _store.prepare(options.out)
+        store.prepare(options.out)
     except OSError as error:
         parser.error(f"--out {str(options.out)!r} cannot be written: {error}")
     if options.no_cache:
-        os.environ[_programs.SWITCH] = "0"
+        os.environ[compiled_programs.SWITCH] = "0"
     else:
-        _programs.keep(warn)
+        compiled_programs.keep(warn)
     # Figures mostly wait for compilations, which take one core each.
     jobs = options.jobs or min(2, os.cpu_count() or 1)
     job = None

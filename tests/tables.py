@@ -1,5 +1,6 @@
 """The objects that share tests."""
 
+import socket
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -306,3 +307,9 @@ def is_net(bits: np.ndarray, m: int) -> bool:
     return all(
         np.all(np.bincount(boxes(bits, m, i).astype(np.int64), minlength=2**m) == 1) for i in range(m + 1)
     )
+
+
+def free_port():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return one.getsockname()[1]

@@ -6,22 +6,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-ROOMS = (
-    "analysis",
-    "analysis/tables",
-    "figures",
-    "qmcjax",
-    "qmcjax/bridges",
-    "qmcjax/bridges/mitsuba",
-    "qmcjax/choosing",
-    "qmcjax/core",
-    "qmcjax/orders",
-    "qmcjax/rendering",
-    "qmcjax/samplers",
-    "qmcjax/scenes",
-    "qmcjax/scenes/traced",
-    "qmcjax/sequences",
+ROOMS = sorted(
+    str(path.parent.relative_to(ROOT))
+    for top in ("qmcjax", "analysis", "figures")
+    for path in (ROOT / top).rglob("__init__.py")
+    if not any(part.startswith("_") for part in path.parent.relative_to(ROOT).parts)
 )
+"""The public packages. Private packages inside one belong to it."""
 
 
 def private_imports(source, package):
@@ -37,15 +28,14 @@ def private_imports(source, package):
         parts = name.split(".")
         private = [k for k, part in enumerate(parts) if part.startswith("_") and not part.startswith("__")]
         ours = parts[0] in ("qmcjax", "analysis", "figures")
-        # Names in a module of one's own package are that package's matter.
-        if ours and private and ".".join(parts[: private[0]]) != package:
+        if ours and private and not f"{package}.".startswith(".".join(parts[: private[0]]) + "."):
             found.append(name)
     return found
 
 
 def private_attributes(sources):
     """Return private attributes that are read in modules of one package and that none of them defines."""
-    read, defined = {}, {"_replace", "_asdict", "_exit"}  # of named tuples, and of os
+    read, defined = {}, {"_replace", "_asdict", "_fields", "_exit"}  # of named tuples, and of os
     for name, source in sources.items():
         for node in ast.walk(ast.parse(source)):
             if isinstance(node, ast.Attribute) and node.attr.startswith("_") and node.attr[:2] != "__":
@@ -61,7 +51,8 @@ def private_attributes(sources):
 
 
 def sources(room):
-    return {path.name: path.read_text(encoding="utf-8") for path in sorted((ROOT / room).glob("*.py"))}
+    files = [*(ROOT / room).glob("*.py"), *(ROOT / room).glob("_*/*.py")]
+    return {str(path): path.read_text(encoding="utf-8") for path in sorted(files)}
 
 
 def test_private_names_are_seen():

@@ -1,6 +1,7 @@
 """Search for the components of Joe and Kuo's sequence that make a cascaded net of small t.
 
-``python -m analysis.tables.make_cascade`` prints the tuple in ``qmcjax/sequences/_cascaded.py`` (minutes).
+``python -m analysis.tables.make_cascade`` prints the tuple in
+``qmcjax/sequences/_digital/cascaded.py`` (minutes).
 
 One dimension after the other takes the component that costs least. The cost is the sum over m of the square
 of t of all pairs with a dimension before, and of the last three and four dimensions together. Pairs next to

@@ -11,9 +11,9 @@ from typing import Any
 from tqdm import tqdm
 
 import analysis
-from figures import _handed_out, _store
 from figures.arena import _report
 from figures.arena._rivals import RIVALS, SCENES, rivals
+from figures.making import store, web_images
 from qmcjax import samplers, sequences
 
 AGAINST = ("random", "owen", "dither", "z", "hilbert")
@@ -72,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
             keys=given.keys,
             progress=progress,
         )
-    _store.prepare(given.out)
+    store.prepare(given.out)
     command = " ".join(["python -m figures compare", *argv])
     page = _report.write(compared, list(own), sets, given.out, command)
     broken = {name: compared.promises[name] for name in own if compared.promises[name]}
@@ -162,9 +162,9 @@ def _loaded(text: str) -> Any:
 
 def _free(name: str, taken: dict[str, Any]) -> str:
     """Return a name whose files are neither those of another own sampler nor of one to compare with."""
-    files = {_handed_out.slug(other) for other in (*taken, *(rival.name for rival in RIVALS.values()))}
+    files = {web_images.slug(other) for other in (*taken, *(rival.name for rival in RIVALS.values()))}
     names = itertools.chain([name], (f"{name} {k}" for k in itertools.count(2)))
-    return next(each for each in names if _handed_out.slug(each) not in files)
+    return next(each for each in names if web_images.slug(each) not in files)
 
 
 def _rotated(points: Any) -> Callable[[int], samplers.Sampler]:

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 import analysis
 from analysis import Comparison, ComparisonRow
-from figures import _handed_out, _machine, _store
 from figures.arena import _pictures
+from figures.making import store, this_machine, web_images
 from figures.page import Markup, fill, join, quantity, static, viewer
 
 PAGE, TABLE = "index.html", "compare.csv"
@@ -58,14 +58,14 @@ def write(
     Path
         The page.
     """
-    _store.write(folder / TABLE, _store.as_csv(_columns(compared.table())))
+    store.write(folder / TABLE, store.as_csv(_columns(compared.table())))
     scenes = list(compared.references)
     sections = join(_section(compared, scene, folder) for scene in scenes)
     first = next(iter(compared.references.values()))
     counts = sorted({row.spp for row in compared.rows} | {spp for *_, spp in compared.left_out})
     links = {"Promises": "promises", "Ranks": "ranks", "Points": "points"}
     links |= {scene: f"scene-{scene}" for scene in scenes}
-    machine = _machine.machine()
+    machine = this_machine.machine()
     text = fill(
         static("compare.html"),
         names=", ".join(own),
@@ -85,7 +85,7 @@ def write(
         points=_points(compared, sets),
         sections=sections,
     )
-    _store.write(folder / PAGE, text.encode())
+    store.write(folder / PAGE, text.encode())
     return folder / PAGE
 
 
@@ -205,13 +205,13 @@ def _section(compared: Comparison, scene: str, folder: Path) -> Markup:
     for what, png in drawn.items():
         if png is not None:
             file = f"{scene}.{what}.png"
-            _store.write(folder / file, png)
+            store.write(folder / file, png)
             pictures.append(fill(PICTURE, file=file, alt=f"{what} of all samplers on {scene}"))
     images = {"reference": compared.references[scene]}
     images |= {f"{row.sampler}, {row.spp} spp": row.image for row in rows}
-    files, description = _handed_out.encode(images)
+    files, description = web_images.encode(images)
     for name, png in files.items():
-        _store.write(folder / f"{scene}.{name}", png)
+        store.write(folder / f"{scene}.{name}", png)
     return fill(
         SECTION,
         name=scene,

@@ -12,7 +12,8 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from figures import _store, ledger
+from figures import ledger
+from figures.making import store
 
 _HEADS = ("Place", "Claim", "Verdict", "Measured", "Why", "Shown by")
 _WIDTHS = (8, 28, 11, 19, 22, 12)
@@ -21,7 +22,7 @@ _WIDTHS = (8, 28, 11, 19, 22, 12)
 def _found(folder: Path) -> list[ledger.Finding]:
     """Return what came out, by figures in a folder; by none if they are those of another version."""
     try:
-        return ledger.findings(_store.read_numbers(folder))
+        return ledger.findings(store.read_numbers(folder))
     except (OSError, KeyError, TypeError, ValueError, IndexError, AttributeError):
         return ledger.findings({})
 

@@ -11,10 +11,10 @@ MODULES = (
     "qmcjax.scenes",
     "qmcjax.tracing",
     "qmcjax.tracing.motion",
-    "qmcjax.tracing.trees",
     "qmcjax.bridges",
     "qmcjax.bridges.mitsuba",
     "analysis",
+    "analysis.trees",
     "figures.plot",
     "figures.ledger",
 )

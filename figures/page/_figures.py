@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures import ledger
-from figures._catalogue import Entry
+from figures.catalogue import Entry
 from figures.page import _images, _verdicts
 from figures.page._html import Markup, fill, join, png_size, quantity, script_safe
 from figures.page._ledger import cases

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from figures import _store
+from figures.making import store
 from figures.page._html import Markup, fill, script_safe
 
 VIEWER = """
@@ -37,7 +37,7 @@ def _component(
 ) -> Markup:
     if images is None:
         return Markup("")
-    lost = [file for file in _store.image_files(name, {"images": images}) if not (folder / file).is_file()]
+    lost = [file for file in store.image_files(name, {"images": images}) if not (folder / file).is_file()]
     if lost:
         return fill(LOST, files=", ".join(lost))
     return fill(template, name=name, title=title, images=script_safe(json.dumps(images, ensure_ascii=False)))

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from figures._catalogue import Entry
+from figures.catalogue import Entry
 from figures.page._figures import Shown, picture
 from figures.page._html import Markup, fill, join
 

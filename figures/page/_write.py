@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from figures import _store
-from figures._catalogue import Entry
+from figures.catalogue import Entry
+from figures.making import store
 from figures.page import _figures, _images, _ledger, _picker, _tour, _verdicts
 from figures.page._figures import Shown
 from figures.page._html import Markup, fill, join, quantity, static
@@ -47,12 +47,12 @@ def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] 
         If it cannot be written.
     """
     try:
-        known = _store.read_numbers(folder)
+        known = store.read_numbers(folder)
     except (FileNotFoundError, ValueError):
         known = {}
     entries = {name: entry for name, entry in known.items() if name in catalogue}
     path = folder / PAGE
-    _store.write(path, page(folder, catalogue, entries, failed).encode())
+    store.write(path, page(folder, catalogue, entries, failed).encode())
     return path
 
 

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from jax import Array
 
 from qmcjax.core.pytrees import jit
-from qmcjax.tracing._compiled_world import search as _compiled
-from qmcjax.tracing._found import in_dtype
-from qmcjax.tracing._object import Object
-from qmcjax.tracing._search import by_program, search
-from qmcjax.tracing._vectors import components
-from qmcjax.tracing._world import World
+from qmcjax.tracing._search.compiled_world import search as _compiled
+from qmcjax.tracing._search.intersection import in_dtype
+from qmcjax.tracing._search.search import by_program, search
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.vectors import components
+from qmcjax.tracing._world.world import World
 
 Way = Callable[[World, Array, Array, Array, Array, bool], tuple[Array, Array]]
 """From a world, origins and directions (n, 3), times and limits (n,), and whether any hit counts, to

@@ -11,8 +11,8 @@ from jax.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing.motion._moved import moved
 from qmcjax.tracing.motion._rows import fetched, span
+from qmcjax.tracing.motion.evaluation import moved
 
 
 @pytree

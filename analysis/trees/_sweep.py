@@ -1,0 +1,105 @@
+"""Splits where the surface area heuristic is least, of all in one or several orders of the boxes."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.trees import _boxes
+from analysis.trees._levels import grown
+from analysis.trees._structure import Tree, fitted
+
+_TIE = 1e-12
+"""Costs that differ by so much, relatively, are the same: then the split that is more even is taken."""
+
+_CHUNK = 2**18
+"""So many places of boxes are looked at at once, or one node, so that caches hold them."""
+
+
+def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
+    r"""Make a tree by the surface area heuristic, from the root on, with one box in each leaf.
+
+    A node is split along the axis and at the place that make
+
+    .. math:: c(j) = N_{L,j} A_{L,j} + N_{R,j} A_{R,j}
+
+    least (Eq. 4.1), of all places between boxes that are sorted by their centres: an exact sweep, no bins.
+    Of equal costs the more even split is taken.
+
+    Parameters
+    ----------
+    low, high : float ArrayLike, shape (n, 3) or (n, 4)
+        Corners of the boxes. A fourth coordinate is the time: a box is there from ``low`` to ``high``. It is
+        sorted by like the others, and areas count times the duration, since rays are spread over time.
+
+    Returns
+    -------
+    Tree
+
+    Raises
+    ------
+    TypeError
+        If an argument is not of real numbers.
+    ValueError
+        If shapes do not fit, or values are not finite or not in order.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.
+    .. [2] I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", 2007.
+
+    Examples
+    --------
+    >>> tree = surface_area_tree([[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[1, 1, 1], [10, 1, 1], [2, 1, 1]])
+    >>> print(tree.children.tolist())
+    [[0, 2], [3, 1]]
+    """
+    low, high = _boxes.still(low, high)
+    return swept(low, high, np.argsort(low + high, axis=0, kind="stable").T)
+
+
+def swept(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
+    """Return the tree of boxes that are split along orders of them, (a, n)."""
+    columns = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
+
+    def split(rows: NDArray, start: NDArray, length: NDArray) -> tuple[NDArray, NDArray]:
+        first, second = np.empty_like(start), np.zeros(len(low), bool)
+        # Nodes of about the same size make a table of little waste.
+        power = np.frexp(length - 1)[1]
+        for size in np.unique(power):
+            nodes = np.flatnonzero(power == size)
+            step = max(1, _CHUNK >> int(size))
+            for some in (nodes[k : k + step] for k in range(0, len(nodes), step)):
+                place = np.arange(length[some].max())
+                # What is missing in a row is its last box again, which changes neither minima nor maxima.
+                at = start[some, None] + np.minimum(place, length[some, None] - 1)
+                axis, first[some] = _best(*columns, rows[:, at], length[some])
+                boxes, side = rows[axis[:, None], at], place >= first[some, None]
+                second[boxes[side]] = True
+        return first, second
+
+    return fitted(grown(rows, split), low, high)
+
+
+def _best(low: NDArray, high: NDArray, boxes: NDArray, length: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the order, and how many boxes come before the split, for each node: ``boxes`` is (a, s, w)."""
+    before = np.arange(1, boxes.shape[2])
+    uneven = abs(2 * before - length[:, None])
+    costs = np.empty((len(length), len(boxes), len(before)))
+    for axis, row in enumerate(boxes):
+        ahead = _areas(low, high, row)[:, :-1]
+        behind = _areas(low, high, row[:, ::-1])[:, ::-1][:, 1:]
+        costs[:, axis] = before * ahead + (length[:, None] - before) * behind
+    costs[np.broadcast_to((before >= length[:, None])[:, None], costs.shape)] = np.inf
+    least = costs.min(axis=(1, 2), keepdims=True)
+    rank = np.where(costs <= least * (1 + _TIE), uneven[:, None], 2 * boxes.shape[2])
+    best = rank.reshape(len(length), -1).argmin(axis=1)
+    return best // len(before), before[best % len(before)]
+
+
+def _areas(low: NDArray, high: NDArray, boxes: NDArray) -> NDArray:
+    """Return the measures of what holds the boxes of a row up to each of them, (s, w)."""
+    extents = []
+    for a, b in zip(low, high, strict=True):
+        extents.append(np.maximum.accumulate(b[boxes], axis=1) - np.minimum.accumulate(a[boxes], axis=1))
+    x, y, z = extents[:3]
+    area = x * y + y * z + z * x
+    return area * extents[3] if len(extents) > 3 else area

@@ -1,0 +1,143 @@
+"""Trees by clustering: two means below each node."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.trees import _boxes
+from analysis.trees._levels import grown
+from analysis.trees._structure import Tree, fitted
+from qmcjax.core import checks
+
+_ROUNDS = 20
+"""Of Lloyd's relaxation, at most."""
+
+
+def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: float = 2, key: int = 0) -> Tree:
+    """Make a tree by splitting nodes into two clusters of boxes, by Lloyd's relaxation [1]_, [2]_.
+
+    A box goes to the mean that it has the smaller distance to: the length of the diagonal of what holds both.
+    Means are centres of gravity, with areas as weights. Of several pairs of boxes as first means the one is
+    taken whose clusters are best by Eq. 4.1.
+
+    Parameters
+    ----------
+    low, high : float ArrayLike, shape (n, 3) or (n, 4)
+        Corners of the boxes; see :func:`surface_area_tree`. Boxes without extent are clustered as points.
+    tries : int, optional
+        Pairs of random boxes as first means, in [1, 64].
+    norm : {2, inf}, optional
+        By which the length of a diagonal is measured.
+    key : int, optional
+        Of random numbers, in [0, 2**32).
+
+    Returns
+    -------
+    Tree
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If shapes do not fit, values are not finite or not in order, or another argument is out of range.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.4.
+    .. [2] S. Brakatsoulas, D. Pfoser, Y. Theodoridis, "Revisiting R-Tree Construction Principles", 2002.
+
+    Examples
+    --------
+    >>> tree = two_means_tree([[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[1, 1, 1], [10, 1, 1], [2, 1, 1]])
+    >>> print(tree.children.tolist())
+    [[0, 2], [3, 1]]
+    """
+    low, high = _boxes.still(low, high)
+    tries = checks.integer("tries", tries, 1, 64)
+    random = np.random.default_rng(checks.integer("key", key, 0, 2**32 - 1))
+    if isinstance(norm, bool) or not isinstance(norm, int | float):
+        raise TypeError(f"norm must be 2 or inf, got {checks.shown(norm)}")
+    if norm not in (2, np.inf):
+        raise ValueError(f"norm must be 2 or inf, got {norm}")
+    weight = _boxes.measure(low, high)
+    center = 0.5 * low + 0.5 * high
+
+    def split(rows: NDArray, start: NDArray, length: NDArray) -> tuple[NDArray, NDArray]:
+        boxes = rows[0]
+        given = low[boxes], high[boxes], center[boxes], weight[boxes]
+        least, best = np.full(len(start), np.inf), np.zeros(len(boxes), bool)
+        for _ in range(tries):
+            one = start + (random.uniform(size=len(start)) * length).astype(np.int64)
+            more = 1 + (random.uniform(size=len(start)) * (length - 1)).astype(np.int64)
+            other = start + (one - start + more) % length
+            side = _relaxed(*given, start, length, (given[2][one], given[2][other]), norm)
+            cost = _cost(*given[:2], side, start, length)
+            better = cost < least
+            least[better] = cost[better]
+            best = np.where(np.repeat(better, length), side, best)
+        best ^= np.repeat(best[start], length)  # The first box is in the first cluster.
+        count = np.add.reduceat(best, start, dtype=np.int64)
+        # Boxes that no means tell apart are halved.
+        same = (count == 0) | (count == length)
+        half = np.arange(len(boxes)) - np.repeat(start, length) >= np.repeat(length - length // 2, length)
+        best = np.where(np.repeat(same, length), half, best)
+        second = np.zeros(len(low), bool)
+        second[boxes] = best
+        return length - np.where(same, length // 2, count), second
+
+    return fitted(grown(np.arange(len(low))[None], split), low, high)
+
+
+def _relaxed(
+    low: NDArray,
+    high: NDArray,
+    center: NDArray,
+    weight: NDArray,
+    start: NDArray,
+    length: NDArray,
+    means: Any,
+    norm: float,
+) -> NDArray[np.bool_]:
+    """Return which boxes go to the second mean, of all nodes at once."""
+    node = np.repeat(np.arange(len(start)), length)
+    side = np.zeros(len(low), bool)
+    for _ in range(_ROUNDS):
+        one, other = (_diagonal(low, high, mean[node], norm) for mean in means)
+        before, side = side, other < one
+        if np.array_equal(before, side):
+            break
+        parts = zip((~side, side), means, strict=True)
+        means = [_mean(center, weight, part, start, node, mean) for part, mean in parts]
+    return side
+
+
+def _diagonal(low: NDArray, high: NDArray, point: NDArray, norm: float) -> NDArray[np.float64]:
+    """Return lengths of diagonals of what holds boxes and points; squared, if the norm is 2."""
+    extent = np.maximum(high, point) - np.minimum(low, point)
+    return np.square(extent).sum(axis=1) if norm == 2 else extent.max(axis=1)
+
+
+def _mean(
+    center: NDArray, weight: NDArray, part: NDArray, start: NDArray, node: NDArray, old: NDArray
+) -> NDArray[np.float64]:
+    """Return centres of gravity of clusters; those of nothing stay. Without any area all weigh the same."""
+    weights = np.where(part, weight, 0)
+    weights = np.where((np.add.reduceat(weights, start) == 0)[node], part, weights)
+    total = np.add.reduceat(weights, start)[:, None]
+    sums = np.add.reduceat(weights[:, None] * center, start, axis=0)
+    return np.where(total > 0, sums / np.where(total > 0, total, 1), old)
+
+
+def _cost(low: NDArray, high: NDArray, side: NDArray, start: NDArray, length: NDArray) -> NDArray[np.float64]:
+    """Return Eq. 4.1 of clusters, infinite if one is empty."""
+    cost = np.zeros(len(start))
+    for part in (~side, side):
+        count = np.add.reduceat(part, start, dtype=np.int64)
+        lows = np.minimum.reduceat(np.where(part[:, None], low, np.inf), start, axis=0)
+        highs = np.maximum.reduceat(np.where(part[:, None], high, -np.inf), start, axis=0)
+        none = (count == 0)[:, None]
+        area = _boxes.measure(np.where(none, 0, lows), np.where(none, 0, highs))
+        cost += np.where(count > 0, count * area, np.inf)
+    return cost

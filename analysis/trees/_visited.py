@@ -1,0 +1,254 @@
+"""The nodes of a tree that rays visit, all rays at once."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from analysis.trees._boxes import between, numbers_of_rays, times_of_rays
+from analysis.trees._structure import Tree, node_depths, tree_given
+from qmcjax.core import checks
+from qmcjax.core.parameters import known, require
+
+Distances = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
+
+
+def nodes_visited(
+    tree: Tree,
+    origin: ArrayLike,
+    direction: ArrayLike,
+    distance: Distances | None = None,
+    *,
+    time: ArrayLike | None = None,
+) -> NDArray[np.int64]:
+    """Count the nodes, leaves included, whose boxes rays enter on their way through a tree.
+
+    Of two children that are hit, the one whose box is entered first is visited first [1]_, [2]_; boxes behind
+    what has been hit are left out.
+
+    Parameters
+    ----------
+    tree : Tree
+    origin, direction : float ArrayLike, shape (..., 3)
+        Of rays; directions need no unit length.
+    distance : callable, optional
+        Tells how far away rays hit what is in leaves, in lengths of their directions, inf where they do not:
+        from numbers of rays, of all in one row, and of leaves, int64 (m,) both, to float (m,). See
+        :func:`triangle_distances`. Without it nothing is hit, and all nodes in front of the origin count.
+    time : float ArrayLike, shape (...), optional
+        When the rays are, for trees of boxes that move, or that are there for some time only.
+
+    Returns
+    -------
+    int64 ndarray, shape (...)
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or ``time`` is missing.
+    ValueError
+        If shapes do not fit, values are not finite, a direction has no length, or ``distance`` returns
+        another shape or NaN.
+
+    References
+    ----------
+    .. [1] T. Kay, J. Kajiya, "Ray Tracing Complex Scenes", 1986.
+    .. [2] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.3.
+
+    Examples
+    --------
+    >>> from analysis.trees import surface_area_tree
+    >>> tree = surface_area_tree([[0, 0, 0], [2, 0, 0]], [[1, 1, 1], [3, 1, 1]])
+    >>> print(nodes_visited(tree, [[0.5, 0.5, -1], [-1, 0.5, 0.5]], [[0, 0, 1], [1, 0, 0]]))
+    [2 3]
+    """
+    tree_given(tree)
+    if distance is not None and not callable(distance):
+        raise TypeError(f"distance must be callable, got {checks.shown(distance)}")
+    shape, start, way = numbers_of_rays(origin, direction)
+    timed = tree.times is not None or tree.low.shape[-1] == 4
+    if timed and time is None:
+        raise TypeError("time must be given for boxes that move, or are there for some time only, got None")
+    when = times_of_rays(time, shape) if timed else np.zeros(len(start))
+    if not len(start):
+        return np.zeros(shape, np.int64)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        inverse = 1 / way
+        inverse[np.isinf(inverse)] = np.inf
+        return _counted(tree, start, inverse, when, distance).reshape(shape)
+
+
+def _counted(
+    tree: Tree, start: NDArray, inverse: NDArray, when: NDArray, distance: Distances | None
+) -> NDArray[np.int64]:
+    rays = len(start)
+    count, limit = np.zeros(rays, np.int64), np.full(rays, np.inf)
+    room = int(node_depths(tree).max()) + 1
+    waiting, entry = np.zeros((rays, room), np.int32), np.zeros((rays, room))
+    top = np.zeros(rays, np.int64)
+    root = 2 * tree.size - 2
+    enters = _entries(tree, start, inverse, when)
+    everybody = np.arange(rays)
+    active = everybody[enters(everybody, np.full(rays, root)) < np.inf]
+    node = np.full(len(active), root)
+    while len(active):
+        count[active] += 1
+        leaf = node < tree.size
+        if distance is not None and leaf.any():
+            here = active[leaf]
+            limit[here] = np.minimum(limit[here], _known(distance(here, node[leaf]), len(here)))
+        inside, below = active[~leaf], tree.children[node[~leaf] - tree.size]
+        first, second = (enters(inside, below[:, k]) for k in range(2))
+        nearer, later = first <= second, np.maximum(first, second)
+        both = later < limit[inside]
+        ahead = np.where(nearer, below[:, 0], below[:, 1])
+        rest = np.where(nearer, below[:, 1], below[:, 0])
+        some = inside[both]
+        waiting[some, top[some]], entry[some, top[some]] = rest[both], later[both]
+        top[some] += 1
+        goes = np.minimum(first, second) < limit[inside]
+        on, next_node = inside[goes], ahead[goes]
+        # The others take what waits for them, until it is not behind what they hit.
+        back = np.concatenate([active[leaf], inside[~goes]])
+        taken, nodes = [on], [next_node]
+        while len(back := back[top[back] > 0]):
+            top[back] -= 1
+            good = entry[back, top[back]] < limit[back]
+            taken.append(back[good])
+            nodes.append(waiting[back[good], top[back[good]]])
+            back = back[~good]
+        active, node = np.concatenate(taken), np.concatenate(nodes).astype(np.int64)
+    return count
+
+
+def _entries(
+    tree: Tree, start: NDArray, inverse: NDArray, when: NDArray
+) -> Callable[[NDArray, NDArray], NDArray[np.float64]]:
+    """Return the function that tells how far away rays enter the boxes of nodes: inf if they do not."""
+    span, part = between(tree.times, when)
+
+    def corners(rays: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray]:
+        if tree.times is None:
+            return tree.low[nodes], tree.high[nodes]
+        early, share = span[rays], part[rays, None]
+        low, high = (
+            (1 - share) * a[early, nodes] + share * a[early + 1, nodes] for a in (tree.low, tree.high)
+        )
+        return low, high
+
+    def entries(rays: NDArray, nodes: NDArray) -> NDArray[np.float64]:
+        low, high = corners(rays, nodes)
+        one, other = ((a[:, :3] - start[rays]) * inverse[rays] for a in (low, high))
+        # In the plane of a side, 0 times infinity: such a ray touches the box.
+        one, other = np.where(np.isnan(one), -np.inf, one), np.where(np.isnan(other), np.inf, other)
+        near = np.maximum(np.minimum(one, other).max(axis=1), 0)
+        hit = near <= np.maximum(one, other).min(axis=1)
+        if low.shape[1] == 4:
+            hit &= (low[:, 3] <= when[rays]) & (when[rays] <= high[:, 3])
+        return np.where(hit, near, np.inf)
+
+    return entries
+
+
+def _known(found: Any, count: int) -> NDArray[np.float64]:
+    """Return what a user's function says of distances."""
+    found = known("what distance returns", found)
+    if found.shape != (count,):
+        raise ValueError(f"distance must return distances of shape ({count},), got {found.shape}")
+    require("what distance returns", found, lambda d: ~np.isnan(d), "no NaN")
+    return found
+
+
+def triangle_distances(
+    vertices: ArrayLike,
+    origin: ArrayLike,
+    direction: ArrayLike,
+    *,
+    times: ArrayLike | None = None,
+    time: ArrayLike | None = None,
+    number: ArrayLike | None = None,
+) -> Distances:
+    """Return the function that tells :func:`nodes_visited` how far away rays hit triangles.
+
+    Parameters
+    ----------
+    vertices : float ArrayLike, shape (n, 3, 3) or (k, n, 3, 3)
+        Triangle, vertex and coordinate; of triangles that move, at each of ``times``, and between on straight
+        lines.
+    origin, direction : float ArrayLike, shape (..., 3)
+        Of rays.
+    times : float ArrayLike, shape (k,), optional
+        For triangles that move, increasing.
+    time : float ArrayLike, shape (...), optional
+        When the rays are, for triangles that move.
+    number : int ArrayLike, shape (m,), optional
+        Of the triangle that is in each leaf; leaf i has triangle i by default.
+
+    Returns
+    -------
+    callable
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or ``time`` is missing.
+    ValueError
+        If shapes do not fit, values are not finite, times do not increase, or there is no such number.
+
+    References
+    ----------
+    .. [1] T. Moeller, B. Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection", 1997.
+
+    Examples
+    --------
+    >>> distance = triangle_distances([[[0, 0, 5], [1, 0, 5], [0, 1, 5]]], [0.2, 0.2, 0], [0, 0, 1])
+    >>> print(distance(np.array([0]), np.array([0])))
+    [5.]
+    """
+    moving = times is not None
+    corners = known("vertices", vertices)
+    axes = 4 if moving else 3
+    if corners.ndim != axes or corners.shape[-2:] != (3, 3) or 0 in corners.shape:
+        wanted = "(k, n, 3, 3)" if moving else "(n, 3, 3)"
+        raise ValueError(f"vertices must have shape {wanted}, got {corners.shape}")
+    require("vertices", corners, np.isfinite, "finite")
+    shape, start, way = numbers_of_rays(origin, direction)
+    numbers = None
+    if number is not None:
+        numbers = checks.known_array("number", number, np.integer, "integers")
+        last = corners.shape[-3] - 1
+        require("number", numbers, lambda a: (a >= 0) & (a <= last), f"in [0, {last}]")
+    span, part = np.zeros(0, np.int64), np.zeros(0)
+    if times is not None:
+        knots = known("times", times)
+        if knots.shape != (len(corners),) or len(knots) < 2:
+            raise ValueError(f"times must have shape ({len(corners)},), and two or more, got {knots.shape}")
+        require("times", knots, lambda t: np.isfinite(t).all() and (t[1:] > t[:-1]).all(), "increasing")
+        if time is None:
+            raise TypeError("time must be given for triangles that move, got None")
+        span, part = between(knots, times_of_rays(time, shape))
+
+    def distances(rays: NDArray[np.int64], leaves: NDArray[np.int64]) -> NDArray[np.float64]:
+        at = leaves if numbers is None else numbers[leaves]
+        if moving:
+            early, share = span[rays], part[rays, None, None]
+            found = (1 - share) * corners[early, at] + share * corners[early + 1, at]
+        else:
+            found = corners[at]
+        return _distances(found, start[rays], way[rays])
+
+    return distances
+
+
+def _distances(corners: NDArray, start: NDArray, way: NDArray) -> NDArray[np.float64]:
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    across = np.cross(way, c - a)
+    scale = np.sum((b - a) * across, axis=1)
+    inverse = 1 / np.where(scale == 0, 1, scale)
+    u = np.sum((start - a) * across, axis=1) * inverse
+    beside = np.cross(start - a, b - a)
+    v = np.sum(way * beside, axis=1) * inverse
+    distance = np.sum((c - a) * beside, axis=1) * inverse
+    hit = (scale != 0) & (u >= 0) & (v >= 0) & (u + v <= 1) & (distance > 0)
+    return np.where(hit, distance, np.inf)

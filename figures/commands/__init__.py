@@ -1,0 +1,1 @@
+"""Commands beside the figures: plan, gpu, compilations."""

@@ -1,0 +1,1 @@
+"""Figures of Rendering along the Hilbert Curve."""

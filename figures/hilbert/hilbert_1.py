@@ -1,0 +1,212 @@
+"""Hilbert paper Fig. 1: four space-filling curves, and their segments in 3x3 neighbourhoods."""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+import analysis
+from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
+from figures.making.schema import Claims
+from figures.shared.curve_tables import CURVES, Curve, square
+from figures.shared.peano_variants import VARIANTS, meander, peano_variants
+from qmcjax import sequences
+
+SHOWN = (16, 9)
+"""Sides of the pixel grids that are drawn, in base 2 and 3."""
+
+COUNTED = {"draft": (128, 243), "paper": (512, 729)}
+"""Sides of the pixel grids that the histogram is of."""
+
+COLOURS = {"Morton": BLUE, "Hilbert": VERMILLION, "Moore": GREEN, "Peano": PURPLE}
+"""As of samplers along these curves, but for Peano's, which are green as well."""
+
+VARIANT_DIGITS = 3
+
+UNIFORM = (128, 81)
+SEQUENCES = {
+    "Halton 2, 3": sequences.halton(2),
+    "Halton 5, 7": sequences.components(sequences.halton(4), (2, 3)),
+    "Sobol'": sequences.owen(sequences.sobol(2), 1),
+}
+
+SEGMENTS = (BLUE, VERMILLION, PURPLE, ORANGE, SKY)
+"""Colours in the marked neighbourhood."""
+
+MEAN = "mean L2 star discrepancy of the 9 points of a neighbourhood"
+UNIFORMITY = "the same by the number of segments"
+RARE = 0.01
+"""Numbers of segments of fewer neighbourhoods are left out."""
+
+NOTE = (
+    "A segment is a maximal run of consecutive positions among a neighbourhood's 9 pixels. The histogram is "
+    "of interior pixels, whose neighbourhood lies in the image; the pictures show the clipped counts at the "
+    "border too. By the caption the maximum 'is smallest for the Hilbert and Moore curves', by Sect. 3 it is "
+    "smaller than that of the Morton and of the Peano curve. The first holds, as a tie: Peano's own curve "
+    "has the same maximum, 4. Half of its neighbourhoods have it, and a fifth of Hilbert's and Moore's. The "
+    "second is true of Morton, and of other curves that bear Peano's name: of the 512 that transpose a fixed "
+    "choice of his nine parts at every level, 508 have the maximum 5, and so has Wunderlich's meander. The "
+    "other four are Peano's own, its transpose, and the two that transpose every other part. The definition "
+    "does not decide between the curves: the maxima are the same with the border, whose neighbourhoods are "
+    "clipped; if a segment counts only where the curve steps into the neighbourhood, so that the one that "
+    "starts the curve does not; and if the ends of a closed curve are joined. Counted as edges across the "
+    "neighbourhood's outline all numbers double, but for neighbourhoods with an end of the curve. The means "
+    "do not tell Hilbert, Moore and Peano apart: all approach 3. Discrepancies are of one point a pixel of "
+    "Halton sequences in bases 2 and 3, and 5 and 7, and of an Owen-scrambled Sobol' sequence, on 128 x 128 "
+    "and 81 x 81 pixels."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the curves with the number of segments in every pixel, and the histograms of larger grids."""
+    sides = COUNTED[quality]
+    figure = Figure(figsize=(15, 10), layout="constrained")
+    panels = figure.subplots(2, 3)
+    histogram, variants = panels[:, 2]
+    measured = {}
+    for k, (name, axes) in enumerate(zip(CURVES, panels[:, :2].ravel(), strict=True)):
+        _draw_curve(axes, square(name, *SHOWN), name)
+        measured[name] = _measure(square(name, *sides))
+        found = {title: _uniformity(square(name, *UNIFORM), points) for title, points in SEQUENCES.items()}
+        measured[name][MEAN] = {title: mean for title, (mean, _) in found.items()}
+        measured[name][UNIFORMITY] = {title: by_count for title, (_, by_count) in found.items()}
+        counts = measured[name]["histogram"]
+        shares = np.array(list(counts.values())) / sum(counts.values())
+        histogram.bar(
+            [int(count) + 0.2 * k - 0.3 for count in counts],
+            shares,
+            0.2,
+            label=f"{name}, mean {measured[name]['mean']:.2f}",
+            color=COLOURS[name],
+        )
+        progress((k + 1) / (len(CURVES) + 1))
+    histogram.set(
+        xlabel="segments in the 3x3 neighbourhood",
+        ylabel="share of the interior pixels",
+        title=f"{sides[0]} x {sides[0]} pixels, Peano {sides[1]} x {sides[1]}",
+        xlim=(0.4, 5.6),
+        xticks=range(1, 6),
+    )
+    histogram.legend(loc="upper left")
+    measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
+    measured["maxima of the 512 variants of the Peano curve"] = _draw_variants(variants)
+    figure.suptitle(
+        "Space-filling curves and the segments that enter a 3x3 neighbourhood (Hilbert paper, Fig. 1)"
+    )
+    return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
+
+
+def _measure(curve: Curve) -> dict:
+    counts = analysis.segment_counts(curve)
+    interior = counts[1:-1, 1:-1]
+    values, numbers = np.unique(interior, return_counts=True)
+    return {
+        "maximum": int(interior.max()),
+        "maximum with the border": int(counts.max()),
+        "maximum of the steps that enter": int(_entering(curve, counts).max()),
+        "maximum if the ends of a closed curve are joined": int(_joined(curve, counts).max()),
+        "share at the maximum": float(np.mean(interior == interior.max())),
+        "mean": float(interior.mean()),
+        "histogram": {str(v): int(n) for v, n in zip(values, numbers, strict=True)},
+    }
+
+
+def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
+    """Tell which neighbourhoods hold the pixel at a position."""
+    x, y = (int(c[position]) for c in curve.path())
+    rows, columns = np.indices(curve.positions.shape)
+    return np.maximum(np.abs(columns - x), np.abs(rows - y)) <= 1
+
+
+def _entering(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Leave out the segment that starts the curve: it enters no neighbourhood."""
+    return counts - _around(curve, 0)
+
+
+def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Count the first and the last segment as one where they meet."""
+    x, y = curve.path()
+    is_closed = abs(x[0] - x[-1]) + abs(y[0] - y[-1]) == 1
+    return counts - (_around(curve, 0) & _around(curve, -1)) if is_closed else counts
+
+
+def _uniformity(curve: Curve, sequence: sequences.Sequence) -> tuple[float, dict[str, float]]:
+    """Return the mean discrepancy of interior neighbourhoods, of all and by their number of segments."""
+    points = np.asarray(sequence.points(curve.positions.size, dtype=jnp.float64))[curve.positions]
+    around = sliding_window_view(points, (3, 3), axis=(0, 1))  # [row, column, coordinate, 3, 3]
+    around = np.moveaxis(around.reshape(*around.shape[:2], 2, 9), 2, 3)
+    # Warnock's formula for the L2 star discrepancy.
+    one = np.prod((1 - around**2) / 2, axis=-1).sum(axis=-1)
+    two = np.prod(1 - np.maximum(around[..., :, None, :], around[..., None, :, :]), axis=-1).sum(
+        axis=(-1, -2)
+    )
+    discrepancy = np.sqrt(1 / 9 - 2 / 9 * one + two / 81)
+    counts = analysis.segment_counts(curve)[1:-1, 1:-1]
+    frequent = [count for count in np.unique(counts) if np.mean(counts == count) > RARE]
+    return float(discrepancy.mean()), {str(c): float(discrepancy[counts == c].mean()) for c in frequent}
+
+
+def _claims(measured: dict) -> Claims:
+    maximum = {name: measured[name]["maximum"] for name in CURVES}
+    largest = max(maximum["Hilbert"], maximum["Moore"])
+    return {
+        "no maximum is smaller than that of Hilbert and Moore": largest == min(maximum.values()),
+        "the maximum is smaller for Hilbert and Moore than for Morton": largest < maximum["Morton"],
+        "the maximum is smaller for Hilbert and Moore than for Peano": {
+            "Peano's own curve": largest < maximum["Peano"],
+            "Wunderlich's meander": largest < measured["Wunderlich's meander"]["maximum"],
+        },
+        "fewer segments in a neighbourhood improve its uniformity: less mean discrepancy": {
+            f"{name}, {title}": all(a < b for a, b in pairwise(by_count.values()))
+            for name in CURVES
+            for title, by_count in measured[name][UNIFORMITY].items()
+        },
+        "neighbourhoods of the Hilbert curve are more uniform than those of other curves": {
+            f"{name}, {title}": measured["Hilbert"][MEAN][title] < mean
+            for name in CURVES
+            if name != "Hilbert"
+            for title, mean in measured[name][MEAN].items()
+        },
+    }
+
+
+def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
+    counts = analysis.segment_counts(curve)
+    axes.imshow(counts, cmap="Greens", vmin=0, vmax=8, alpha=0.6)
+    x, y = curve.path()
+    axes.plot(x, y, color="0.55", lw=1)
+    largest = np.argwhere(counts == counts[1:-1, 1:-1].max())
+    row, column = min(largest.tolist(), key=lambda pixel: math.dist(pixel, (len(counts) / 2,) * 2))
+    axes.add_patch(Rectangle((column - 1.5, row - 1.5), 3, 3, fill=False, color="darkgreen", lw=2))
+    inside = np.flatnonzero((abs(x - column) <= 1) & (abs(y - row) <= 1))
+    for k, run in enumerate(np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)):
+        axes.plot(x[run], y[run], "o-", color=SEGMENTS[k], lw=3, ms=5)
+    for (v, u), count in np.ndenumerate(counts):
+        axes.text(u + 0.3, v + 0.3, str(count), fontsize=8, ha="center", va="center")
+    axes.set(
+        title=f"{name}: {counts[row, column]} segments in the marked neighbourhood", xticks=[], yticks=[]
+    )
+    axes.spines[:].set_visible(False)
+
+
+def _draw_variants(axes: Axes) -> dict[str, int]:
+    maxima = [
+        int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in peano_variants(VARIANT_DIGITS)
+    ]
+    values, numbers = np.unique(maxima, return_counts=True)
+    axes.bar_label(axes.bar(values, numbers, 0.6, color="0.6"))
+    axes.set(
+        xlabel="maximum of the segments in interior 3x3 neighbourhoods",
+        ylabel="curves",
+        title=f"{VARIANTS} Peano curves with transposed parts, 27 x 27 pixels",
+        xlim=(0.4, 5.6),
+        xticks=range(1, 6),
+    )
+    return {str(v): int(n) for v, n in zip(values, numbers, strict=True)}

@@ -1,0 +1,146 @@
+"""Hilbert paper Fig. 2: differences of positions between neighbouring pixels, over radical inverses."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from figures._rc import BLUE, VERMILLION
+from figures.making.schema import Claims
+from figures.shared.curve_tables import CURVES, Curve, enumerated, square
+from qmcjax import sequences
+
+SHOWN = (8, 9)
+"""Sides of the pixel grids that are drawn, in base 2 and 3."""
+
+COUNTED = (64, 81)
+"""Sides of the pixel grids that are measured: those of Fig. 3."""
+
+BASES = (2, 3, 5)
+
+EVEN_COLUMNS = "phi_2 < 1/2 in even columns, >= 1/2 in odd ones"
+ROW_BIT = "second bit of the position is that of the row"
+CHECKERBOARD = "phi_2 < 1/2 in one colour of a checkerboard"
+FREQUENT = "the most frequent differences above 1"
+MIRRORED = "correlation with the image mirrored at the diagonal"
+MULTIPLES = "share of the differences above 1 that are multiples of"
+
+NOTE = (
+    "The numbers are differences of positions above 1; red ones are multiples of the row's base, so that "
+    "the radical inverses share their leading digit. 'measured' is of larger grids, 64 x 64 and 81 x 81 "
+    "pixels, where each edge of two pixels is compared with its mirrored one. The caption's symmetries are "
+    "exact from left to right for Morton, Hilbert and Moore, and under a half turn for Peano. Of the "
+    "symmetries along the diagonal that it sees for Peano, those of the shades are strong for phi_2, whose "
+    "leading bit is a checkerboard's, and weak for phi_3 and phi_5; a quarter of the differences are those "
+    "of the mirrored edges, fewer than for Hilbert and Moore."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the curves over their radical inverses, with the differences on the shared edges."""
+    del quality  # Exact, and quick.
+    figure = Figure(figsize=(15, 12), layout="constrained")
+    figure.suptitle("Differences of positions across the edges of pixels (Hilbert paper, Fig. 2)")
+    measured = {}
+    for name, panels in zip(CURVES, figure.subplots(len(BASES), len(CURVES)).T, strict=True):
+        curve = square(name, *SHOWN)
+        for axes, base in zip(panels, BASES, strict=True):
+            _draw(axes, curve, base)
+            if not measured:
+                axes.set_ylabel(rf"$\phi_{base}$; orange: multiples of {base}")
+        panels[0].set_title(name)
+        measured[name] = _measure(square(name, *COUNTED))
+        progress(len(measured) / len(CURVES))
+    return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
+
+
+def _draw(axes: Axes, curve: Curve, base: int) -> None:
+    axes.imshow(enumerated(curve, sequences.van_der_corput(base)), cmap="gray", vmin=-0.3, vmax=1)
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
+    axes.plot(*curve.path(), color=BLUE, lw=1.5, alpha=0.7)
+    for differences, step in zip(analysis.neighbour_differences(curve), ((0.5, 0), (0, 0.5)), strict=True):
+        for v, u in np.argwhere(differences > 1):
+            is_multiple = differences[v, u] % base == 0
+            axes.text(
+                u + step[0],
+                v + step[1],
+                str(differences[v, u]),
+                fontsize=8,
+                ha="center",
+                va="center",
+                color=VERMILLION if is_multiple else "black",
+                weight="bold" if is_multiple else "normal",
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
+            )
+
+
+def _measure(curve: Curve) -> dict:
+    differences = _all_differences(curve.positions)
+    others = differences[differences > 1]
+    values, numbers = np.unique(others, return_counts=True)
+    frequent = np.argsort(-numbers, kind="stable")[:5]
+    images = {base: enumerated(curve, sequences.van_der_corput(base)) for base in BASES}
+    halves = images[2] < 0.5
+    y, x = np.indices(halves.shape)
+    return {
+        "edges": len(differences),
+        "edges with a difference of 1": int(np.count_nonzero(differences == 1)),
+        FREQUENT: {str(values[k]): int(numbers[k]) for k in frequent},
+        MULTIPLES: {str(base): float(np.mean(others % base == 0)) for base in BASES},
+        EVEN_COLUMNS: bool(np.all(halves == (x % 2 == 0))),
+        ROW_BIT: bool(np.all(curve.positions >> 1 & 1 == y % 2)),
+        CHECKERBOARD: bool(np.all(halves == ((x + y) % 2 != halves[0, 0]))),
+        MIRRORED: {
+            f"phi_{base}": float(np.corrcoef(image.ravel(), image.T.ravel())[0, 1])
+            for base, image in images.items()
+        },
+        "share of the edges whose difference stays": {
+            motion: float(np.mean(differences == _all_differences(moved)))
+            for motion, moved in _moved(curve.positions).items()
+        },
+    }
+
+
+def _all_differences(positions: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.concatenate([d.ravel() for d in analysis.neighbour_differences(Curve(positions))])
+
+
+def _moved(positions: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
+    return {
+        "mirrored left to right": positions[:, ::-1],
+        "mirrored top to bottom": positions[::-1],
+        "mirrored at the diagonal": positions.T,
+        "mirrored at the other diagonal": positions[::-1, ::-1].T,
+        "turned by a half": positions[::-1, ::-1],
+    }
+
+
+def _claims(measured: dict) -> Claims:
+    binary = ("Hilbert", "Moore")
+    return {
+        "the Morton index is either odd or even per column: phi_2 < 1/2 in even columns": measured["Morton"][
+            EVEN_COLUMNS
+        ],
+        "its second bit is on and off along the rows": measured["Morton"][ROW_BIT],
+        "curves in base 2 show a checkerboard": {
+            name: measured[name][CHECKERBOARD] for name in ("Morton", *binary)
+        },
+        "symmetries along the diagonal for Peano: a correlation above 0.5 with the mirrored image": {
+            name: found > 0.5 for name, found in measured["Peano"][MIRRORED].items()
+        },
+        "differences have symmetries: more than half stay under some motion": {
+            name: max(of["share of the edges whose difference stays"].values()) > 0.5
+            for name, of in measured.items()
+        },
+        "many neighbours differ by 3 on the Hilbert curve: no other difference above 1 is as frequent": next(
+            iter(measured["Hilbert"][FREQUENT])
+        )
+        == "3",
+        "Hilbert and Moore have more multiples of 3 than a third": {
+            name: measured[name][MULTIPLES]["3"] > 1 / 3 for name in binary
+        },
+    }

@@ -1,0 +1,118 @@
+"""Programs that JAX has compiled, kept on disk from run to run: most of the time that drafts take.
+
+JAX looks programs up by what they compute, its version and its options, in a folder that the environment
+names before JAX is imported. A program counts as used when it is read, as far as the file system notes that.
+"""
+
+import glob
+import hashlib
+import os
+import platform
+import re
+import sys
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from figures.making import store
+from figures.making.this_machine import features
+
+MOST = 2**30
+"""Bytes that stay."""
+
+FOLDER, SWITCH = "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_COMPILATION_CACHE"
+ALL = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
+"""Figures consist of many small programs: to read one takes a tenth of the time to compile it."""
+
+UNREADABLE = re.compile(r"Error reading persistent compilation cache entry for '([^']+)'")
+
+
+def keep(warn: Callable[[str], None]) -> None:
+    """Let processes that start from now on keep programs, and read what is kept.
+
+    A folder that the environment names already stays the one. If there is no place, ``warn``, and go on.
+    """
+    if os.environ.get(FOLDER):
+        return
+    try:
+        folder = place()
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # Who writes to it has his code run here.
+        store.prepare(folder)
+    except (OSError, RuntimeError) as error:
+        warn(f"compiled programs cannot be kept, and the next run compiles them again: {error}")
+        return
+    _forget(folder.parent)
+    os.environ[FOLDER] = str(folder)
+    for name, value in ALL.items():
+        os.environ.setdefault(name, value)
+
+
+def place() -> Path:
+    """Return the folder for this kind of processor, below the user's folder for what can be made again.
+
+    Raises
+    ------
+    RuntimeError
+        If nobody knows where the user's home is.
+    """
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    if os.path.isabs(named):  # The specification has others ignored.
+        caches = Path(named)
+    elif sys.platform == "darwin":
+        caches = Path.home() / "Library" / "Caches"
+    elif sys.platform == "win32":
+        caches = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    else:
+        caches = Path.home() / ".cache"
+    # Machines that share a home may differ in the instructions that they understand.
+    kind = hashlib.sha256(f"{platform.machine()} {features()}".encode()).hexdigest()[:12]
+    return caches / "qmcjax" / "programs" / kind
+
+
+def measure_without() -> None:
+    """Compile anew from now on, in this process and those that it starts: where compiling is measured."""
+    os.environ[SWITCH] = "0"
+    jax = sys.modules.get("jax")
+    if jax is not None and jax.config.jax_enable_compilation_cache:
+        from jax.experimental.compilation_cache import compilation_cache
+
+        jax.config.update("jax_enable_compilation_cache", False)
+        compilation_cache.reset_cache()  # It asks only once whether it is enabled.
+
+
+def heal() -> None:
+    """Remove programs that cannot be read, and say only once if programs cannot be written.
+
+    Files are cut off where a process was killed as it wrote. JAX then warns, compiles, and writes the program
+    if there is no file.
+    """
+    show, told = warnings.showwarning, False
+
+    def heard(message, category, filename, lineno, file=None, line=None):  # as Python's
+        nonlocal told
+        text = str(message)
+        found = UNREADABLE.search(text)
+        if found:
+            for path in Path(os.environ.get(FOLDER, "")).glob(f"{glob.escape(found[1])}-*-cache"):
+                with suppress(OSError):
+                    path.unlink()
+        elif not (told and text.startswith("Error writing persistent compilation cache entry")):
+            told = told or text.startswith("Error writing persistent compilation cache entry")
+            show(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = heard
+
+
+def _forget(folder: Path, most: int = MOST) -> None:
+    """Remove the programs that were not used for the longest time, until the others take no more bytes."""
+    entries = []
+    for path in folder.rglob("*-cache"):
+        with suppress(OSError):  # Another process may remove them.
+            status = path.stat()
+            entries.append((max(status.st_atime, status.st_mtime), status.st_size, path))
+    for _, size, path in sorted(entries, reverse=True):
+        most -= size
+        if most < 0:
+            with suppress(OSError):
+                path.unlink()

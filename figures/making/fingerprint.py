@@ -1,0 +1,116 @@
+"""What a figure's picture depends on, hashed without importing any of it.
+
+Import statements are followed through the project's packages with ``ast``, so what a module imports
+under a name computed at run time is not seen.
+"""
+
+import ast
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from figures.making.store import NUMBERS
+
+PROJECT = ("qmcjax", "analysis", "figures")
+LIBRARIES = ("jax", "numpy", "scipy", "matplotlib")
+NOT_DATA = (".py", ".pyc", ".ipynb", ".md", ".png")
+
+
+def fingerprint(module: str, quality: str) -> str:
+    """Hash the quality, the files behind ``module`` and the versions of the libraries it may use.
+
+    Parameters
+    ----------
+    module : str
+        Dotted name of a figure's module. A module that is not there or does not parse has a
+        fingerprint too: the error is left to whoever imports it.
+    quality : str
+        What the module's ``make`` is called with.
+
+    Returns
+    -------
+    str
+        64 hexadecimal digits, independent of where the project lies.
+    """
+    files = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in sources(module).items()}
+    versions = {name: importlib.metadata.version(name) for name in LIBRARIES}
+    text = json.dumps([quality, files, versions], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def sources(module: str) -> dict[str, Path]:
+    """Return the modules that importing ``module`` runs and the data files of their packages.
+
+    Parameters
+    ----------
+    module : str
+        Dotted name, not imported.
+
+    Returns
+    -------
+    dict of str to Path
+        From dotted names (for data ``package/file``) to files; of `PROJECT` and of the package of
+        ``module`` only.
+    """
+    roots = {*PROJECT, module.partition(".")[0]}
+    found: dict[str, Path] = {}
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        parent, _, _ = name.rpartition(".")
+        path = _locate(name) if name not in found and name.partition(".")[0] in roots else None
+        if path is None:
+            continue
+        found[name] = path
+        is_package = path.name == "__init__.py"
+        if is_package:
+            found |= {
+                f"{name}/{data.relative_to(path.parent).as_posix()}": data
+                for data in _data_files(path.parent)
+            }
+        if parent:
+            pending.append(parent)
+        pending += _imports(path.read_bytes(), name if is_package else parent)
+    return found
+
+
+def _locate(name: str) -> Path | None:
+    """Return the file of a module; None for any other name, such as that of a module's function."""
+    root, *rest = name.split(".")
+    spec = importlib.util.find_spec(root)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    stem = Path(spec.submodule_search_locations[0], *rest)
+    return next((path for path in (stem / "__init__.py", stem.with_suffix(".py")) if path.is_file()), None)
+
+
+@cache
+def _imports(source: bytes, package: str) -> tuple[str, ...]:
+    """Return the absolute names that may be modules in the import statements of ``source``."""
+    names: list[str] = []
+    try:
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.Import):
+                names += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
+                names += [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    except (SyntaxError, ValueError, ImportError):
+        return ()
+    return tuple(names)
+
+
+def _data_files(package: Path) -> Iterator[Path]:
+    """Yield what is neither code nor text for people, down to other packages and output folders."""
+    for path in package.iterdir():
+        if path.name.startswith((".", "__")):
+            continue
+        if path.is_dir():
+            if not (path / "__init__.py").exists() and not (path / NUMBERS).exists():
+                yield from _data_files(path)
+        elif path.suffix not in NOT_DATA:
+            yield path

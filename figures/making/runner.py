@@ -1,0 +1,88 @@
+"""Tasks over worker processes: a stream of what they report, and no process left at its end."""
+
+import multiprocessing
+import os
+import signal
+from collections import deque
+from collections.abc import Callable, Collection, Generator, Sequence
+from contextlib import suppress
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnContext, SpawnProcess
+
+from figures.making.worker import Failed, Message, Progress, Task, serve
+
+
+def run(
+    tasks: Sequence[Task], jobs: int, claim: Callable[[Task], bool] = lambda task: True
+) -> Generator[tuple[Task, Message], None, None]:
+    """Yield what the workers report, ``jobs`` tasks at a time if they may, and kill them when closed.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        Started in this order.
+    jobs : int
+        At least 1; a worker is kept for the next task.
+    claim : callable
+        Asked before a task is started; one for which it returns False is left out.
+
+    Yields
+    ------
+    task, message : Task, Message
+        For each task that is started any number of `Progress`, then one `Done` or `Failed`.
+    """
+    # XLA's buffers come from malloc, whose fresh 4 KiB pages can cost more than the arithmetic;
+    # huge pages are a matter of the environment before a process starts.
+    os.environ.setdefault("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1")
+    context = multiprocessing.get_context("spawn")
+    waiting = deque(tasks)
+    workers: dict[Connection, SpawnProcess] = {}
+    busy: dict[Connection, Task] = {}
+    try:
+        while waiting or busy:
+            while waiting and len(busy) < jobs and not _disturbs(waiting[0], busy.values()):
+                task = waiting.popleft()
+                if not claim(task):
+                    continue
+                idle = next((connection for connection in workers if connection not in busy), None)
+                if idle is None:
+                    idle, process = _start(context)
+                    workers[idle] = process
+                busy[idle] = task
+                with suppress(BrokenPipeError):  # a dead worker is noticed below
+                    idle.send(task)
+            ready = wait(list(busy)) if busy else []
+            for connection in [each for each in busy if each in ready]:
+                task = busy[connection]
+                try:
+                    message = connection.recv()
+                except (EOFError, OSError):
+                    process = workers.pop(connection)
+                    process.join()
+                    message = Failed(f"{task.name}: its process ended with exit status {process.exitcode}\n")
+                if not isinstance(message, Progress):
+                    del busy[connection]
+                yield task, message
+    finally:
+        for process in workers.values():
+            process.kill()
+        for process in workers.values():
+            process.join()
+
+
+def _disturbs(task: Task, running: Collection[Task]) -> bool:
+    return bool(running) and any(each.alone for each in (task, *running))
+
+
+def _start(context: SpawnContext) -> tuple[Connection, SpawnProcess]:
+    ours, theirs = context.Pipe()
+    process = context.Process(target=serve, args=(theirs,), daemon=True)
+    # Ctrl-C reaches every process of a terminal. It is this one's business: a signal that is
+    # ignored when a process starts stays ignored in it, from before its first import on.
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        process.start()
+    finally:
+        signal.signal(signal.SIGINT, handler)
+    theirs.close()
+    return ours, process

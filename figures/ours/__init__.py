@@ -1,0 +1,1 @@
+"""Figures of our own: speed, stability, and what the papers leave open."""

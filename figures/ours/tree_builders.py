@@ -1,0 +1,195 @@
+"""Trees by the surface area heuristic and by the other ways of Sect. 4.1.3 and 4.1.4 of the thesis."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import trees
+from figures.shared import mesh_models, text_tables
+from figures.shared.traversal import Rays, leaf_depths, timed, traced
+
+SIDE = {"draft": 24, "paper": 96}
+FAN = 200
+"""Triangles of the fan."""
+QUADRATIC = 2000
+"""Boxes up to which all pairs of them are looked at."""
+CATASTROPHE = 2.0
+"""As many nodes, or more."""
+SLIGHTLY = 1.25
+
+EMBREE = find_spec("embreex") is not None
+
+SAH, CENTRES = "surface area heuristic", "2-means of centres"
+
+NOTE = (
+    "Summed areas and nodes of {side} x {side} primary rays relative to the tree of the surface area "
+    "heuristic; one triangle a leaf. All but the last two ways take the split with the least c(j) of Eq. 4.1 "
+    "that they look at: of three axes, of one curve, of two pairs of clusters. 2-means is with the metric "
+    "for boxes; 'of centres' clusters these as points. Quadratic splits look at all pairs of boxes, which is "
+    "too much for more than {most} of them; 'filled' keeps 40 % of the boxes in either group. The fan: {fan} "
+    "triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic splits is "
+    "{depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, "
+    "is for the same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
+)
+
+
+def _ways(low: NDArray, high: NDArray) -> dict[str, Callable[[], trees.Tree]]:
+    found: dict[str, Callable[[], trees.Tree]] = {
+        SAH: partial(trees.surface_area_tree, low, high),
+        "optimal subtrees of it": lambda: trees.optimal_subtrees(trees.surface_area_tree(low, high)),
+        "Hilbert order": partial(trees.hilbert_tree, low, high),
+        "Morton order": partial(trees.morton_tree, low, high),
+        "2-means": partial(trees.two_means_tree, low, high, tries=2),
+        CENTRES: partial(_of_centres, low, high),
+    }
+    if len(low) <= QUADRATIC:
+        found["quadratic split"] = partial(trees.quadratic_split_tree, low, high)
+        found["quadratic split, filled"] = partial(trees.quadratic_split_tree, low, high, fill=0.4)
+    return found
+
+
+def _of_centres(low: NDArray, high: NDArray) -> trees.Tree:
+    center = (low + high) / 2
+    return trees.refitted(trees.two_means_tree(center, center, tries=2), low, high)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Build trees of all meshes in all ways, and send rays through them."""
+    side = SIDE[quality]
+    measured: dict[str, dict[str, Any]] = {}
+    marks: dict[str, float] = {}
+    small = mesh_models.Mesh(mesh_models.knot(2, 3, 48, 10), (0.0, 1.0, -7.0), (0.0, 0.0, 0.0))
+    meshes = {"one knot": lambda: small} | {
+        name: partial(mesh_models.made, name, quality) for name in mesh_models.MESHES
+    }
+    for done, (name, mesh) in enumerate(meshes.items(), start=1):
+        measured[name] = _of_mesh(mesh(), side)
+        if EMBREE:
+            marks[name] = _embree(mesh())
+        progress(done / len(meshes))
+    fan = _fan()
+    names = tuple(way for way in measured["one knot"] if way != "triangles")
+    claims = {
+        "along the Hilbert curve trees are worse than by three axes": {
+            mesh: _nodes(of, "Hilbert order") > 1 for mesh, of in measured.items()
+        },
+        "in Morton order they are worse than along the Hilbert curve": {
+            mesh: _nodes(of, "Morton order") > _nodes(of, "Hilbert order") for mesh, of in measured.items()
+        },
+        "in Morton order they are catastrophic: twice the nodes": {
+            mesh: _nodes(of, "Morton order") > CATASTROPHE for mesh, of in measured.items()
+        },
+        "2-means perform slightly worse: up to a quarter more summed area": {
+            mesh: 1 < _area(of, "2-means") < SLIGHTLY for mesh, of in measured.items()
+        },
+        "by 2-means trees are always inferior: more summed area": {
+            f"{mesh}, {way}": _area(of, way) > 1
+            for mesh, of in measured.items()
+            for way in ("2-means", CENTRES)
+        },
+        "quadratic splits degrade a fan to something like a list: a depth of half its triangles": fan[
+            "quadratic split"
+        ]
+        > FAN / 2,
+    }
+    numbers = {
+        "measured": {"meshes": measured, "Embree, nanoseconds a ray": marks, "depth of the fan": fan},
+        "claims": claims,
+        "note": NOTE.format(
+            side=side,
+            most=QUADRATIC,
+            fan=FAN,
+            depth=fan["quadratic split"],
+            least=fan[SAH],
+            embree="" if EMBREE else " Embree is not installed here.",
+        ),
+    }
+    return _draw(measured, marks, names), numbers
+
+
+def _nodes(of: dict[str, Any], way: str) -> float:
+    return of[way]["nodes / those of the heuristic"]
+
+
+def _area(of: dict[str, Any], way: str) -> float:
+    return of[way]["area / that of the heuristic"]
+
+
+def _of_mesh(mesh: mesh_models.Mesh, side: int) -> dict[str, Any]:
+    rays = Rays(*mesh_models.camera_rays(mesh, side))
+    distance = trees.triangle_distances(mesh.triangles, *rays)
+    found: dict[str, Any] = {}
+    first: dict[str, float] = {}
+    for name, make in _ways(*mesh_models.corners(mesh.triangles)).items():
+        tree, seconds = timed(make)
+        area, visits = trees.summed_area(tree), float(traced(tree, rays, distance).visits.mean())
+        first = first or {"area": area, "visits": visits}
+        found[name] = {
+            "summed area": area,
+            "area / that of the heuristic": area / first["area"],
+            "nodes of a primary ray": visits,
+            "nodes / those of the heuristic": visits / first["visits"],
+            "mean leaf depth": leaf_depths(tree)[1],
+            "seconds to build": seconds,
+        }
+    return found | {"triangles": len(mesh.triangles)}
+
+
+def _fan() -> dict[str, int]:
+    """Return the depths of trees over triangles around one vertex."""
+    angle = np.pi / 2 * 0.9 ** np.arange(FAN + 1)
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    low, high = mesh_models.corners(np.stack([0 * rim[:-1], rim[:-1], rim[1:]], axis=1))
+    return {
+        "quadratic split": leaf_depths(trees.quadratic_split_tree(low, high))[0],
+        "quadratic split, filled": leaf_depths(trees.quadratic_split_tree(low, high, fill=0.4))[0],
+        SAH: leaf_depths(trees.surface_area_tree(low, high))[0],
+    }
+
+
+def _embree(mesh: mesh_models.Mesh, side: int = 256, turns: int = 5) -> float:
+    """Return the nanoseconds of a primary ray, the median of some turns after the first."""
+    from embreex.mesh_construction import TriangleMesh  # pyright: ignore[reportMissingImports]
+    from embreex.rtcore_scene import EmbreeScene  # pyright: ignore[reportMissingImports]
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, mesh.triangles.astype(np.float32))
+    origin, way = (np.ascontiguousarray(a, np.float32) for a in mesh_models.camera_rays(mesh, side))
+    times = []
+    for _ in range(turns + 1):
+        start = time.perf_counter()
+        scene.run(origin, way)
+        times.append(time.perf_counter() - start)
+    return float(np.median(times[1:]) / len(origin) * 1e9)
+
+
+def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], names: tuple[str, ...]) -> Figure:
+    figure = Figure(figsize=(13.0, 2.4 + 0.23 * len(measured)), layout="constrained")
+    figure.suptitle(
+        "Trees by other ways than the surface area heuristic (thesis Sect. 4.1.3, 4.1.4)", fontsize=11
+    )
+    others = names[1:]
+    rows = []
+    for mesh, of in measured.items():
+        row = [f"{mesh}, {of['triangles']}", f"{of[SAH]['nodes of a primary ray']:.1f}"]
+        for key in ("area / that of the heuristic", "nodes / those of the heuristic"):
+            row += [f"{of[way][key]:.2f}" if way in of else "" for way in others]
+        row.append(f"{marks[mesh]:.0f}" if mesh in marks else "")
+        rows.append(row)
+    short = ("optimal", "Hilbert", "Morton", "2-means", "centres", "quadr.", "filled")
+    heads = ["mesh, triangles", "nodes", *short, *short, "ns a ray"]
+    count = len(others)
+    groups = [
+        ("heuristic", 1, 1),
+        ("summed area / that of the heuristic", 2, 1 + count),
+        ("nodes of primary rays / those of the heuristic", 2 + count, 1 + 2 * count),
+        ("Embree", 2 + 2 * count, 2 + 2 * count),
+    ]
+    text_tables.draw(figure.subplots(), heads, rows, groups, [2.6, 1.0, *[0.9] * 14, 1.1])
+    return figure

@@ -1,0 +1,200 @@
+"""Trees over moving triangles, the ways of Sect. 4.2 and 4.3 of the thesis: expected cost, nodes, memory."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis import trees
+from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
+from figures.shared import mesh_models
+from figures.shared.traversal import Rays, traced
+
+SIDE = {"draft": 24, "paper": 96}
+PARTS = {"draft": (2, 8), "paper": (2, 4, 8, 16)}
+"""Of the shutter, with a tree each."""
+KAPPAS = {"draft": (2.0, 4.0), "paper": (2.0, 4.0, 8.0)}
+"""Split triangles have parts of at most 1 / kappa of the area of their box."""
+MOST = 16
+"""Parts of a triangle in time."""
+
+SCENES: dict[str, dict[str, Callable[[], mesh_models.Moving]]] = {
+    "helicopter": {
+        "draft": lambda: mesh_models.flying_helicopter(4, 12),
+        "paper": lambda: mesh_models.flying_helicopter(10),
+    },
+    "knots": {"draft": lambda: mesh_models.flying_knots(3), "paper": lambda: mesh_models.flying_knots(6)},
+    "hail": {"draft": lambda: mesh_models.hail(2, 200), "paper": lambda: mesh_models.hail(8, 4000)},
+}
+
+WHOLE, HALF, INTERPOLATED = (
+    "whole shutter",
+    "interpolated, tree of half-way",
+    "interpolated, tree of the whole",
+)
+STYLES = {
+    WHOLE: (BLACK, "o"),
+    INTERPOLATED: (BLUE, "s"),
+    HALF: (PURPLE, "D"),
+    "trees of parts": (VERMILLION, "^"),
+    "split, kappa": (GREEN, "v"),
+}
+
+NOTE = (
+    "Linear motion between times, two or, for the helicopter, {knots}: its rotors turn 2.25 times. The "
+    "ground and the terrain are still. Expected nodes are summed areas over the area of the box of all "
+    "at all times: means over lines spread evenly in space and time. Visited nodes: {side} x {side} primary "
+    "rays, each at a time of its own. Boxes count once for each time or part that they are stored for. "
+    "Interpolated boxes are stored for all times; 'half-way' has the tree of the triangles in the middle "
+    "of the shutter. Its parts, 2 to {parts}, have a tree each (Eq. 4.7). Triangles split in time have "
+    "up to {most} parts, of 1 / kappa of the area or less if these do, in one tree over boxes in space and "
+    "time, each area times its duration. In the hail a small triangle flies along the diagonal of all."
+)
+
+
+class Way(NamedTuple):
+    """What a way costs."""
+
+    expected: float
+    visited: float
+    boxes: float
+    """Per triangle."""
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Build trees in all ways over all scenes, and send rays through them."""
+    found: dict[str, dict[str, Way]] = {}
+    counts: dict[str, dict[str, float]] = {}
+    boxes: dict[str, dict[str, float]] = {}
+    knots = 0
+    for done, name in enumerate(SCENES, start=1):
+        scene = SCENES[name][quality]()
+        knots = max(knots, len(scene.times))
+        found[name], counts[name], boxes[name] = _of_scene(scene, quality)
+        progress(done / len(SCENES))
+    measured = {
+        name: {
+            "ways": {way: of._asdict() for way, of in found[name].items()},
+            "parts of triangles / triangles, by kappa": counts[name],
+            "largest box of a triangle / that of all": boxes[name],
+        }
+        for name in SCENES
+    }
+    cheapest = {name: min(of.values(), key=lambda way: way.visited) for name, of in found.items()}
+    claims = {
+        "interpolated boxes pay off: fewer nodes are visited than with boxes for the whole shutter": {
+            name: of[INTERPOLATED].visited < of[WHOLE].visited for name, of in found.items()
+        },
+        "it is better to build the tree for a time instant than over the whole shutter": {
+            name: of[HALF].visited < of[INTERPOLATED].visited for name, of in found.items()
+        },
+        "a tree for each part of the shutter fits better: fewer nodes are visited, the more parts": {
+            name: bool(
+                np.all(np.diff([of[WHOLE].visited, *(of[_parts(n)].visited for n in PARTS[quality])]) < 0)
+            )
+            for name, of in found.items()
+        },
+        "the box of a small triangle on the diagonal is as large as the scene": boxes["hail"]["whole"] > 0.95,
+        "parts of the shutter ameliorate that": boxes["hail"][f"{PARTS[quality][-1]} parts"] < 0.05,
+        "splitting triangles in time lowers what is expected": {
+            name: of[_split(2.0)].expected < of[WHOLE].expected for name, of in found.items()
+        },
+        "it multiplies the triangles, by more than 2 at kappa 2": {
+            name: of[f"{2.0:g}"] > 2 for name, of in counts.items()
+        },
+    }
+    numbers = {
+        "measured": measured
+        | {"fewest visited nodes": {name: way.visited for name, way in cheapest.items()}},
+        "claims": claims,
+        "note": NOTE.format(knots=knots, side=SIDE[quality], parts=PARTS[quality][-1], most=MOST),
+    }
+    return _draw(found), numbers
+
+
+def _parts(count: int) -> str:
+    return f"trees of parts: {count}"
+
+
+def _split(kappa: float) -> str:
+    return f"split, kappa: {kappa:g}"
+
+
+def _of_scene(
+    scene: mesh_models.Moving, quality: str
+) -> tuple[dict[str, Way], dict[str, float], dict[str, float]]:
+    times, vertices = scene.times, scene.triangles
+    low, high = mesh_models.corners(vertices)
+    whole = trees.boxes_during(low, high, times)
+    everything = float(trees.surface_area(whole[0].min(axis=0), whole[1].max(axis=0)))
+    rays = Rays(*mesh_models.camera_rays(scene.view, SIDE[quality]))
+    when = np.random.default_rng(6).uniform(size=len(rays.origin))
+    count = low.shape[1]
+
+    def way(tree: trees.Tree, number: Any = None) -> Way:
+        distance = trees.triangle_distances(vertices, *rays, times=times, time=when, number=number)
+        visited = traced(tree, rays, distance, when).visits.mean()
+        stored = (2 * tree.size - 1) * (1 if tree.times is None else len(times))
+        return Way(trees.summed_area(tree) / everything, float(visited), stored / count)
+
+    tree = trees.surface_area_tree(*whole)
+    middle = trees.surface_area_tree(*trees.boxes_during(low, high, times, 0.5, 0.5))
+    found = {
+        WHOLE: way(tree),
+        INTERPOLATED: way(trees.refitted(tree, low, high, times)),
+        HALF: way(trees.refitted(middle, low, high, times)),
+    }
+    largest = {"whole": float(trees.surface_area(*whole).max()) / everything}
+    for parts in PARTS[quality]:
+        cuts = np.linspace(0, 1, parts + 1)
+        own = np.minimum((when * parts).astype(int), parts - 1)
+        visited, expected, most = 0.0, 0.0, 0.0
+        for part in range(parts):
+            boxes = trees.boxes_during(low, high, times, cuts[part], cuts[part + 1])
+            of_part, now = trees.surface_area_tree(*boxes), own == part
+            few = Rays(rays.origin[now], rays.direction[now])
+            distance = trees.triangle_distances(vertices, *few, times=times, time=when[now])
+            visited += float(traced(of_part, few, distance).visits.sum()) / len(when)
+            expected += trees.summed_area(of_part) / everything / parts
+            most = max(most, float(trees.surface_area(*boxes).max()) / everything)
+        found[_parts(parts)] = Way(expected, visited, parts * (2 * count - 1) / count)
+        largest[f"{parts} parts"] = most
+    counts = {}
+    for kappa in KAPPAS[quality]:
+        lows, highs, number = trees.split_in_time(low, high, times, kappa, most=MOST)
+        found[_split(kappa)] = way(trees.surface_area_tree(lows, highs), number)
+        counts[f"{kappa:g}"] = len(number) / count
+    return found, counts, largest
+
+
+def _draw(found: dict[str, dict[str, Way]]) -> Figure:
+    figure = Figure(figsize=(3.6 * len(found), 6.6), layout="constrained")
+    figure.suptitle("Trees over moving triangles (thesis Sect. 4.2 and 4.3)", fontsize=11)
+    panels = figure.subplots(2, len(found), squeeze=False)
+    for column, (name, of) in enumerate(found.items()):
+        for row, key in enumerate(("expected", "visited")):
+            axes = panels[row, column]
+            _draw_ways(axes, of, key)
+            axes.set_ylabel("expected nodes of a line" if row == 0 else "visited nodes of a primary ray")
+            if row == 0:
+                axes.set_title(name, fontsize=10)
+            else:
+                axes.set_xlabel("boxes stored per triangle")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+    return figure
+
+
+def _draw_ways(axes: Axes, of: dict[str, Way], key: str) -> None:
+    for kind, (color, marker) in STYLES.items():
+        ways = [(name, way) for name, way in of.items() if name.split(": ")[0] == kind]
+        values = ", ".join(name.split(": ")[1] for name, _ in ways if ": " in name)
+        label = f"{kind}: {values}" if values else kind
+        x, y = [way.boxes for _, way in ways], [getattr(way, key) for _, way in ways]
+        axes.plot(x, y, marker=marker, color=color, ms=5, lw=0.8, label=label)
+    axes.axhline(of[WHOLE]._asdict()[key], color=BLACK, lw=0.6, ls=":")
+    axes.set_xscale("log", base=2)
+    axes.set_ylim(0, None)
+    axes.grid(alpha=0.3)

@@ -1,0 +1,191 @@
+"""Images by Mitsuba 3 with its samplers and ours: ``python -m figures.shared.mitsuba_samplers_process``.
+
+The task comes in JSON at standard input: the name of a scene, a side, runs, and the file for the result.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from qmcjax import orders, samplers, sequences
+from qmcjax.bridges import mitsuba as bridge
+
+
+class Run(NamedTuple):
+    """One image: the name of a sampler, samples per pixel, and a key: the seed of Mitsuba's samplers."""
+
+    sampler: str
+    spp: int
+    key: int
+
+
+DIMS = 8
+"""Of each sampler: the pixel's, the lens', and those of a bounce. The plug-in pads what is behind them."""
+
+
+def _hilbert(side: int, spp: int, key: int) -> samplers.Sampler:
+    owen = sequences.owen(sequences.sobol(DIMS), key)
+    return samplers.contiguous(orders.hilbert(side, side), owen, spp)
+
+
+OURS: dict[str, Callable[[int, int, int], samplers.Sampler]] = {
+    "(0,2), Owen per pixel": lambda side, spp, key: samplers.independent(sequences.sobol(DIMS), key),
+    "Hilbert, Owen-Sobol'": _hilbert,
+    "Z, hash": lambda side, spp, key: samplers.z(side, side, spp, key, dims=DIMS),
+    "optimised orders": lambda side, spp, key: samplers.optimized(side, side, spp, key, dims=DIMS),
+}
+"""By side, samples per pixel and key."""
+
+THEIRS = ("independent", "stratified", "multijitter")
+
+
+def cornell_box(mitsuba: Any) -> dict[str, Any]:
+    """Return the Cornell box as Mitsuba has it."""
+    return mitsuba.cornell_box()
+
+
+def glossy(mitsuba: Any) -> dict[str, Any]:
+    """Return rough metal and varnish on a rough floor, below two lamps and a sky."""
+    place = mitsuba.ScalarTransform4f
+    floor = _rough("Cr", 0.2)
+    lamps = {
+        f"lamp{k}": {
+            "type": "sphere",
+            "center": center,
+            "radius": 0.45,
+            "emitter": {"type": "area", "radiance": _rgb(*radiance)},
+        }
+        for k, (center, radiance) in enumerate(
+            (([-2.8, 3.0, 0.6], (9.0, 7.0, 5.0)), ([2.8, 2.6, 1.0], (4.0, 6.0, 9.0)))
+        )
+    }
+    varnish = {"type": "roughplastic", "diffuse_reflectance": _rgb(0.6, 0.1, 0.08), "alpha": 0.1}
+    balls = {
+        f"ball{k}": {"type": "sphere", "center": [x, 0.6, z], "radius": 0.6, "bsdf": bsdf}
+        for k, (x, z, bsdf) in enumerate(
+            ((-1.35, 0.0, _rough("Au", 0.1)), (0.0, 0.35, varnish), (1.35, -0.1, _rough("Cu", 0.3)))
+        )
+    }
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 4},
+        "sensor": {
+            "type": "perspective",
+            "fov": 40.0,
+            "to_world": place().look_at([0, 3.6, 4.6], [0, 0.25, 0], [0, 1, 0]),
+        },
+        "floor": {
+            "type": "rectangle",
+            "to_world": place().rotate([1, 0, 0], -90) @ place().scale(6),
+            "bsdf": floor,
+        },
+        "sky": {"type": "constant", "radiance": _rgb(0.25, 0.3, 0.4)},
+        **lamps,
+        **balls,
+    }
+
+
+def depth_of_field(mitsuba: Any) -> dict[str, Any]:
+    """Return a row of balls on a checkerboard, the third in focus of a wide lens."""
+    place = mitsuba.ScalarTransform4f
+    colors = ((0.8, 0.3, 0.2), (0.8, 0.6, 0.2), (0.3, 0.7, 0.3), (0.2, 0.5, 0.8), (0.6, 0.3, 0.7))
+    balls = {
+        f"ball{k}": {
+            "type": "sphere",
+            "center": [0.6 * (k - 2), 0.4, 2.0 - 1.3 * k],
+            "radius": 0.4,
+            "bsdf": {"type": "diffuse", "reflectance": _rgb(*color)},
+        }
+        for k, color in enumerate(colors)
+    }
+    board = {
+        "type": "checkerboard",
+        "color0": _rgb(0.15, 0.15, 0.15),
+        "color1": _rgb(0.75, 0.75, 0.75),
+        "to_uv": place().scale([12, 12, 1]),
+    }
+    origin, target = [1.2, 2.9, 5.0], [0.1, 0.2, -0.6]
+    distance = float(np.linalg.norm(np.subtract(origin, target)))
+    return {
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 3},
+        "sensor": {
+            "type": "thinlens",
+            "fov": 36.0,
+            "aperture_radius": 0.25,
+            "focus_distance": distance,
+            "to_world": place().look_at(origin, target, [0, 1, 0]),
+        },
+        "floor": {
+            "type": "rectangle",
+            "to_world": place().rotate([1, 0, 0], -90) @ place().scale(8),
+            "bsdf": {"type": "diffuse", "reflectance": board},
+        },
+        "lamp": {
+            "type": "rectangle",
+            "to_world": place().translate([0, 4, 1]) @ place().rotate([1, 0, 0], 90),
+            "emitter": {"type": "area", "radiance": _rgb(6.0, 5.6, 5.0)},
+        },
+        "sky": {"type": "constant", "radiance": _rgb(0.3, 0.4, 0.5)},
+        **balls,
+    }
+
+
+SCENES = {"Cornell box": cornell_box, "glossy": glossy, "depth of field": depth_of_field}
+
+
+def _rgb(*value: float) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(value)}
+
+
+def _rough(metal: str, alpha: float) -> dict[str, Any]:
+    return {"type": "roughconductor", "material": metal, "alpha": alpha}
+
+
+def rendered(mitsuba: Any, name: str, side: int, run: Run) -> tuple[Any, float]:
+    """Return an image, and the seconds that it took without loading."""
+    described = SCENES[name](mitsuba)
+    film = mitsuba.load_dict(
+        {
+            "type": "hdrfilm",
+            "width": side,
+            "height": side,
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        }
+    )
+    seed, plug_in = run.key, {"type": run.sampler}
+    if run.sampler in OURS:
+        made = OURS[run.sampler](side, run.spp, run.key)
+        seed, plug_in = 0, {"type": "qmcjax", "sampler": bridge.held(made), "film": film, "key": run.key}
+    described["sensor"] |= {"film": film, "sampler": plug_in}
+    scene = mitsuba.load_dict(described)
+    start = time.perf_counter()
+    image = np.array(mitsuba.render(scene, spp=run.spp, seed=seed), np.float32)
+    return image, time.perf_counter() - start
+
+
+def main() -> None:
+    """Render with the scalar variant, which runs wherever Mitsuba does: what is Mitsuba's own before ours."""
+    task = json.load(sys.stdin)
+    bridge.register("scalar_rgb")
+    import drjit  # pyright: ignore[reportMissingImports]
+    import mitsuba  # pyright: ignore[reportMissingImports]
+
+    found = []
+    for run in (Run(*given) for given in task["runs"]):
+        if run.sampler in OURS:
+            # Several would wait for each other at each number that they ask Python for.
+            drjit.set_thread_count(1)
+        found.append(rendered(mitsuba, task["scene"], task["side"], run))
+    images, seconds = zip(*found, strict=True)
+    np.savez(task["file"], images=np.array(images), seconds=np.array(seconds))
+
+
+if __name__ == "__main__":
+    main()

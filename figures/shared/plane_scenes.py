@@ -1,0 +1,228 @@
+"""The thesis's two planar test scenes: the samplers it compares, as images and as convergence graphs."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+import analysis
+import qmcjax as qj
+from figures import plot
+from figures.making import finished_cells
+from figures.making.schema import Claims
+from qmcjax import samplers, sequences
+from qmcjax.orders import log_side
+
+REGIONS = ("whole", "upper", "lower")
+KEYS = 4
+"""Jittered grids are random: their errors are averaged over so many."""
+
+VISIBLE = 2.0
+"""How much larger the error of a row of pixels is that is seen as a line."""
+
+DPI = 150
+
+SHOWN = 64
+"""Samples per pixel of the errors that are drawn."""
+
+
+def _net(make: Callable[[int], Any], side: int) -> Callable[[int], samplers.Sampler]:
+    """Return spp -> the sampler of one net over a square screen."""
+    return lambda spp: samplers.full_screen(make(2 * log_side(side, side) + spp.bit_length() - 1), side, side)
+
+
+def _jittered(side: int, key: int) -> Callable[[int], samplers.Sampler]:
+    return lambda spp: samplers.full_screen(sequences.jittered(side * round(spp**0.5), 2, key), side, side)
+
+
+def _lattice(key: int) -> Callable[[int], samplers.Sampler]:
+    """Return spp -> the sampler that rotates one lattice in each pixel, against lines of the image."""
+    return lambda spp: samplers.independent(sequences.rank1_lattice(spp), key, randomize="shift")
+
+
+def deterministic(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:
+    """Return the samplers of Sect. 6.1 but for the jittered grid, for a square screen."""
+    return {
+        "rank-1 lattice": _lattice(key=0),
+        "Hammersley": _net(sequences.hammersley_net, side),
+        "Larcher-Pillichshammer": _net(sequences.larcher_pillichshammer_net, side),
+        "optimised matrices": _net(sequences.optimized_net, side),
+        "permutation": _net(sequences.permutation_net, side),
+    }
+
+
+def pictures(
+    scene: Any, title: str, crop: tuple[float, float, float], quality: str, progress
+) -> tuple[Figure, dict, dict[str, np.ndarray]]:
+    """Show reference and samplers at 64 samples per pixel, with a magnified area below each.
+
+    ``crop`` is the left and upper edge and the side of the area, in parts of the image. Hands the images out.
+    """
+    side, spp = (512, 64) if quality == "paper" else (256, 64)
+    makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
+    reference, bound = scene.reference(side, side)
+    progress(0.5)
+    images = {name: np.asarray(qj.render(scene, make(spp), side, side, spp)) for name, make in makers.items()}
+    errors = {name: float(np.sqrt(np.mean((image - reference) ** 2))) for name, image in images.items()}
+    captions = {name: f"{name}\nRMS error {error:.5f}" for name, error in errors.items()}
+    left, upper, part = (round(c * side) for c in crop)
+    area = np.s_[upper : upper + part, left : left + part]
+    lines = {name: _line((image - reference)[area]) for name, image in images.items()}
+    progress(0.9)
+    images = {"exact reference": reference, **images}
+    figure = _sheet(images, captions, title, area)
+    numbers = {
+        "measured": {
+            "rms_error": errors,
+            "reference_error_bound": float(bound),
+            "strongest line at the top of the magnified area": lines,
+        },
+        "claims": {
+            "a line is visible at the top of the magnified area with the lattice, rotated as it is": max(
+                lines, key=lambda name: lines[name]
+            )
+            == "rank-1 lattice"
+            and lines["rank-1 lattice"] > VISIBLE,
+        },
+        "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; the camera is ours where the "
+        "thesis gives none. The lattice has 64 points, and a Cranley-Patterson rotation in each pixel. A "
+        "line is a row of pixels whose RMS error is so many times the median of the eight rows around it, "
+        f"visible from {VISIBLE:g} on. The thesis has the same caption below both of its lattice's images.",
+    }
+    return figure, numbers, images
+
+
+def _line(error: np.ndarray) -> float:
+    """Return how much one row in the upper half stands out from the rows around it."""
+    rows = np.sqrt(np.mean(error**2, axis=1))
+    return float(
+        max(
+            row / np.median([*rows[max(0, y - 4) : y], *rows[y + 1 : y + 5]])
+            for y, row in enumerate(rows[: len(rows) // 2])
+        )
+    )
+
+
+def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area) -> Figure:
+    """Lay images out so that one image pixel is one pixel of the PNG, and whole ones in the magnification."""
+    side = next(iter(images.values())).shape[0]
+    gap, top = 12, 80
+    width, height = len(images) * (side + gap) + gap, 2 * (side + gap) + gap + top
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(title, y=1 - 18 / height, fontsize=9)
+    rows, columns = area
+    for k, (name, image) in enumerate(images.items()):
+        for row, shown in enumerate((image, image[area])):
+            x, y = gap + k * (side + gap), gap + (1 - row) * (side + gap)
+            axes = plot.place(figure, shown, x, y, side // len(shown))
+            if row == 0:
+                axes.set_title(captions.get(name, name), fontsize=8, pad=3)
+                axes.add_patch(
+                    Rectangle(
+                        (columns.start - 0.5, rows.start - 0.5),
+                        columns.stop - columns.start,
+                        rows.stop - rows.start,
+                        fill=False,
+                        color="tab:red",
+                        lw=0.8,
+                    )
+                )
+    return figure
+
+
+def convergence(
+    scene: Any,
+    title: str,
+    crop: tuple[float, float, float],
+    claims: Callable[[dict], Claims],
+    quality: str,
+    progress,
+) -> tuple[Figure, dict]:
+    """Plot error over samples per pixel for the whole image and its halves, and errors in a magnified area.
+
+    ``crop`` is the left and upper edge and the side of the area, in parts of the image.
+    """
+    side, largest = (512, 7) if quality == "paper" else (128, 5)
+    spps = [4**k for k in range(largest + 1)]
+    makers = {f"jittered grid {key}": _jittered(side, key) for key in range(KEYS)} | deterministic(side)
+
+    def errors_of(name: str) -> list[np.ndarray]:
+        table = analysis.convergence(scene, {name: makers[name]}, spps, width=side, height=side, repeats=1)
+        return [table.errors(name, region)[1] for region in REGIONS]
+
+    found = finished_cells.shared(title, {name: partial(errors_of, name) for name in makers}, progress)
+    jittered = np.sqrt(np.mean([found[f"jittered grid {key}"] ** 2 for key in range(KEYS)], axis=0))
+    found = {"jittered grid": jittered} | {name: found[name] for name in deterministic(side)}
+    errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
+
+    figure = _curves(spps, errors, title)
+    _errors_of_area(figure, scene, side, crop)
+    numbers = {
+        "measured": {
+            "spp": spps,
+            "rms_error": errors,
+            "slope": _slopes(spps, errors),
+            "fluctuation": {name: fluctuation(of_region["whole"]) for name, of_region in errors.items()},
+        },
+        "claims": claims(errors),
+        "note": f"{side} x {side} pixels. The thesis plots the norm of the error image, the RMS error times "
+        f"{side}. Jittered grids: root mean square over {KEYS} keys. 'claims' lists the thesis's sentences "
+        "and whether they hold in these numbers. 'fluctuation' is the root mean square of the distances of "
+        "the errors' logarithms from the line that fits them best.",
+    }
+    return figure, numbers
+
+
+def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: str) -> Figure:
+    """Draw errors times n^0.75 of all regions; below there is room for a row of images."""
+    width, height, below = 2400, 1300, 440
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(title, y=1 - 16 / height, fontsize=11)
+    for k, region in enumerate(REGIONS):
+        axes = figure.add_axes(
+            ((120 + 780 * k) / width, (below + 80) / height, 450 / width, (height - below - 170) / height)
+        )
+        plot.convergence(
+            spps,
+            {name: of_region[region] for name, of_region in errors.items()},
+            times=0.75,
+            title=f"{region} image" if region == "whole" else f"{region} half",
+            ax=axes,
+        )
+    return figure
+
+
+def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, float, float]) -> None:
+    """Draw the errors in an area with SHOWN samples in the lower part of the figure."""
+    left, upper, part = (round(c * side) for c in crop)
+    area = np.s_[upper : upper + part, left : left + part]
+    exact = scene.reference(side, side)[0][area]
+    makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
+    found = {
+        name: np.asarray(qj.render(scene, make(SHOWN), side, side, SHOWN))[area] - exact
+        for name, make in makers.items()
+    }
+    scale = 3 * float(np.sqrt(np.mean([error**2 for error in found.values()])))
+    zoom = 352 // part
+    for k, (name, error) in enumerate(found.items()):
+        caption = f"{name}, {SHOWN} spp" + (f"\nerror, {-scale:.2g} to {scale:.2g}" if k == 0 else "")
+        plot.place(figure, error, 40 + 392 * k, 24, zoom, title=caption, limits=(-scale, scale))
+
+
+def fluctuation(errors: list[float]) -> float:
+    """Return how far errors at equally spaced exponents are from a power law, root mean square."""
+    x, y = np.arange(len(errors)), np.log(errors)
+    return float(np.sqrt(np.mean((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2)))
+
+
+def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:
+    return {
+        name: {
+            region: float(np.polyfit(np.log(spps), np.log(values), 1)[0])
+            for region, values in regions.items()
+        }
+        for name, regions in errors.items()
+    }

@@ -1,0 +1,217 @@
+"""Methods of both rendering papers and their competitors, on integrands that are the same in every pixel."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.special import erf
+
+import analysis
+from figures.making.schema import Claims
+from figures.shared import screen_space_sheets
+from qmcjax import orders, samplers, sequences
+
+KEY = 1
+SIDE = {"draft": 64, "paper": 256}
+BINS = 32
+"""Of the frequencies of a radial spectrum."""
+
+RADIUS, SHARPNESS, CENTRE = 0.4, 10.0, (0.4, 0.55)
+
+
+def _integrands(point: Array) -> Array:
+    x, y = point[..., 0], point[..., 1]
+    inside = (x - 0.5) ** 2 + (y - 0.5) ** 2 < RADIUS**2
+    bump = jnp.exp(-SHARPNESS * ((x - CENTRE[0]) ** 2 + (y - CENTRE[1]) ** 2))
+    return jnp.stack([x * y, 1.0 * inside, 1.0 * (x + y < 1), bump], axis=-1)
+
+
+def _bump() -> float:
+    root = np.sqrt(SHARPNESS)
+    parts = [0.5 * np.sqrt(np.pi) / root * (erf(root * (1 - c)) + erf(root * c)) for c in CENTRE]
+    return float(np.prod(parts))
+
+
+INTEGRALS = {"x y": 0.25, "disc": np.pi * RADIUS**2, "x + y < 1": 0.5, "bump": _bump()}
+
+
+class Method(NamedTuple):
+    """A sampler of a square image for some samples per pixel."""
+
+    make: Callable[[int, int], samplers.Sampler]
+    dims: tuple[int, int] = (0, 1)
+    """The coordinates that are shown."""
+
+
+def _along(order, sequence) -> Method:
+    return Method(lambda side, spp: samplers.contiguous(order(side, side), sequence, spp))
+
+
+def methods() -> dict[str, Method]:
+    """Return the methods by name, each as its paper has it."""
+    sobol, halton = sequences.sobol(2), sequences.halton(2)
+    dithered = sequences.lattice(2)
+    permuted = sequences.halton(3, "faure_lemieux")
+    return {
+        "random": _along(orders.raster, sequences.uniform(2, KEY)),
+        "(0,2), xor per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY, "xor")),
+        "(0,2), Owen per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY)),
+        "lattice, rotated": Method(lambda side, spp: samplers.independent(dithered, KEY, "shift")),
+        "global Sobol'": Method(
+            lambda side, spp: samplers.full_screen(sequences.sobol(4), side, side), dims=(2, 3)
+        ),
+        "global Halton": Method(
+            lambda side, spp: samplers.full_screen(sequences.halton(4), side, side), dims=(2, 3)
+        ),
+        "dither, vectors": Method(lambda side, spp: samplers.dither(samplers.blue_noise_mask(2), dithered)),
+        "ranked (Heitz)": Method(lambda side, spp: samplers.ranked(2, KEY)),
+        "Z0": Method(lambda side, spp: samplers.z(side, side, spp, None, "plain")),
+        "Z, hash": Method(lambda side, spp: samplers.z(side, side, spp, KEY)),
+        "Z, tree": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "tree")),
+        "Z, ART": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "art")),
+        "Hilbert, Halton (2,3)": _along(orders.hilbert, halton),
+        "Hilbert, Halton (3,5)": _along(orders.hilbert, sequences.components(sequences.halton(3), (1, 2))),
+        "Hilbert, Owen-Sobol'": _along(orders.hilbert, sequences.owen(sobol, KEY)),
+        "Moore, Halton (2,3)": _along(orders.moore, halton),
+        "Peano, Halton (2,5)": _along(orders.peano, sequences.components(sequences.halton(3), (0, 2))),
+        "Hilbert, shifted lattice": Method(
+            lambda side, spp: samplers.shifted(orders.hilbert(side, side), permuted, sequences.lattice(3))
+        ),
+        "Hilbert, segments (3,5)": Method(
+            lambda side, spp: samplers.segments(
+                orders.hilbert(side, side), sequences.components(sequences.halton(3), (1, 2)), 1
+            )
+        ),
+        "Hilbert, partitioned": Method(
+            lambda side, spp: samplers.partitioned(
+                orders.hilbert(side, side), sequences.halton(3), exact=True
+            )
+        ),
+    }
+
+
+def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+    """Return the errors, shape (side, side, 4), and their measures by integrand."""
+    image = analysis.pixel_means(_integrands, method.make(side, spp), side, side, spp, method.dims)
+    image = np.asarray(image, np.float64)
+    measured = {}
+    for k, (name, exact) in enumerate(INTEGRALS.items()):
+        error, none = image[..., k] - exact, np.zeros((side, side))
+        measured[name] = {
+            "RMS error": float(np.sqrt(np.mean(error**2))),
+            # An error that is the same in all pixels has no spectrum.
+            "low-frequency power": analysis.low_frequency_power(error, none) if np.ptp(error) else 0.0,
+            "filtered error": analysis.filtered_error(error, none),
+        }
+    return image - np.array(list(INTEGRALS.values())), measured
+
+
+FAMILIES = {
+    "in each pixel": ("random", "(0,2), xor per pixel", "(0,2), Owen per pixel", "lattice, rotated"),
+    "over the screen, or optimised": ("global Sobol'", "global Halton", "dither, vectors", "ranked (Heitz)"),
+    "along Morton's curve": ("Z0", "Z, hash", "Z, tree", "Z, ART"),
+    "blocks of samples along a curve": (
+        "Hilbert, Halton (2,3)",
+        "Hilbert, Halton (3,5)",
+        "Hilbert, Owen-Sobol'",
+        "Moore, Halton (2,3)",
+        "Peano, Halton (2,5)",
+    ),
+    "otherwise along Hilbert's curve": (
+        "Hilbert, shifted lattice",
+        "Hilbert, segments (3,5)",
+        "Hilbert, partitioned",
+    ),
+}
+PAGE = (
+    ("in each pixel", "over the screen, or optimised", "along Morton's curve"),
+    ("blocks of samples along a curve", "otherwise along Hilbert's curve"),
+)
+"""Columns of the pictures."""
+
+KEY_TO_PICTURES = (
+    "Above each picture: RMS error | power at low frequencies,\n"
+    "below 1/16 of a cycle per pixel (white noise: 1).\n\n"
+    "Grey: no error. White, black: three RMS errors of the\n"
+    "same picture above and below the exact integral.\n\n"
+    "64 x 64 of {side} x {side} pixels. Spectra of all methods:\n"
+    "figure screen-space-spectra."
+)
+
+OPTIMISED = ("dither, vectors", "ranked (Heitz)")
+
+ALIKE, DIFFUSED = 1.25, 0.5
+"""Up to which factor errors are comparable, and below which power at low frequencies they are diffused."""
+
+LARGE = 64
+"""Samples a pixel from which on optimised keys are said to diffuse errors no more; masks are from 2 on."""
+
+NOTE = (
+    "{side} x {side} pixels, {spp} sample(s) each. Integrands of the two coordinates that a pixel samples, "
+    f"the same in every pixel: x y, a disc of radius {RADIUS}, x + y < 1, and "
+    f"exp(-{SHARPNESS:.0f} |p - {CENTRE}|^2). Errors are against the exact integrals; power is 1 for white "
+    "noise, low is the radial mean below 1/16 of a cycle per pixel, filtered the RMS error after a Gaussian "
+    "of 1.5 pixels; images are taken as periodic. The global sequences show their dimensions 2 and 3, since "
+    "0 and 1 are the pixel. Peano's curve fills 3**k pixels a side, of which a part is used. One key for "
+    "what is random. At one sample, segments and the shifted lattice are the contiguous blocks of their "
+    "Halton components."
+)
+
+
+def pictures(spp: int, quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the errors of all methods."""
+    side, measured, errors = SIDE[quality], {}, {}
+    for k, (name, method) in enumerate(methods().items(), start=1):
+        errors[name], measured[name] = measure(method, side, spp)
+        progress(k / len(methods()))
+    columns = [[name for family in part for name in FAMILIES[family]] for part in PAGE]
+    title = f"Errors at {spp} spp, of four integrands that are the same in all pixels"
+    figure = screen_space_sheets.pictures(title, columns, errors, measured, KEY_TO_PICTURES.format(side=side))
+    numbers = {
+        "measured": measured,
+        "claims": _claims(measured, spp),
+        "note": NOTE.format(side=side, spp=spp),
+    }
+    return figure, numbers
+
+
+def radial_power(errors: np.ndarray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies, in cycles per pixel, and the mean power over the integrands, in BINS of them."""
+    none = np.zeros(errors.shape[:2])
+    spectra = [analysis.error_spectrum(of, none) for of in np.moveaxis(errors, -1, 0) if np.ptp(of)]
+    frequency, power = analysis.radial_average(np.mean(spectra, axis=0))
+    return frequency.reshape(BINS, -1).mean(axis=1) / len(errors), power.reshape(BINS, -1).mean(axis=1)
+
+
+def _claims(measured: dict[str, dict[str, dict[str, float]]], spp: int) -> Claims:
+    def least(names: tuple[str, ...], integrand: str) -> float:
+        return min(measured[name][integrand]["filtered error"] for name in names)
+
+    def low(name: str) -> dict[str, float]:
+        return {integrand: of["low-frequency power"] for integrand, of in measured[name].items()}
+
+    def diffuses(what: str, name: str) -> dict[str, dict[str, bool]]:
+        claim = f"{what}: less than half of white noise at low frequencies"
+        return {claim: {integrand: power < DIFFUSED for integrand, power in low(name).items()}}
+
+    def fails(what: str, name: str) -> dict[str, dict[str, bool]]:
+        claim = f"{what} no more: at least half of white noise at low frequencies"
+        return {claim: {integrand: power >= DIFFUSED for integrand, power in low(name).items()}}
+
+    along = tuple(name for name in measured if name.startswith("Hilbert"))
+    mask, keys = OPTIMISED
+    return (
+        {
+            "along the Hilbert curve errors are as small from afar as with optimised masks and keys": {
+                integrand: least(along, integrand) < ALIKE * least(OPTIMISED, integrand)
+                for integrand in INTEGRALS
+            }
+        }
+        | (diffuses if spp == 1 else fails)("a mask diffuses errors", mask)
+        | (diffuses if spp < LARGE else fails)("optimised keys diffuse errors", keys)
+        | diffuses("Z diffuses errors", "Z, tree")
+    )

@@ -1,0 +1,87 @@
+"""Rendered scenes: their references and errors, and sheets of images with crops."""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+from figures import plot
+from figures.shared import diffusion
+from qmcjax import scenes
+
+DPI = 150
+GAP = 10
+
+
+class Reference(NamedTuple):
+    image: NDArray[np.float64]
+    error: float
+    """Root mean square of its standard errors."""
+    origin: str
+
+
+@cache
+def reference(name: str, side: int, spp: int) -> Reference:
+    """Return the stored reference of a scene of the package, or else an estimate by replicates of ``spp``."""
+    found = diffusion.reference(getattr(scenes, name)(), side, spp * diffusion.REPLICATES)
+    return Reference(found.image, _rms(found.error), found.origin)
+
+
+def rms_error(found: NDArray, exact: Reference) -> float:
+    """Return the RMS error over pixels and colours, without the reference's: no less than that.
+
+    Errors of both are independent, so their squares add.
+    """
+    square = np.mean(np.square(found - exact.image)) - exact.error**2
+    return float(np.sqrt(max(square, exact.error**2)))
+
+
+def _rms(values: NDArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+class Panel(NamedTuple):
+    caption: str
+    image: NDArray
+    crop: tuple[float, float, float]
+    """The left and upper edge and the side of the magnified area, in parts of the image."""
+
+
+def sheet(panels: Sequence[Panel], columns: int, title: str, size: int) -> Figure:
+    """Lay images out with their magnified areas on their right, both up to ``size`` pixels a side.
+
+    Each pixel of an image is a whole number of the picture's.
+    """
+    rows, head, top = -(-len(panels) // columns), 44, 40
+    cell = 2 * size + 3 * GAP
+    width, height = columns * cell, rows * (size + head + GAP) + top
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(title, y=1 - 14 / height, fontsize=10)
+    for k, panel in enumerate(panels):
+        row, column = divmod(k, columns)
+        y = height - top - (row + 1) * (size + head + GAP) + GAP
+        side = len(panel.image)
+        left, upper, part = (round(c * side) for c in panel.crop)
+        area = Rectangle((left - 0.5, upper - 0.5), part, part, fill=False, color="tab:red", lw=0.8)
+        for j, pixels in enumerate((panel.image, panel.image[upper : upper + part, left : left + part])):
+            x, zoom = column * cell + GAP + j * (size + GAP), size // len(pixels)
+            axes = plot.place(figure, pixels, x, y + size - zoom * len(pixels), zoom, transfer="srgb")
+            if j == 0:
+                axes.set_title(panel.caption, fontsize=8, pad=3, loc="left")
+                axes.add_patch(area)
+    return figure
+
+
+def fluctuation(errors: Mapping[int, float]) -> float:
+    """Return how far errors are from a power law of the number of samples, root mean square of logarithms."""
+    x, y = np.log(list(errors)), np.log(list(errors.values()))
+    return _rms(y - np.polyval(np.polyfit(x, y, 1), x))
+
+
+def slope(errors: Mapping[int, float]) -> float:
+    """Return the exponent of the power law that fits errors best."""
+    return float(np.polyfit(np.log(list(errors)), np.log(list(errors.values())), 1)[0])

@@ -1,0 +1,250 @@
+"""Thesis Sect. 3.1.3 and 3.2: frames from the images of others, and moving thick lines by exact coverage."""
+
+from collections.abc import Callable, Iterator
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import qmcjax as qj
+from figures._rc import BLACK, BLUE, GREY, VERMILLION
+from figures.shared.image_grid import Panel, add_axes, image_grid
+from qmcjax import tracing
+
+COUNT = 8
+"""Images of a frame."""
+FRAMES = {"draft": 2**12, "paper": 2**16}
+SMALL = 16
+"""Side of the images whose rounding errors are measured."""
+SIDE = {"draft": 64, "paper": 128}
+PLACES = 2
+"""Points of a pixel in each direction, at which coverage in time is computed."""
+CHECKED = 400
+TIMES = {"draft": 6, "paper": 8}
+"""Binary logarithm of the largest number of times."""
+
+OPEN = np.array([[0.12, 0.85], [0.2, 0.25]])
+CLOSE = np.array([[0.6, 0.8], [0.9, 0.3]])
+WIDTH = 0.03
+FADE = 0.8
+"""Of the colour, while the shutter is open."""
+
+CLOSE_TO = 1e-6
+QUANTILE = 99
+
+NOTE = (
+    "Frames: an animation of a soft disc whose frames are means of {count} images at consecutive times. The "
+    "ring buffer is `qmcjax.sliding_means`: the image that is {count} frames old is replaced, and the sum "
+    "taken anew, in float64. 'Subtracted': that image is drawn again and subtracted from the accumulated "
+    "one, and the new one added, in float32, {frames} times, {small} x {small} pixels. Rounding errors stay "
+    "in the sum; they are a walk, and grow about as the root of the frames. Accumulation buffers of "
+    "integers, as in the hardware of the time, have none. Thick line: a quadrilateral whose corners move "
+    "linearly, {side} x {side} pixels with {places} points each, is two triangles that a ray sees for the "
+    "time that `tracing.visible_intervals` tells; a colour that changes linearly is integrated over these "
+    "intervals by its value in the middle. 'Times' are means over equally spaced ones, all pixels the same. "
+    "Exactness is against {checked} points with 2048 dense times each and bisected changes in float64, among "
+    "those that the line covers for a part of the shutter; the {quantile} % quantile, since a side that "
+    "only grazes a point has roots that float32 knows less well."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure drifts, and draw a line that moves by exact coverage and by times."""
+    side = SIDE[quality]
+    drift, exact_ring, asked = _drift(FRAMES[quality])
+    progress(0.4)
+    opened, closed = (_corners(ends) for ends in (OPEN, CLOSE))
+    points = _points(side)
+    covered, faded = _covered(opened, closed, points)
+    progress(0.6)
+    sampled = {
+        2**k: np.mean(
+            [_inside(opened, closed, points, np.array((t + 0.5) / 2**k)) for t in range(2**k)], axis=0
+        )
+        for k in range(1, TIMES[quality] + 1)
+    }
+    whole = {n: _image(values, side) for n, values in sampled.items()}
+    exact = _image(covered, side)
+    errors = {n: float(np.sqrt(np.mean((image - exact) ** 2))) for n, image in whole.items()}
+    some = np.flatnonzero((covered > 0) & (covered < 1))
+    some = np.random.default_rng(1).choice(some, CHECKED, replace=False)
+    truth, fading = _dense(opened, closed, points[some])
+    off = {"coverage": abs(covered[some] - truth), "colour": abs(faded[some] - fading)}
+    worst = {name: float(np.percentile(of, QUANTILE)) for name, of in off.items()}
+    progress(0.8)
+
+    images = [_disc(0.125 * k, side) for k in range(COUNT)]
+    frame = next(qj.sliding_means(images, COUNT))
+    white = float(whole[8].max())
+    panels = [
+        Panel(f"one image of {COUNT}", images[0]),
+        Panel(f"a frame: mean of {COUNT},\nring buffer", frame),
+        Panel(f"thick line, {COUNT} times\nRMS error {errors[8]:.4f}", whole[8], (0.0, white)),
+        Panel(f"exact coverage in time\n(white: {white:.2f})", exact, (0.0, white)),
+        Panel("exact, with a colour\nthat fades while it moves", _image(faded, side), (0.0, white)),
+    ]
+    title = "Frames from images of others (thesis, Sect. 3.1.3), and a thick line that moves (Sect. 3.2)"
+    last = max(drift)
+    numbers = {
+        "measured": {
+            "largest difference by frames": {str(n): value for n, value in drift.items()},
+            "images drawn for a frame": {"anew": COUNT, "subtracted": 2, "ring buffer": asked},
+            "RMS error by times": {str(n): error for n, error in errors.items()},
+            "quantile of differences from dense times": worst,
+            "frames": last,
+            "subtracted, at last": drift[last],
+        },
+        "claims": {
+            "a ring buffer gives each frame from one new image, exactly": asked == 1 and exact_ring,
+            "subtracting the oldest image gives the frame: within half a step of 255 after all frames": (
+                drift[last] < 0.5 / 255
+            ),
+            "the coverage of a moving thick line is computed analytically: within 1e-6 in float32": (
+                worst["coverage"] < CLOSE_TO
+            ),
+            "a colour that changes linearly is integrated, too: within 1e-6 in float32": (
+                worst["colour"] < CLOSE_TO
+            ),
+        },
+        "note": NOTE.format(
+            count=COUNT,
+            frames=last,
+            small=SMALL,
+            side=side,
+            places=PLACES**2,
+            checked=CHECKED,
+            quantile=QUANTILE,
+        ),
+    }
+    return _draw(panels, title, drift, errors, worst["coverage"]), numbers
+
+
+def _disc(time: float, side: int) -> NDArray[np.float64]:
+    """Return the image of a soft disc on its way round; 1 is about a frame's shutter."""
+    x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side] * 2)
+    radius = np.hypot(x - 0.5 - 0.25 * np.cos(time), y - 0.5 - 0.25 * np.sin(time))
+    return np.clip(0.5 + (0.18 - radius) * 24, 0, 1) * (0.7 + 0.3 * np.cos(17 * radius))
+
+
+def _drift(frames: int) -> tuple[dict[int, float], bool, int]:
+    """Return how far the subtracting frames are off after how many, whether the others are exact, ...
+
+    ... and how many images these draw for each frame.
+    """
+    drawn = 0
+
+    def images() -> Iterator[NDArray[np.float32]]:
+        nonlocal drawn
+        for k in range(frames + COUNT):
+            drawn += 1
+            yield _disc(0.125 * k, SMALL).astype(np.float32)
+
+    ring = qj.sliding_means(images(), COUNT)
+    next(ring)
+    drawn = 0
+    old = [_disc(0.125 * k, SMALL).astype(np.float32) for k in range(COUNT)]
+    total = np.sum(old, axis=0, dtype=np.float32)
+    found, exact = {}, True
+    for number, frame in enumerate(ring, start=1):
+        new = _disc(0.125 * (number + COUNT - 1), SMALL).astype(np.float32)
+        total = total - old.pop(0) + new
+        old.append(new)
+        if number & (number - 1) == 0:
+            found[number] = float(np.max(abs(total.astype(np.float64) / COUNT - frame)))
+            anew = sum(image.astype(np.float64) for image in old) / COUNT
+            exact = exact and np.array_equal(anew, frame)
+    return found, exact, drawn // frames
+
+
+def _corners(ends: NDArray) -> NDArray[np.float64]:
+    """Return the corners of a thick line, round."""
+    along = ends[1] - ends[0]
+    across = np.array([-along[1], along[0]]) * (0.5 * WIDTH / np.hypot(*along))
+    return np.stack([ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across])
+
+
+def _points(side: int) -> NDArray[np.float64]:
+    """Return points of all pixels, (side side places, 2)."""
+    places = (np.arange(side * PLACES) + 0.5) / (side * PLACES)
+    x, y = np.meshgrid(places, places)
+    return np.stack([x.ravel(), y.ravel()], axis=-1)
+
+
+def _image(values: NDArray, side: int) -> NDArray[np.float64]:
+    return values.reshape(side, PLACES, side, PLACES).mean(axis=(1, 3))
+
+
+def _covered(opened: NDArray, closed: NDArray, points: NDArray) -> tuple[NDArray, NDArray]:
+    """Return how long points are covered, and the integral of the colour then."""
+    flat = [np.concatenate([corners, np.ones((4, 1))], axis=1) for corners in (opened, closed)]
+    halves = [np.stack([corners[[0, 1, 2]], corners[[0, 2, 3]]]) for corners in flat]
+    world = tracing.world([tracing.triangles(*halves)])
+    origin = jnp.asarray(np.concatenate([points, np.zeros((len(points), 1))], axis=1), jnp.float32)
+    seen = tracing.visible_intervals(world, origin, jnp.array([0.0, 0.0, 1.0]), 4)
+    start, end = (np.asarray(a, np.float64) for a in (seen.start, seen.end))
+    length = end - start
+    colour = 1 - FADE * 0.5 * (start + end)
+    return length.sum(axis=-1), (length * colour).sum(axis=-1)
+
+
+def _inside(opened: NDArray, closed: NDArray, points: NDArray, time: NDArray) -> NDArray[np.bool_]:
+    """Tell whether the line is over points (n, 2) at times that broadcast with (n,)."""
+    corners = (1 - time)[..., None, None] * opened + time[..., None, None] * closed
+    seen = corners - points[:, None].reshape(len(points), *(1,) * max(time.ndim - 1, 0), 1, 2)
+    after = np.roll(seen, -1, axis=-2)
+    areas = seen[..., 0] * after[..., 1] - seen[..., 1] * after[..., 0]
+    return np.all(areas >= 0, axis=-1) | np.all(areas <= 0, axis=-1)
+
+
+def _dense(opened: NDArray, closed: NDArray, points: NDArray) -> tuple[NDArray, NDArray]:
+    """Return what :func:`_covered` does, by dense times whose changes are bisected."""
+    # As rays have them.
+    points = points.astype(np.float32).astype(np.float64)
+    opened, closed = (corners.astype(np.float32).astype(np.float64) for corners in (opened, closed))
+    time = np.broadcast_to(np.arange(2049) / 2048, (len(points), 2049))
+    hit = _inside(opened, closed, points, time)
+    row, change = np.nonzero(hit[:, 1:] != hit[:, :-1])
+    low, high = time[row, change], time[row, change + 1]
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        same = _inside(opened, closed, points[row], middle) == hit[row, change]
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    sign = np.where(hit[row, change], 1.0, -1.0)
+    covered, faded = hit[:, -1] * 1.0, hit[:, -1] * (1 - 0.5 * FADE)
+    np.add.at(covered, row, sign * high)
+    np.add.at(faded, row, sign * (high - 0.5 * FADE * high**2))
+    return covered, faded
+
+
+def _draw(
+    panels: list[Panel], title: str, drift: dict[int, float], errors: dict[int, float], exact: float
+) -> Figure:
+    below = 400
+    figure = image_grid(title, panels, 5, 256, below)
+    left, right = (add_axes(figure, start, 70, 500, below - 130) for start in (130, 810))
+    left.plot(
+        list(drift), list(drift.values()), "o-", color=VERMILLION, ms=3, label="subtracted and added, float32"
+    )
+    left.axhline(0.5 / 255, color=GREY, lw=0.8, label="half a step of 255")
+    left.set(
+        xscale="log",
+        yscale="log",
+        xlabel="frames",
+        ylabel="largest difference",
+        title="Rounding errors of frames (ring buffer: none)",
+    )
+    left.legend(loc="center left", frameon=False)
+    right.plot(list(errors), list(errors.values()), "o-", color=BLACK, ms=3, label="equally spaced times")
+    right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % of points are below")
+    right.set(
+        xscale="log",
+        yscale="log",
+        xlabel="times per pixel",
+        ylabel="RMS error",
+        title="A thick line that moves",
+    )
+    right.set_xticks(list(errors), [str(n) for n in errors])
+    right.minorticks_off()
+    right.legend(loc="center left", frameon=False)
+    return figure

@@ -1,0 +1,256 @@
+"""Thesis Sect. 3.1.5: photons with a time each, and photons that arrive in intervals."""
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from figures._rc import BLUE, VERMILLION
+from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
+from qmcjax import tracing
+from qmcjax.tracing import motion
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    logs: tuple[int, ...]
+    """Of the numbers of photons, base 2."""
+    side: int
+    """Points of the floor a side."""
+    times: int
+
+
+SIZES = {"draft": Size((12, 13, 14), 24, 4), "paper": Size((12, 14, 16, 18), 48, 8)}
+RADII = (0.03, 0.04, 0.06, 0.08, 0.12, 0.17, 0.24)
+WINDOWS = (0.06, 0.12, 0.25, 0.5, 1.0)
+HEIGHT, HALF = 1.0, 0.5
+"""Of the light, and of what casts shadows."""
+
+STILL = (-0.3, 0.15, 0.2, 0.2)
+MOVING = (-0.15, -0.35, 0.2, 0.2)
+"""Corner x, z and sides of what casts a shadow; the moving one goes from -0.3 to 0.3 along x."""
+
+KINDS = {"one time each": VERMILLION, "intervals": BLUE}
+KEY = 7
+
+NOTE = (
+    "The scene is ours: a floor below a point light at height 1, a still and a moving square in between, "
+    "each with sides of 0.2. What is estimated is the irradiance at {side} x {side} points of 2 x 2 of the "
+    "floor at {times} times, exact by projection of the squares. Both kinds are made of the same random "
+    "points; for each number of photons they have the radius, and photons of one time also the window of "
+    "time, of least error over all points, out of {radii} and {windows}; with most photons the window is "
+    "{best}. 'Photons' are all that the light sends; those stored in intervals are more, since what moves "
+    "parts them. In the mean over the shutter, with one radius, the errors in still parts are {mean}: there "
+    "each photon counts once in both, and intervals help only where irradiance is wanted at single times."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw images of the floor at one time and over the shutter, and errors over the number of photons."""
+    size = SIZES[quality]
+    axis = (np.arange(size.side) + 0.5) / size.side * 2 - 1
+    x, z = np.meshgrid(axis, axis)
+    floor = np.stack([x, 0 * x, z], axis=-1)
+    times = (np.arange(size.times) + 0.5) / size.times
+    exact = np.stack([_exact(x, z, time) for time in times])
+    changes = np.ptp([_exact(x, z, time) for time in np.linspace(0, 1, 257)], axis=0) > 0
+    world = _world()
+    found: dict[str, dict[str, dict[str, Any]]] = {kind: {} for kind in KINDS}
+    maps: dict[str, tracing.Photons] = {}
+    for done, log in enumerate(size.logs, start=1):
+        for kind in KINDS:
+            maps[kind] = _sent(world, kind, size.logs[0], 2 ** (log - size.logs[0]))
+            found[kind][f"{2**log}"] = _best(maps[kind], kind, floor, times, exact, changes, log)
+        progress(0.9 * done / len(size.logs))
+    means, mean_error = _over_shutter(maps, found, size, floor, x, z, changes)
+    measured = {
+        "error": found,
+        "photons for the error of intervals, still parts": _times_more(found, "still"),
+        "photons for the error of intervals, moving shadow": _times_more(found, "moving"),
+        "stored for the error of intervals, still parts": _times_more(found, "still", "stored"),
+        "error of the mean over the shutter, still parts": mean_error,
+    }
+    note = NOTE.format(
+        side=size.side,
+        times=size.times,
+        radii=", ".join(f"{r:g}" for r in RADII),
+        windows=", ".join(f"{w:g}" for w in WINDOWS),
+        best=f"{list(found['one time each'].values())[-1]['window']:g}",
+        mean=", ".join(f"{kind} {error:.3f}" for kind, error in mean_error.items()),
+    )
+    figure = _drawn(found, maps, means, floor, size)
+    progress(1.0)
+    return figure, {"measured": measured, "claims": _claims(measured, found), "note": note}
+
+
+def _claims(measured: dict[str, Any], found: dict[str, dict[str, dict[str, Any]]]) -> dict[str, Any]:
+    def falls(kind: str) -> bool:
+        errors = [of["all"] for of in found[kind].values()]
+        return all(after < before for before, after in pairwise(errors))
+
+    return {
+        "a consistent estimator: more photons, less error": {kind: falls(kind) for kind in KINDS},
+        "still parts need fewer photons by intervals: less than half for the same error": measured[
+            "photons for the error of intervals, still parts"
+        ]
+        > 2,
+        "and less memory: fewer are stored for the same error": measured[
+            "stored for the error of intervals, still parts"
+        ]
+        > 1,
+        "the moving shadow needs fewer, too: less than half": measured[
+            "photons for the error of intervals, moving shadow"
+        ]
+        > 2,
+    }
+
+
+def _world() -> tracing.World:
+    def square(of: tuple[float, float, float, float], **of_object: Any) -> tracing.Object:
+        x, z, a, b = of
+        return tracing.rectangle([x, HALF, z], [a, 0, 0], [0, 0, b], **of_object)
+
+    slides = motion.affine(None, motion.linear_segments([0, 1], [[-0.3, 0, 0], [0.3, 0, 0]]))
+    floor = tracing.rectangle([-1.5, 0, -1.5], [3, 0, 0], [0, 0, 3])
+    light = tracing.point_light([0, HEIGHT, 0], 1.0)
+    return tracing.world([floor, square(STILL), square(MOVING, motion=slides)], [light])
+
+
+def _sent(world: tracing.World, kind: str, log: int, batches: int) -> tracing.Photons:
+    """Return photons of so many batches of one size, for which there is one program."""
+    rng = np.random.default_rng(KEY)
+    found = []
+    for _ in range(batches):
+        points = rng.random((2**log, 3), np.float32)
+        found.append(tracing.photons(world, points, intervals=8 if kind == "intervals" else None))
+    names = "position", "incoming", "energy", "start", "end", "shape"
+    of_all: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in found]) for name in names}
+    return tracing.Photons(**of_all | {"energy": of_all["energy"] / batches}, shutter=found[0].shutter)
+
+
+def _exact(x: NDArray, z: NDArray, time: float) -> NDArray[np.float64]:
+    """Return the irradiance of the floor: the inverse square law but in the projections of the squares."""
+    part = 1 - HALF / HEIGHT
+    lit = np.ones(x.shape, bool)
+    for (left, front, a, b), moved in ((STILL, 0.0), (MOVING, -0.3 + 0.6 * time)):
+        along, across = part * x - left - moved, part * z - front
+        lit &= ~((along > 0) & (along < a) & (across > 0) & (across < b))
+    return np.where(lit, HEIGHT / (x * x + z * z + HEIGHT**2) ** 1.5, 0)
+
+
+def _estimated(found: tracing.Photons, floor: NDArray, times: Any, radius: float, window: float) -> NDArray:
+    images = [found.irradiance(floor, [0.0, 1, 0], time, radius, window)[..., 0] for time in times]
+    return np.stack(images)
+
+
+def _best(
+    found: tracing.Photons,
+    kind: str,
+    floor: NDArray,
+    times: NDArray,
+    exact: NDArray,
+    changes: NDArray,
+    log: int,
+) -> dict[str, Any]:
+    """Return errors with the radius and window that have the least."""
+    best: dict[str, Any] = {"all": np.inf}
+    for radius, window in _choices(kind, log):
+        squares = (_estimated(found, floor, times, radius, window) - exact) ** 2
+        errors = {
+            "all": float(np.sqrt(squares.mean())),
+            "still": float(np.sqrt(squares[:, ~changes].mean())),
+            "moving": float(np.sqrt(squares[:, changes].mean())),
+        }
+        if errors["all"] < best["all"]:
+            best = errors | {"radius": radius, "window": window, "stored": len(found.start)}
+    if kind == "intervals":
+        del best["window"]
+    return best
+
+
+def _choices(kind: str, log: int) -> Iterator[tuple[float, float]]:
+    """Yield what is tried: radii around that at which about 50 photons would be near."""
+    middle = int(np.argmin(abs(np.log(np.array(RADII) / (1.2 * 2 ** (-log / 6))))))
+    for radius in RADII[max(middle - 2, 0) : middle + 2]:
+        for window in WINDOWS if kind != "intervals" else (1.0,):
+            yield radius, window
+
+
+def _over_shutter(
+    maps: dict[str, tracing.Photons],
+    found: dict[str, dict[str, dict[str, Any]]],
+    size: Size,
+    floor: NDArray,
+    x: NDArray,
+    z: NDArray,
+    changes: NDArray,
+) -> tuple[dict[str, NDArray], dict[str, float]]:
+    """Return means over the shutter by the most photons, and their errors in still parts."""
+    radius, count = list(found["intervals"].values())[-1]["radius"], 16
+    times = (np.arange(count) + 0.5) / count
+    images = {"exact": np.mean([_exact(x, z, time) for time in (np.arange(256) + 0.5) / 256], axis=0)}
+    for kind, of_kind in maps.items():
+        # Windows side by side: each photon counts once.
+        images[kind] = _estimated(of_kind, floor, times, radius, 1 / count).mean(axis=0)
+    errors = {
+        kind: float(np.sqrt(np.mean((images[kind] - images["exact"])[~changes] ** 2))) for kind in KINDS
+    }
+    return images, errors
+
+
+def _times_more(found: dict[str, dict[str, dict[str, Any]]], part: str, counted: str | None = None) -> float:
+    """Return how many more photons of one time are needed for an error that intervals reach."""
+
+    def curve(kind: str) -> tuple[NDArray, NDArray]:
+        of_kind = found[kind]
+        counts = [float(n) if counted is None else float(of[counted]) for n, of in of_kind.items()]
+        return np.log(counts), np.log([of[part] for of in of_kind.values()])
+
+    (counts, errors), (of_intervals, reached) = curve("one time each"), curve("intervals")
+    # With the most photons whose error those of one time reach at all; without such, it is a lower bound.
+    row = max(int(np.sum(reached >= errors.min())) - 1, 0)
+    needed = np.interp(reached[row], errors[::-1], counts[::-1])
+    return float(np.exp(needed - of_intervals[row]))
+
+
+def _drawn(
+    found: dict[str, dict[str, dict[str, Any]]],
+    maps: dict[str, tracing.Photons],
+    means: dict[str, NDArray],
+    floor: NDArray,
+    size: Size,
+) -> Figure:
+    log = size.logs[-1]
+    x, z = floor[..., 0], floor[..., 2]
+    limits = (0.0, 1.2)
+    panels = [Panel("t = 1/2, exact", _exact(x, z, 0.5), limits)]
+    for kind, of_kind in maps.items():
+        last = list(found[kind].values())[-1]
+        image = _estimated(of_kind, floor, [0.5], last["radius"], last.get("window", 1.0))[0]
+        panels.append(Panel(f"t = 1/2, {kind}", image, limits))
+    panels.append(Panel("mean over the shutter, exact", means["exact"], limits))
+    panels += [Panel(f"mean, {kind}", means[kind], limits) for kind in KINDS]
+    title = f"Irradiance below a still and a moving square, $2^{{{log}}}$ photons (thesis, Sect. 3.1.5)"
+    figure = image_grid(title, panels, 3, 288, below=470)
+    width = figure.get_size_inches()[0] * DPI
+    counts = [2**log for log in size.logs]
+    for place, part in enumerate(("still", "moving")):
+        axes = add_axes(figure, 90 + place * (width / 2 - 20), 80, width / 2 - 130, 330)
+        for kind, color in KINDS.items():
+            errors = [of[part] for of in found[kind].values()]
+            axes.loglog(counts, errors, color=color, marker="o", ms=4, label=kind)
+        axes.set_title("still parts" if part == "still" else "where the shadow moves")
+        axes.set_xlabel("photons")
+        axes.set_xticks(counts, [f"$2^{{{log}}}$" for log in size.logs])
+        axes.set_yticks([0.05, 0.1, 0.2, 0.3], ["0.05", "0.1", "0.2", "0.3"])
+        axes.set_ylim(0.03, 0.4)
+        axes.minorticks_off()
+        axes.grid(alpha=0.3)
+        if part == "still":
+            axes.set_ylabel("RMS error of the irradiance")
+            axes.legend(frameon=False, loc="lower left")
+    return figure

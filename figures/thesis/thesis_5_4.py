@@ -1,0 +1,131 @@
+"""Thesis Fig. 5.4: direction numbers of the Sobol' sequence, seen in high components."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+import qmcjax as qj
+from figures.shared import point_plots
+from figures.shared.image_grid import GAP, Panel, add_axes, image_grid
+from qmcjax import orders, samplers, scenes, sequences
+
+SIZES = {"draft": (128, 16), "paper": (256, 64)}
+"""Side of the image, samples per pixel."""
+
+COMPONENTS = 64
+SHOWN = 30
+"""The lower one of the two components of the points and images that are shown."""
+POINTS = 256
+WIDTH = 512
+"""Pixels of the picture that an image is wide, in either quality."""
+M = 12
+COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
+
+NOTE = (
+    "For the thesis's car seat behind a glass pane stands scenes.soft_shadow, {side} x {side} pixels and "
+    "{spp} samples per pixel: the pixel takes components 0 and 1, the light two that follow each other, as "
+    "at the end of a path that used up those before. Polynomials are the same on both sides; the thesis's "
+    "initial numbers are those of Joe and Kuo's table of 2003, these of their table of 2008. The sequence "
+    "runs along a Hilbert curve, pixel by pixel, or over the screen, each pixel with the points that fall "
+    "into it; the thesis does not say which. 'filtered' is the RMS error after a Gaussian of 1.5 pixels, "
+    "what an eye sees. t is that of the first 4096 points of pairs that follow each other."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw points and soft shadows of both choices, and their errors over the components of the light."""
+    side, spp = SIZES[quality]
+    choices = {
+        "all initial m = 1": _ones(),
+        "Joe and Kuo": np.asarray(sequences.sobol(COMPONENTS).matrices),
+    }
+    hilbert = orders.hilbert(side, side)
+    ways: dict[str, Callable[[Any], Any]] = {
+        "along the Hilbert curve": lambda sequence: samplers.contiguous(hilbert, sequence, spp),
+        "over the screen": lambda sequence: samplers.full_screen(sequence, side, side),
+    }
+    scene = scenes.soft_shadow()
+    exact = scene.reference(side, side)[0]
+    components = range(2, COMPONENTS - 1, 1 if quality == "paper" else 4)
+    images: dict[str, NDArray] = {}
+    rms: dict[str, dict[str, list[float]]] = {way: {name: [] for name in choices} for way in ways}
+    filtered: dict[str, dict[str, list[float]]] = {way: {name: [] for name in choices} for way in ways}
+    for done, k in enumerate(components, start=1):
+        for name, matrices in choices.items():
+            sequence = sequences.digital(matrices[[0, 1, k, k + 1]])
+            for way, sampler in ways.items():
+                image = np.asarray(qj.render(scene, sampler(sequence), side, side, spp))
+                rms[way][name].append(float(np.sqrt(np.mean((image - exact) ** 2))))
+                filtered[way][name].append(analysis.filtered_error(image, exact))
+                if k == SHOWN and way == "along the Hilbert curve":
+                    images[name] = image
+        progress(done / len(components))
+    t_values = {
+        name: [analysis.t_value(matrices[[k, k + 1]], m=M) for k in range(2, COMPONENTS - 1)]
+        for name, matrices in choices.items()
+    }
+
+    panels = [
+        Panel(f"{name}, {spp} spp, Hilbert curve,\nlight by components {SHOWN} and {SHOWN + 1}", image)
+        for name, image in images.items()
+    ]
+    title = "Initial direction numbers of the Sobol' sequence (thesis Fig. 5.4)"
+    figure = image_grid(title, panels, 2, WIDTH, below=1290)
+    for k, (name, matrices) in enumerate(choices.items()):
+        shown = point_plots.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)
+        axes = add_axes(figure, 34 + k * (WIDTH + GAP), 760, WIDTH - 40, WIDTH - 40)
+        text = f"components {SHOWN} and {SHOWN + 1}, {POINTS} points"
+        point_plots.scatter(axes, shown, text, color=COLORS[name])
+    for k, (way, of) in enumerate(filtered.items()):
+        axes = add_axes(figure, 140, 420 - 350 * k, 2 * WIDTH - 140, 240)
+        for name, errors in of.items():
+            axes.semilogy(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
+        axes.set(xlabel="component of the light", ylabel="filtered error")
+        axes.set_title(f"{way}, {spp} spp", loc="left")
+        axes.grid(alpha=0.3)
+        if k == 1:  # where the title leaves room
+            axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    measured = {
+        "t of pairs": {name: {"mean": float(np.mean(t)), "largest": max(t)} for name, t in t_values.items()},
+        **{
+            f"{kind}, {way}": {
+                name: {"median": float(np.median(errors)), "largest": max(errors)}
+                for name, errors in of.items()
+            }
+            for kind, by_way in (("RMS error", rms), ("filtered error", filtered))
+            for way, of in by_way.items()
+        },
+    }
+    claims = {
+        "better stratification: t is smaller on average with Joe and Kuo's numbers": _ratio(np.mean, t_values)
+        < 0.6,
+        "much fewer artefacts, along the Hilbert curve: less than half the filtered error, in the median": (
+            _ratio(np.median, filtered["along the Hilbert curve"]) < 0.5
+        ),
+        "also over the screen": _ratio(np.median, filtered["over the screen"]) < 0.5,
+    }
+    return figure, {"measured": measured, "claims": claims, "note": NOTE.format(side=side, spp=spp)}
+
+
+def _ones() -> NDArray[np.uint32]:
+    """Return the matrices of all initial m_k = 1, by the primitive polynomials in increasing order."""
+    identity = np.asarray(sequences.sobol(1).matrices)[0]
+    components = (matrix for polynomial in range(3, 2**12, 2) for matrix in _component(polynomial))
+    return np.stack([identity, *(next(components) for _ in range(COMPONENTS - 1))])
+
+
+def _component(polynomial: int) -> Iterator[NDArray[np.uint32]]:
+    try:
+        yield np.asarray(sequences.sobol_matrix(polynomial, np.ones(polynomial.bit_length() - 1, int)))
+    except ValueError:  # not primitive
+        return
+
+
+def _ratio(mean: Callable[[Sequence[float]], Any], of: Mapping[str, Sequence[float]]) -> float:
+    """Return the mean with chosen numbers over that with ones."""
+    ones, chosen = of.values()
+    return float(mean(chosen) / mean(ones))

@@ -1,0 +1,213 @@
+"""Z paper Fig. 1: an interior at one sample a pixel by four samplers, and the spectra of their errors."""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from figures.shared import diffusion, image_sheets, padded_samplers, scene_images
+from qmcjax import samplers, scenes, sequences
+from qmcjax.core import student
+
+SIDE = {"draft": 128, "paper": 256}
+BOUNCES = {"draft": 2, "paper": 6}
+REFERENCE_SPP = {"draft": 256, "paper": 8192}
+
+KEY = 1
+TILE = 64
+"""Side of the tile that the ranked sampler repeats."""
+
+KEYS = 16
+"""Over which the power of white noise is judged: that of one image has heavy tails."""
+
+STRONGEST = 0.01
+WHITE, BLUE = (0.67, 1.5), 0.67
+"""Power at low frequencies: near to that of white noise, and below it."""
+
+STRUCTURED = 1.1
+"""How many times the share of white noise in the strongest frequencies tells structure."""
+
+SHARE = "share of the strongest 1 % of frequencies"
+
+REPEATS = "correlation of errors a tile apart"
+SPIKES = "power at harmonics of the tile / mean"
+
+FLAT, FADING = 128, (2, 4, 8, 16)
+"""Side of an image that is the same in all pixels, and the numbers of coordinates of its integrands."""
+
+NOTE = (
+    "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions: not the "
+    "paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled in each "
+    "pixel. Heitz's sampler: our ranked one, pairs with a translation each of a tile of 64 x 64 pixels, "
+    "{repeats} of the image's width (theirs is 1/8 of it, of eight dimensions together). Spectra are of the "
+    "errors, where the paper's are of images. The share is that of "
+    "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
+    "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
+    "parts of the scene, whose errors differ with the same samples. Heitz's sampler has "
+    "less low-frequency power than white noise, but not below the {blue} that is called blue here: its "
+    "keys are arranged for two dimensions at a time. The reference is {origin}. "
+)
+
+
+def zero_two(dims: int, key: int) -> samplers.Sampler:
+    """Return the sampler of the (0,2)-sequence, scrambled and shuffled in each pixel."""
+    return padded_samplers.zero_two(padded_samplers.pairs(dims), key, key)
+
+
+def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
+    """Return the paper's samplers, by their names there."""
+    return {
+        "(0,2)": zero_two(dims, KEY),
+        "Z": samplers.z(side, side, spp, KEY, "tree", dims=dims),
+        "Heitz": padded_samplers.ranked(padded_samplers.pairs(dims), KEY),
+        "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
+    }
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
+    """Render with each sampler, show the spectra of the errors, and hand the images out."""
+    side, scene = SIDE[quality], scenes.interior(BOUNCES[quality])
+    area = diffusion.beside_window(side)
+    exact = diffusion.reference(scene, side, REFERENCE_SPP[quality])
+    progress(0.8)
+    images, spectra, measured = {}, {}, {}
+    handed_out = {"reference": exact.image[area]}  # without the window, as they are measured
+    siblings: dict[str, float] = {}
+    square = slice(side // 8, side - side // 8), slice(side // 4, side)
+    for name, sampler in ways(len(scene.needs), side, 1).items():
+        image = scene_images.image(scene, sampler, side, 1)
+        handed_out[name] = image[area]
+        images[name] = diffusion.shown(image)
+        spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
+        measured[name] = diffusion.measures(image, exact, area) | {
+            SHARE: _strongest(spectra[name]),
+            REPEATS: _correlation((image - exact.image)[area]),
+            SPIKES: _spikes((image - exact.image)[area]),
+        }
+        if name == "Z":
+            siblings = _neighbours((image - exact.image)[area])
+    others = (scene_images.image(scene, zero_two(len(scene.needs), key), side, 1) for key in range(KEYS))
+    powers = np.array([diffusion.measures(image, exact, area)["low-frequency power"] for image in others])
+    white = {
+        "mean": float(powers.mean()),
+        **dict(zip(("low", "high"), student.interval(powers), strict=True)),
+    }
+    images["reference"] = diffusion.shown(exact.image)
+    filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
+    low = {name: f"low frequencies: {of['low-frequency power']:.2f}" for name, of in measured.items()}
+    rows = {
+        "image": image_sheets.Row(images, captions=filtered),
+        "spectrum of the error": image_sheets.spectra(spectra, low),
+    }
+    figure = image_sheets.image_sheet("An interior at 1 sample per pixel (Z paper, Fig. 1)", rows, panel=256)
+    note = NOTE.format(
+        side=side,
+        bounces=BOUNCES[quality],
+        dims=len(scene.needs),
+        repeats=f"1/{side // TILE}",
+        origin=exact.origin,
+        blue=BLUE,
+    )
+    note += diffusion.BESIDE_WINDOW + "Spectra are of the middle square of it. " + diffusion.EXPLAINED
+    fading = _fading()
+    return (
+        figure,
+        {
+            "measured": measured
+            | {
+                "correlation of Z's errors in neighbouring pixels": siblings,
+                "low-frequency power of Z for a product of coordinates": fading,
+                "low-frequency power of (0,2), 16 keys": white,
+            },
+            "claims": _claims(measured, siblings, fading, white),
+            "note": note,
+        },
+        handed_out,
+    )
+
+
+def _strongest(spectrum: NDArray) -> float:
+    strongest = np.sort(spectrum, axis=None)[::-1][: round(STRONGEST * spectrum.size)]
+    return float(strongest.sum() / spectrum.size)
+
+
+def _correlation(error: NDArray) -> float:
+    """Return that of errors at the same place of two tiles, one above the other."""
+    upper, lower = error[:-TILE], error[TILE:]
+    return float(np.sum(upper * lower) / np.sqrt(np.sum(upper**2) * np.sum(lower**2)))
+
+
+def _spikes(error: NDArray) -> float:
+    """Return the power at harmonics of the tile over its mean, of as many whole tiles as there are."""
+    rows, columns = (size // TILE for size in error.shape[:2])
+    tiles = error[: rows * TILE, -columns * TILE :]
+    spectrum = analysis.error_spectrum(tiles, np.zeros_like(tiles))
+    return float(spectrum[::rows, ::columns].mean() / spectrum.mean())
+
+
+def _neighbours(error: NDArray) -> dict[str, float]:
+    """Return the correlation of errors of pixels that share an edge, within a block of 2 x 2 and across."""
+
+    def correlation(pairs: list[tuple[NDArray, NDArray]]) -> float:
+        return float(sum(np.sum(a * b) for a, b in pairs) / sum(np.sum(a**2 + b**2) / 2 for a, b in pairs))
+
+    return {
+        "siblings": correlation([(error[0::2], error[1::2]), (error[:, 0::2], error[:, 1::2])]),
+        "cousins": correlation([(error[1:-1:2], error[2::2]), (error[:, 1:-1:2], error[:, 2::2])]),
+    }
+
+
+def _fading() -> dict[str, float]:
+    """Return the power at low frequencies of the errors of Z for products of more and more coordinates."""
+    found = {}
+    for dims in FADING:
+        sampler = samplers.z(FLAT, FLAT, 1, KEY, "tree", dims=dims)
+        image = analysis.pixel_means(_product, sampler, FLAT, FLAT, 1, tuple(range(dims)))
+        error = np.asarray(image, np.float64)[..., 0] - 1.0
+        found[f"{dims} dimensions"] = analysis.low_frequency_power(error, np.zeros_like(error))
+    return found
+
+
+def _product(point: Array) -> Array:
+    return 2.0 ** point.shape[-1] * jnp.prod(point, axis=-1, keepdims=True)
+
+
+def _claims(
+    measured: dict[str, dict[str, float]],
+    siblings: dict[str, float],
+    fading: dict[str, float],
+    white: dict[str, float],
+) -> dict[str, bool]:
+    low = {name: values["low-frequency power"] for name, values in measured.items()}
+    share = {name: values[SHARE] for name, values in measured.items()}
+    return {
+        "the error of (0,2) is white noise": WHITE[0] < white["low"] and white["high"] < WHITE[1],
+        "the error of Z is blue noise": low["Z"] < BLUE,
+        "the error of Heitz is blue noise": low["Heitz"] < BLUE,
+        "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": share["Sobol'"]
+        > STRUCTURED * share["(0,2)"],
+        "Heitz repeats itself at the period of the tile: a correlation above 0.1": measured["Heitz"][REPEATS]
+        > 0.1,
+        "the spectrum of Heitz has spikes at the tile's period: a tenth more than its share of the power": (
+            measured["Heitz"][SPIKES] > 1.1
+        ),
+        "Z has no such structure": share["Z"] < STRUCTURED * share["(0,2)"],
+        "Z has less filtered error than (0,2)": measured["Z"]["filtered error"]
+        < measured["(0,2)"]["filtered error"],
+        "samples of siblings are better distributed than those of cousins: less correlated errors": siblings[
+            "siblings"
+        ]
+        < siblings["cousins"],
+        "diffusion fades with the dimension: more power at low frequencies, of 2 to 16": all(
+            a < b for a, b in pairwise(fading.values())
+        ),
+        "in 16 dimensions the error is no worse than white noise: at most 1.2 times its power": fading[
+            "16 dimensions"
+        ]
+        <= 1.2,
+    }

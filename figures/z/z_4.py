@@ -1,0 +1,197 @@
+"""Z paper Fig. 4: the accordion order, unfolded cut by cut, beside the Morton order."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
+
+import analysis
+from figures._rc import BLUE, GREEN, ORANGE, SKY
+from figures.shared.curve_tables import Curve, curve_of
+from qmcjax import orders
+
+SHOWN, CUT, COUNTED = 16, 8, 256
+"""Side of the squares whose orders are drawn, of the one that is unfolded, and of those measured."""
+
+COLOURS = (ORANGE, GREEN, SKY, "0.7")
+"""Of the quadrants in Morton's order."""
+
+NOTE = (
+    "y points up, as in the paper's Fig. 2; jumps are thin and dark blue. The strip is cut on the page, "
+    "bar by bar, without the library's order, and its pixels come out in that order if the side of the "
+    "first cut of each step alternates; the caption does not say which. It has the jump from the green to "
+    "the gray quadrant go from the bottom left to the top right. From the bottom to the top it goes, but "
+    "whatever the sides of the cuts, it stays in its column: 'left' would have to read 'right'. With the "
+    "second step's cuts reversed the 16 blocks are passed as by a Moore curve, as printed; beyond 16 "
+    "blocks no choice of sides gives a closed path. Adjacency is better than Morton's in all three "
+    "measures."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw both orders, and the strips that the cuts make of a square."""
+    del quality, progress  # Exact, and quick.
+    figure = Figure(figsize=(15, 9.9), layout="constrained")
+    figure.suptitle("Morton and accordion order (Z paper, Fig. 4)")
+    grid = figure.add_gridspec(2, 3, height_ratios=(1.45, 1))
+    panels = [figure.add_subplot(grid[0, k]) for k in range(3)]
+    _draw(panels[0], curve_of(orders.morton(SHOWN, SHOWN)), "Morton order")
+    _draw(panels[1], curve_of(orders.accordion(SHOWN, SHOWN)), "accordion order")
+    reversed_cuts = _rolled(unfolded(4, [True])[-1])
+    _draw(panels[2], reversed_cuts, "two steps, the second one's cuts reversed: Moore")
+    strips = unfolded(CUT, [step % 2 == 1 for step in range(CUT.bit_length() - 2)])
+    _draw_strips(figure.add_subplot(grid[1, :]), strips)
+
+    accordion = curve_of(orders.accordion(CUT, CUT))
+    chosen = [_rolled(unfolded(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
+    sides = {
+        "Morton": _adjacency(curve_of(orders.morton(COUNTED, COUNTED))),
+        "accordion": _adjacency(accordion),
+    }
+    measured = {
+        "quadrants in Morton's order": _quadrants(accordion),
+        "16 blocks: the jump from green to gray, columns and rows": _jump(_rolled(unfolded(4, [False])[-1])),
+        "choices of sides for 64 or 256 blocks": len(chosen),
+        "of these, the jump from green to gray stays in its column": sum(
+            start[0] == end[0] for start, end in map(_jump, chosen)
+        ),
+        "of these, the path is closed": sum(map(_is_closed, chosen)),
+        "adjacency": sides,
+    }
+    start, end = measured["16 blocks: the jump from green to gray, columns and rows"]
+    claims = {
+        "cutting and turning in the middle gives the accordion order": np.array_equal(
+            _rolled(strips[-1]).positions, accordion.positions
+        ),
+        "it swaps the blue and the gray block of Morton's order": measured["quadrants in Morton's order"]
+        == [0, 1, 3, 2],
+        "the jump from green to gray goes from the bottom left to the top right": start[0] < end[0]
+        and start[1] < end[1],
+        "16 blocks with reversed cuts are a Moore curve": _is_moore(reversed_cuts),
+        "adjacency is the same as Morton's or better": {
+            measure: _better(measure, *(sides[name][measure] for name in ("accordion", "Morton")))
+            for measure in sides["Morton"]
+        },
+    }
+    return figure, {"measured": measured, "claims": claims, "note": NOTE}
+
+
+def _better(measure: str, accordion: float, morton: float) -> bool:
+    return accordion >= morton if measure.startswith("share") else accordion <= morton
+
+
+def unfolded(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
+    """Return a square's pixels, numbered row by row, as a strip after each step of cutting and turning.
+
+    The first cut parts the lower and the upper half. Each later step cuts the strip across into bars half as
+    wide as the strip, and turns them about the ends of the cuts, by a quarter to the one side and the other.
+    ``reverse`` tells for each such step whether it begins from the other side.
+    """
+    square = np.arange(side**2).reshape(side, side)
+    strips = [square, np.hstack([square[: side // 2], np.rot90(square[side // 2 :], 2)])]
+    for other_side in reverse:
+        strip = strips[-1]
+        bars = np.split(strip, 2 * strip.shape[1] // strip.shape[0], axis=1)
+        turns = [1 if (k % 2 == 1) == other_side else -1 for k in range(len(bars))]
+        strips.append(np.hstack([np.rot90(bar, turn) for bar, turn in zip(bars, turns, strict=True)]))
+    return strips
+
+
+def _rolled(strip: NDArray[np.int64]) -> Curve:
+    """Return the order of the square's pixels along a strip that is one pixel wide."""
+    side = round(strip.size**0.5)
+    return Curve(np.argsort(strip, axis=None).reshape(side, side))
+
+
+def _choices(side: int) -> list[list[bool]]:
+    steps = side.bit_length() - 2
+    return [[bool(k >> step & 1) for step in range(steps)] for k in range(2**steps)]
+
+
+def _quadrants(curve: Curve) -> list[int]:
+    """Return which quadrant holds each quarter of the curve, by Morton's numbers."""
+    x, y = curve.path()
+    half = curve.width // 2
+    return (x // half + 2 * (y // half))[:: half**2].tolist()
+
+
+def _jump(curve: Curve) -> list[list[int]]:
+    """Return the pixels before and after the middle of the curve."""
+    middle = curve.positions.size // 2
+    return np.transpose(curve.path())[middle - 1 : middle + 1].tolist()
+
+
+def _is_closed(curve: Curve) -> bool:
+    x, y = curve.path()
+    return bool(np.all(abs(x - np.roll(x, 1)) + abs(y - np.roll(y, 1)) == 1))
+
+
+def _is_moore(curve: Curve) -> bool:
+    """Tell whether a closed path is Moore's, turned and mirrored, in either sense and from any start."""
+    found, moore = curve.positions, curve_of(orders.moore(curve.width, curve.height)).positions
+    views = [np.rot90(a, turn) for a in (found, found.T) for turn in range(4)]
+    shifts = [(sign * view - moore) % moore.size for view in views for sign in (1, -1)]
+    return any(np.unique(shift).size == 1 for shift in shifts)
+
+
+def _steps(curve: Curve) -> NDArray[np.float64]:
+    """Return the lengths of the steps of the curve."""
+    return np.hypot(*(np.diff(c) for c in curve.path()))
+
+
+def _adjacency(curve: Curve) -> dict[str, float]:
+    steps = _steps(curve)
+    return {
+        "share of the steps to a pixel that shares an edge": float(np.mean(steps == 1)),
+        "mean length of a step": float(steps.mean()),
+        "mean number of segments in 3x3 neighbourhoods": float(
+            analysis.segment_counts(curve)[1:-1, 1:-1].mean()
+        ),
+    }
+
+
+def _colour(x: int, y: int, side: int) -> tuple[float, float, float]:
+    return to_rgb(COLOURS[x // (side // 2) + 2 * (y // (side // 2))])
+
+
+def _draw(axes: Axes, curve: Curve, title: str) -> None:
+    side = curve.width
+    axes.imshow([[_colour(x, y, side) for x in range(side)] for y in range(side)], alpha=0.4, origin="lower")
+    x, y = curve.path()
+    axes.plot(x, y, "o", color="black", ms=24 / side)
+    for k, length in enumerate(_steps(curve)):
+        is_jump = length > 1
+        style = {
+            "arrowstyle": "-",
+            "shrinkA": 0,
+            "shrinkB": 0,
+            "lw": 1.2 if is_jump else 1.5,
+            "color": BLUE if is_jump else "black",
+            "connectionstyle": f"arc3,rad={0.06 if is_jump else 0}",
+        }
+        axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=style)
+    axes.set(title=title, xticks=[], yticks=[])
+    axes.spines[:].set_visible(False)
+
+
+def _draw_strips(axes: Axes, strips: list[NDArray[np.int64]]) -> None:
+    """Draw the strips to one scale below each other, with the positions in the last one."""
+    position = np.argsort(strips[-1], axis=None)
+    bottom = 0
+    for strip in strips:
+        bottom -= len(strip)
+        for (row, column), pixel in np.ndenumerate(strip):
+            y, x = divmod(int(pixel), CUT)
+            colour = (*_colour(x, y, CUT), 0.6)
+            corner = (column, bottom + row)
+            axes.add_patch(Rectangle(corner, 1, 1, facecolor=colour, edgecolor="0.3", lw=0.4))
+            number = str(position[pixel])
+            axes.text(column + 0.5, bottom + row + 0.5, number, fontsize=8, ha="center", va="center")
+        bottom -= 1
+    axes.set(xlim=(-0.2, CUT**2 + 0.2), ylim=(bottom + 0.8, 0.2), aspect="equal", xticks=[], yticks=[])
+    axes.set_axis_off()
+    axes.set_title("8 x 8 pixels, cut in one, two and three steps; the numbers are the accordion order")

@@ -1,0 +1,1 @@
+"""Digital sequences: generator matrices over F2 and over prime fields."""

@@ -1,0 +1,256 @@
+"""Digital sequences in base 2: a coordinate is a matrix over F2 times the bits of the index."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.bits import gray_decode, pascal, reverse
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._digital.cells import NetByFrames, net_by_frames_of
+from qmcjax.sequences._digital.joe_kuo import columns_beyond, matrices_of
+from qmcjax.sequences._digital.matrix_products import product, selected
+from qmcjax.sequences._protocol.base import FEW, Sequence
+from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.fraction import Fraction
+
+SOBOL_DIMS = 21201
+"""Number of dimensions of Joe and Kuo's table."""
+
+
+def _identity(reversed_bits: Array) -> Array:
+    return reversed_bits
+
+
+def _larcher_sobol(reversed_bits: Array) -> Array:
+    return pascal(gray_decode(reversed_bits))
+
+
+def _sobol_beyond(dim: int, high: Array) -> Array:
+    if dim == 0:
+        return jnp.zeros_like(high)
+    if dim == 1:
+        # Column 32 + k of Pascal's matrix begins with the 32 digits of column k, by Lucas' theorem.
+        return pascal(high)
+    return reverse(selected(columns_beyond(dim), high))
+
+
+def _larcher_beyond(dim: int, high: Array) -> Array:
+    # The first 32 rows of the columns from 32 on are ones.
+    sums = np.uint32(0) - (jax.lax.population_count(high) & np.uint32(1))
+    return sums if dim == 0 else pascal(sums ^ gray_decode(high))
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Digital(BinarySequence):
+    """Coordinate j of point i is C_j times the bits of i, over F2 (thesis Eq. 5.9)."""
+
+    matrices: Array
+    """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
+
+    steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
+    """Products with the first matrices in a few steps, on bit_reversed."""
+
+    upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
+    """Products of matrix ``dim`` with the upper words of indices, if its columns from 32 on are known."""
+
+    called: str = field(default="digital", metadata={"static": True})
+    """What makes such a sequence."""
+
+    @property
+    def dims(self) -> int:
+        return self.matrices.shape[0]
+
+    @property
+    def limit_64(self) -> int:
+        """First index that is out of reach for 64-bit indices."""
+        return self.limit if self.upper is None else checks.INDEX_LIMIT**2
+
+    def with_high_word(self, high: Array) -> Sequence:
+        return super().with_high_word(high) if self.upper is None else Digital64(self, high, self.upper)
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        if dim < len(self.steps):
+            return self.steps[dim](index)
+        return product(reverse(self.matrices[dim]), index)
+
+    def word(self, index: Array, dim: int) -> Array:
+        if dim < len(self.steps):
+            return reverse(self.steps[dim](index))
+        return product(self.matrices[dim], index)
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        if len(dims) <= FEW:
+            return super().fractions(index, dims)
+        columns = self._columns(dims)
+        return Fraction(lambda: product(columns, index), lambda: product(reverse(columns), index))
+
+    @property
+    def linear(self) -> "Digital":
+        """The sequence itself."""
+        return self
+
+    def inverted(self, log_side: int) -> NetByFrames:
+        """Return the sequence by frames, which finds points from their cells."""
+        return net_by_frames_of(self, self.matrices, log_side)
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return 2 for each component whose matrix is lower triangular, or being traced."""
+        leading = self._leading_digits()
+        if leading is None:
+            return (2,) * self.dims
+        return tuple(2 if lower else None for lower in np.all(leading == 1, axis=1))
+
+    def index_digits(self, component: int, count: int) -> None:
+        """Return None if the component's matrix is the identity, or being traced."""
+        if isinstance(self.matrices, Tracer):
+            return None
+        identity = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
+        if np.any(np.asarray(self.matrices[component]) != identity):
+            super().index_digits(component, count)
+
+    def _leading_digits(self) -> NDArray[np.uint32] | None:
+        """Return the rows 0 to k of column k of each matrix as a number whose units are row k."""
+        if isinstance(self.matrices, Tracer):
+            return None
+        return np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
+
+    def _columns(self, dims: tuple[int, ...]) -> Array:
+        """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
+        if dims != tuple(range(self.dims)):
+            return self.matrices[np.array(dims)].T
+        return self.matrices.T
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Digital64(BinarySequence):
+    """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
+
+    sequence: Digital
+    high: Array
+    upper: Callable[[int, Array], Array] = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)
+
+
+@partial(jax.jit, static_argnums=0)
+def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:
+    unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
+    return jnp.stack([reverse(step(unit)) for step in steps])
+
+
+def sobol(dims: int = 2) -> Digital:
+    """Make the Sobol' sequence with the direction numbers of Joe and Kuo.
+
+    The first two components are the (0,2)-sequence of the identity and Pascal's matrix, computed
+    in log steps; the others are looked up in tables made on the fly from their matrices.
+
+    Parameters
+    ----------
+    dims : int
+        In [1, 21201].
+
+    Returns
+    -------
+    Digital
+        Points in the order of the index's binary digits, not in Gray code order.
+
+    Raises
+    ------
+    ValueError
+        If ``dims`` is out of range.
+
+    References
+    ----------
+    .. [1] S. Joe, F. Y. Kuo, "Constructing Sobol sequences with better two-dimensional
+       projections", SIAM J. Sci. Comput. 30, 2008.
+    .. [2] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.1.
+
+    Examples
+    --------
+    >>> print(sobol(3).points(4))
+    [[0.   0.   0.  ]
+     [0.5  0.5  0.5 ]
+     [0.25 0.75 0.75]
+     [0.75 0.25 0.25]]
+    """
+    dims = checks.integer("dims", dims, 1, SOBOL_DIMS)
+    steps = (_identity, pascal)[:dims]
+    matrices = _columns_of(steps)
+    if dims > 2:
+        matrices = jnp.concatenate([matrices, jnp.asarray(matrices_of(dims)[1:])])
+    return Digital(matrices, steps, _sobol_beyond, "sobol")
+
+
+def larcher_pillichshammer() -> Digital:
+    """Make the (0,2)-sequence of C'1, C'2, whose first component is Larcher and Pillichshammer's.
+
+    Returns
+    -------
+    Digital
+        Two dimensions. The same nets of 2**m first points as the Sobol' sequence, numbered
+        differently; with ``i / 2**m`` as third component a (0,m,3)-net of larger minimum distance.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 5.15 to 5.19.
+
+    Examples
+    --------
+    >>> print(larcher_pillichshammer().points(4))
+    [[0.   0.  ]
+     [0.5  0.5 ]
+     [0.75 0.25]
+     [0.25 0.75]]
+    """
+    steps = (gray_decode, _larcher_sobol)
+    return Digital(_columns_of(steps), steps, _larcher_beyond, "larcher_pillichshammer")
+
+
+def digital(matrices: np.ndarray | Array) -> Digital:
+    """Make the digital sequence of any generator matrices over F2.
+
+    Parameters
+    ----------
+    matrices : uint32 array, shape (dims, 32)
+        Column k of C_j, its first row in bit 31 (thesis [1]_, Sect. 5.2.1).
+
+    Returns
+    -------
+    Digital
+
+    Raises
+    ------
+    TypeError
+        If ``matrices`` is no array of uint32.
+    ValueError
+        If it has another shape.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 5.9.
+
+    Examples
+    --------
+    >>> print(digital(sobol(5).matrices).points(2)[1])
+    [0.5 0.5 0.5 0.5 0.5]
+    """
+    if not isinstance(matrices, np.ndarray | Array) or matrices.dtype != jnp.uint32:
+        raise TypeError(f"matrices must be uint32 of shape (dims, 32), got {checks.shown(matrices)}")
+    if matrices.ndim != 2 or matrices.shape[1] != 32 or not matrices.shape[0]:
+        raise ValueError(f"matrices must be uint32 of shape (dims, 32), got {matrices.shape}")
+    return Digital(jnp.asarray(matrices))

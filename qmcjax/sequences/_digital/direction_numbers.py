@@ -1,0 +1,250 @@
+"""Direction numbers of anybody's Sobol' sequences, in the format of Joe and Kuo's files."""
+
+from collections.abc import Iterable, Sequence
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.sequences._digital.digital import Digital, digital
+from qmcjax.sequences._digital.sobol_matrix import DirectionNumbers, checked_numbers, columns_of
+
+_HEAD = "d s a m_i"
+_IDENTITY = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
+
+
+def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers, ...]:
+    r"""Read direction numbers in the format of Joe and Kuo's files.
+
+    Each line holds d, s, a, and m_1, ..., m_s: the number of the dimension from 2 on, the degree of a
+    polynomial, its coefficients without the first and the last one as the binary digits of a, and the
+    initial numbers. A first line that does not begin with a digit is a heading.
+
+    Parameters
+    ----------
+    path : path
+        Such as that of ``new-joe-kuo-6.21201`` [1]_.
+
+    Returns
+    -------
+    tuple of DirectionNumbers
+        Those of dimensions 2, 3, ..., for :func:`sobol_of`.
+
+    Raises
+    ------
+    TypeError
+        If ``path`` is neither a path nor a string.
+    ValueError
+        If a line has another form, another d than the line before and one, a reducible polynomial, or an
+        m_k that is even or not below 2**k: names file and line.
+
+    References
+    ----------
+    .. [1] S. Joe, F. Y. Kuo, "Sobol sequence generator", https://web.maths.unsw.edu.au/~fkuo/sobol.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.NamedTemporaryFile("w") as file:
+    ...     _ = file.write("d s a m_i\n2 1 0 1\n3 2 1 1 3\n")
+    ...     file.flush()
+    ...     print(read_direction_numbers(file.name)[1])
+    DirectionNumbers(polynomial=7, initial=(1, 3))
+    """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(f"path must be a path or a string, got {checks.shown(path)}")
+    numbers: list[DirectionNumbers] = []
+    for count, line in enumerate(Path(path).read_text("ascii", "replace").splitlines(), start=1):
+        fields = line.split()
+        if not fields or (count == 1 and not fields[0][0].isdigit()):
+            continue
+        try:
+            numbers.append(_parsed(fields, len(numbers) + 2))
+        except ValueError as error:
+            raise ValueError(
+                f"path must be that of a file of direction numbers; line {count} of {path}: {error}"
+            ) from None
+    if not numbers:
+        raise ValueError(f"path must be that of a file of direction numbers; there are none in {path}")
+    return tuple(numbers)
+
+
+def _parsed(fields: Sequence[str], dimension: int) -> DirectionNumbers:
+    if len(fields) < 4 or not all(field.isdecimal() for field in fields):
+        raise ValueError(f"must be d, s, a, m_1, ..., m_s, got {checks.shown(' '.join(fields))}")
+    d, s, a, *initial = map(int, fields)
+    if d != dimension:
+        raise ValueError(f"d must be {dimension}, got {d}")
+    if not 1 <= s <= 32 or a >= 2 ** (s - 1):
+        raise ValueError(f"s must be in [1, 32] and a below 2**(s - 1), got s={s}, a={a}")
+    return checked_numbers(1 << s | a << 1 | 1, initial)
+
+
+def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> str:
+    """Return the text of a file of direction numbers, as :func:`read_direction_numbers` reads it.
+
+    Parameters
+    ----------
+    numbers : iterable of DirectionNumbers
+        Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``numbers`` is no iterable of such pairs.
+
+    Examples
+    --------
+    >>> print(direction_numbers_text([(0b11, [1]), (0b111, [1, 3])]), end="")
+    d s a m_i
+    2 1 0 1
+    3 2 1 1 3
+    """
+    rows = [
+        (d, len(initial), (polynomial ^ 1 << len(initial)) >> 1, *initial)
+        for d, (polynomial, initial) in enumerate(_checked(numbers), start=2)
+    ]
+    return "\n".join([_HEAD, *(" ".join(map(str, row)) for row in rows), ""])
+
+
+def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digital:
+    """Make the Sobol' sequence of given direction numbers.
+
+    Parameters
+    ----------
+    numbers : iterable of DirectionNumbers
+        Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`. The
+        first dimension is van der Corput's sequence.
+
+    Returns
+    -------
+    Digital
+        With one dimension more than there are ``numbers``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``numbers`` is no iterable of such pairs.
+
+    Examples
+    --------
+    >>> print(sobol_of([(0b11, [1]), (0b111, [1, 3])]).points(4))
+    [[0.   0.   0.  ]
+     [0.5  0.5  0.5 ]
+     [0.25 0.75 0.75]
+     [0.75 0.25 0.25]]
+    """
+    return digital(np.concatenate([_IDENTITY[None], columns_of(_checked(numbers))]))
+
+
+def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
+    """Find the direction numbers that make a given Sobol' sequence: the way back from :func:`sobol_of`.
+
+    Parameters
+    ----------
+    sequence : Digital
+        A Sobol' sequence, such as :func:`sobol`, :func:`one_two` or :func:`sobol_of` make it: the first
+        component is van der Corput's.
+
+    Returns
+    -------
+    tuple of DirectionNumbers
+        Those of dimensions 2, 3, ..., of the least degree that makes the same 32 x 32 matrices; for
+        :func:`direction_numbers_text`.
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` is no digital sequence in base 2.
+    ValueError
+        If it has a component that is none of Sobol's.
+
+    Notes
+    -----
+    The recurrence of Eq. 5.13 [1]_ is linear in the coefficients of the polynomial, so that they are found by
+    elimination, degree by degree.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+
+    Examples
+    --------
+    >>> from qmcjax.sequences import sobol
+    >>> print(direction_numbers(sobol(3)))
+    (DirectionNumbers(polynomial=3, initial=(1,)), DirectionNumbers(polynomial=7, initial=(1, 3)))
+    """
+    if not isinstance(sequence, Digital):
+        raise TypeError(f"sequence must be a digital sequence in base 2, got {checks.shown(sequence)}")
+    matrices = np.asarray(sequence.matrices)
+    if not np.array_equal(matrices[0], _IDENTITY):
+        raise ValueError("sequence must begin with the component of van der Corput's, got another one")
+    found: list[DirectionNumbers] = []
+    for dimension, columns in enumerate(matrices[1:], start=2):
+        # Degrees grow with the dimension in tables, so that the last one is the best guess.
+        guess = len(found[-1].initial) if found else 1
+        degrees = [*range(guess, 33), *range(1, guess)]
+        tried = (_of_degree(columns.tolist(), degree) for degree in degrees)
+        numbers = next((each for each in tried if each is not None), None)
+        if numbers is None:
+            raise ValueError(f"sequence must be one of Sobol's, got another matrix in dimension {dimension}")
+        found.append(numbers)
+    return tuple(found)
+
+
+def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
+    """Return direction numbers of a degree that make a matrix, None if there are none.
+
+    With the columns v_k as fractions, v_k + v_(k-s) + v_(k-s) / 2**s is the sum of a_i v_(k-i), 0 < i < s.
+    """
+    later = range(degree, 32)
+
+    def joined(words: Iterable[int]) -> int:
+        return sum(word << 32 * place for place, word in enumerate(words))
+
+    target = joined(columns[k] ^ columns[k - degree] ^ columns[k - degree] >> degree for k in later)
+    basis: list[tuple[int, int]] = []
+    for i in range(1, degree):
+        vector, chosen = _reduced(joined(columns[k - i] for k in later), 1 << (degree - i), basis)
+        if vector:
+            basis.append((vector, chosen))
+    left, middle = _reduced(target, 0, basis)
+    if left:
+        return None
+    initial = [column >> (31 - k) for k, column in enumerate(columns[:degree])]
+    try:
+        numbers = checked_numbers(1 << degree | middle | 1, initial)
+    except ValueError:
+        return None
+    return numbers if columns_of([numbers])[0].tolist() == columns else None
+
+
+def _reduced(vector: int, chosen: int, basis: list[tuple[int, int]]) -> tuple[int, int]:
+    """Return a vector without the leading bits of a basis, and which vectors it is the sum of."""
+    for other, others in basis:
+        if vector >> (other.bit_length() - 1) & 1:
+            vector, chosen = vector ^ other, chosen ^ others
+    return vector, chosen
+
+
+def _checked(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> list[DirectionNumbers]:
+    wanted = "pairs of a polynomial and initial numbers"
+    try:
+        pairs = [(polynomial, initial) for polynomial, initial in numbers]
+    except (TypeError, ValueError):
+        raise TypeError(f"numbers must be {wanted}, got {checks.shown(numbers)}") from None
+    if not pairs:
+        raise ValueError(f"numbers must be {wanted}, got none")
+    checked = []
+    for place, (polynomial, initial) in enumerate(pairs):
+        try:
+            checked.append(checked_numbers(polynomial, initial))
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"numbers must be {wanted}; number {place}: {error}") from None
+    return checked

@@ -1,0 +1,55 @@
+"""Sobol' components whose pairs are (1,2)-sequences, from searched direction numbers."""
+
+from importlib import resources
+
+from qmcjax.core import checks
+from qmcjax.sequences._digital.digital import Digital, digital
+from qmcjax.sequences._digital.direction_numbers import read_direction_numbers, sobol_of
+
+ONE_TWO_DIMS = 20
+
+
+def one_two(dims: int) -> Digital:
+    """Make a Sobol' sequence whose pairs of components 2 k and 2 k + 1 are (1,2)-sequences in base 2.
+
+    The first pair is that of :func:`sobol`, a (0,2)-sequence.
+
+    Parameters
+    ----------
+    dims : int
+        In [1, 20]. Fewer dimensions are the first of these.
+
+    Returns
+    -------
+    Digital
+        t of the pairs is known for all nets of up to 2**32 points.
+
+    Raises
+    ------
+    ValueError
+        If ``dims`` is out of range.
+
+    Notes
+    -----
+    In Sobol's construction x and x + 1 make the only (0,2)-sequence. With p and p**2 + p + 1 as polynomials
+    t = 1 can be reached [1]_. The direction numbers are from a search of our own
+    (``analysis/tables/make_one_two.py``), for all p of degrees up to 7 such that both polynomials are
+    irreducible: those of degrees 1, 2, 5, 6 and 7 exist. They are not those of [1]_.
+
+    References
+    ----------
+    .. [1] N. Bonneel, D. Coeurjolly, J.-C. Iehl, V. Ostromoukhov, "Sobol' Sequences with Guaranteed-Quality
+       2D Projections", ACM Trans. Graph. 44(4), 2025.
+
+    Examples
+    --------
+    >>> print((one_two(4).points(4) * 4).astype(int))
+    [[0 0 0 0]
+     [2 2 2 2]
+     [1 3 3 1]
+     [3 1 1 3]]
+    """
+    dims = checks.integer("dims", dims, 1, ONE_TWO_DIMS)
+    with resources.as_file(resources.files("qmcjax.sequences") / "_data" / "one_two.txt") as path:
+        numbers = read_direction_numbers(path)
+    return digital(sobol_of(numbers).matrices[:dims])

@@ -1,0 +1,1 @@
+"""Radical inverses."""

@@ -1,0 +1,274 @@
+"""Radical inverses, with digits permuted or not: the van der Corput and the Halton sequence."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.core.digits import (
+    alike,
+    base_of,
+    digit_reversed,
+    digit_spans,
+    radical_inverse,
+    span_numbers,
+    word,
+)
+from qmcjax.core.digits_64 import limit_64, radical_inverse_64
+from qmcjax.core.finite_field import next_prime
+from qmcjax.core.permuted_digits import permuted_radical_inverse, permuted_spans, table_starts
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._digital.digital import Digital, sobol
+from qmcjax.sequences._halton import digit_permutations, radical_blocks
+from qmcjax.sequences._protocol.base import Sequence
+from qmcjax.sequences._protocol.digit_sequence import DigitSequence
+
+HALTON_DIMS = 1024
+
+PERMUTATIONS = (None, "zaremba", "faure", "faure_lemieux", "random")
+
+MANY = 64
+"""From so many coordinates large bases share a program: it would take long to compile one for each."""
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class RadicalInverses(DigitSequence):
+    """One radical inverse a coordinate (Hilbert paper, Eq. 1), of permuted digits or not."""
+
+    bases: tuple[int, ...] = field(metadata={"static": True})
+    tables: Array | None = None
+    """uint16: the reflection tables of all bases, one after the other."""
+
+    reported = ("dims", "base", "permuted")
+
+    @property
+    def called(self) -> str:
+        """What makes such a sequence."""
+        return "halton" if self.base is None else "van_der_corput"
+
+    @property
+    def base(self) -> int | None:
+        """The base of the van der Corput sequence in a base other than 2."""
+        return self.bases[0] if self.dims == 1 and self.bases[0] > 2 else None
+
+    @property
+    def permuted(self) -> bool:
+        """Whether digits are permuted."""
+        return self.tables is not None
+
+    @property
+    def dims(self) -> int:
+        return len(self.bases)
+
+    @property
+    def limit_64(self) -> int:
+        """First index that is out of reach for 64-bit indices; permutations have the digits of 32 bits."""
+        return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
+
+    def with_high_word(self, high: Array) -> Sequence:
+        return (
+            super().with_high_word(high) if self.tables is not None else RadicalInverses64(self.bases, high)
+        )
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices, in their shape."""
+        base = self.bases[dim]
+        if self.tables is None:
+            return radical_inverse(index, base, dtype)
+        return permuted_radical_inverse(index, base, self.tables, dtype, table_starts(self.bases)[dim])
+
+    def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
+        """Return the digits of coordinates, permuted or not."""
+        base = base_of(self.bases, dims)
+        numbers = span_numbers(index, base)
+        if self.tables is None:
+            return numbers
+        permuted = permuted_spans(
+            numbers, base, self.tables, jnp.asarray(word(table_starts(self.bases)))[dims]
+        )
+        return [digit_reversed(n, base, span) for n, span in zip(permuted, digit_spans(base), strict=True)]
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return all bases."""
+        return self.bases
+
+    def index_digits(self, component: int, count: int) -> Array | None:
+        """Return the inverse permutations of the first digits of an index."""
+        return None if self.tables is None or count == 0 else _inverse_permutations(self, component, count)
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        if len(dims) < MANY:
+            return super().coordinates(index, dims, dtype)
+        parts = []
+        for wanted in alike(self.bases, dims):
+            together = len(wanted) > 1
+            parts.append(
+                self._together(index, wanted, dtype)
+                if together
+                else super().coordinates(index, wanted, dtype)
+            )
+        return jnp.concatenate(parts, axis=-1)
+
+    def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
+        return {
+            j: radical_blocks.prepare(first, count, self.bases[j], self.tables, table_starts(self.bases)[j])
+            for j in dims
+        }
+
+    def block_points(
+        self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        values = []
+        for j in dims:
+            start = table_starts(self.bases)[j]
+            value = radical_blocks.points(block[j], k, count, self.bases[j], self.tables, start, dtype)
+            values.append(self.coordinate(block[j] + k, j, dtype) if value is None else value)
+        return jnp.stack(values, axis=-1)
+
+    def _together(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return coordinates whose bases have equally many digits."""
+        row = (1,) * index.ndim + (-1,)
+        bases = np.array([self.bases[j] for j in dims]).reshape(row)
+        if self.tables is None:
+            return radical_inverse(index[..., None], bases, dtype)
+        offsets = table_starts(self.bases)[np.array(dims)].reshape(row)
+        return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class RadicalInverses64(Sequence):
+    """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
+
+    bases: tuple[int, ...] = field(metadata={"static": True})
+    high: Array
+
+    @property
+    def dims(self) -> int:
+        return len(self.bases)
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices, in their shape."""
+        return radical_inverse_64(self.high, index, self.bases[dim], dtype)
+
+
+@partial(jax.jit, static_argnames=("component", "count"))
+def _inverse_permutations(sequence: RadicalInverses, component: int, count: int) -> Array:
+    base = sequence.bases[component]
+    powers = base ** np.arange(count, dtype=np.uint32)[:, None]
+    numbers = sequence.spans(jnp.asarray(powers * np.arange(base, dtype=np.uint32)), np.array(component))
+    rows, first = [], 0
+    for number, span in zip(numbers, digit_spans(base), strict=True):
+        here = range(min(span, count - first))
+        rows += [number[first + k] // np.uint32(base**k) % np.uint32(base) for k in here]
+        first += span
+    return jnp.argsort(jnp.stack(rows), axis=1).astype(jnp.uint32)
+
+
+def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
+    """Make the van der Corput sequence: the digits of the index, reflected at the radix point.
+
+    Parameters
+    ----------
+    base : int
+        In [2, 65536]. In base 2 the sequence has exact ``bits``.
+
+    Returns
+    -------
+    Sequence
+        One dimension.
+
+    Raises
+    ------
+    ValueError
+        If ``base`` is out of range.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Eq. 1.
+
+    Examples
+    --------
+    >>> print(van_der_corput(3).points(4)[:, 0])
+    [0.         0.33333334 0.6666667  0.11111111]
+    """
+    base = checks.integer("base", base, 2, 2**16)
+    return sobol(1) if base == 2 else RadicalInverses((base,))
+
+
+def halton(dims: int, permutation: str | None = None, key: Array | int | None = None) -> RadicalInverses:
+    """Make the Halton sequence: radical inverses in the first prime bases, their digits permuted or not.
+
+    Parameters
+    ----------
+    dims : int
+        In [1, 1024]; in [1, 360] for "faure_lemieux".
+    permutation : {None, "zaremba", "faure", "faure_lemieux", "random"}
+        What becomes of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b:
+        "zaremba", (a + k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_;
+        "faure_lemieux", f a mod b with a factor found by search for each b [3]_; "random", an independent
+        uniform permutation for each digit of each component.
+    key : jax.random.key, or int in [0, 2**32), optional
+        For "random" and only there. A new key gives new permutations and compiles nothing anew.
+
+    Returns
+    -------
+    RadicalInverses
+        Every value is an exact fraction, rounded once, with the K digits that uint32 indices have, the
+        smallest K with b**K >= 2**32. The Zaremba and the random permutations move 0: the digits of all
+        indices beyond K would add one constant below b**-K to all values, which is left out.
+
+    Raises
+    ------
+    ValueError
+        If ``dims`` is out of range, the permutation unknown, or ``key`` missing, superfluous or no key.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.1.
+    .. [2] H. Faure, "Good permutations for extreme discrepancy", J. Number Theory 42, 1992.
+    .. [3] H. Faure, C. Lemieux, "Generalized Halton Sequences in 2008: A Comparative Study", 2009.
+
+    Examples
+    --------
+    >>> print(halton(2).points(3))
+    [[0.         0.        ]
+     [0.5        0.33333334]
+     [0.25       0.6666667 ]]
+    >>> print((halton(3, "faure").points(5)[:, 2] * 5).astype(int))
+    [0 3 2 1 4]
+    """
+    if permutation is not None and not isinstance(permutation, str):
+        raise TypeError(f"permutation must be one of {PERMUTATIONS}, got {checks.shown(permutation)}")
+    if permutation not in PERMUTATIONS:
+        raise ValueError(f"permutation must be one of {PERMUTATIONS}, got {permutation!r}")
+    if (key is None) == (permutation == "random"):
+        raise ValueError(
+            f"key must be given for permutation='random' and only there, got {checks.shown(key)}"
+        )
+    limit = digit_permutations.FAURE_LEMIEUX_DIMS if permutation == "faure_lemieux" else HALTON_DIMS
+    bases = _primes(checks.integer("dims", dims, 1, limit))
+    if permutation is None:
+        return RadicalInverses(bases)
+    if permutation == "random":
+        tables = digit_permutations.random_tables(bases, checks.prng_key("key", key))
+    elif permutation == "faure_lemieux":
+        tables = digit_permutations.tables(digit_permutations.faure_lemieux(bases))
+    else:
+        of_base = digit_permutations.faure if permutation == "faure" else digit_permutations.zaremba
+        tables = digit_permutations.tables([of_base(base) for base in bases])
+    return RadicalInverses(bases, tables)
+
+
+def _primes(count: int) -> tuple[int, ...]:
+    primes = [2]
+    while len(primes) < count:
+        primes.append(next_prime(primes[-1] + 1))
+    return tuple(primes)

@@ -1,0 +1,1 @@
+"""Lattices and multiples of a vector modulo 1."""

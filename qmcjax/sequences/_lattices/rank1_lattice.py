@@ -1,0 +1,203 @@
+"""Rank-1 lattices of n points, in Korobov's form or of maximised minimum distance: i g / n modulo 1."""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.core.maximin_lattices import best_planar, best_spatial
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._protocol.base import Sequence
+from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.word_first import WordFirst
+
+_PLANAR_LIMIT = 2**22
+"""The search takes half a second."""
+
+_SPATIAL_LIMIT = 2**13
+"""The search takes a second."""
+
+_SPATIAL_TABLE_LIMIT = 2**16
+
+_BELOW_ONE = np.float32(1 - 2.0**-24)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Rank1Lattice(Sequence):
+    """The multiples of a vector g / n modulo 1, for any n."""
+
+    n: int = field(metadata={"static": True})
+    vector: Array
+    """uint32 (dims,): the generating vector g, modulo n."""
+
+    called = "rank1_lattice"
+
+    @property
+    def dims(self) -> int:
+        return self.vector.shape[0]
+
+    @property
+    def size(self) -> int:
+        """Number of points, n."""
+        return self.n
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of valid indices: an exact numerator, divided once."""
+        with jax.enable_x64(True):
+            product = index.astype(jnp.uint64) * self.vector[dim].astype(jnp.uint64)
+            numerator = (product % np.uint64(self.n)).astype(jnp.uint32).astype(jnp.float64)
+            # A constant divisor would be compiled to a product with its rounded reciprocal.
+            value = numerator / (numerator * 0.0 + np.float64(self.n))
+            if dtype == jnp.float64:
+                return value
+            return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class BinaryRank1Lattice(WordFirst):
+    """The multiples of a vector modulo 1 for n = 2**m: as fractions of 32 bits, products that wrap."""
+
+    m: int = field(metadata={"static": True})
+    vector: Array
+    """uint32 (dims,): g / 2**m as 32-bit fractions."""
+
+    called = "rank1_lattice"
+
+    @property
+    def dims(self) -> int:
+        return self.vector.shape[0]
+
+    @property
+    def size(self) -> int:
+        """Number of points, 2**m."""
+        return 2**self.m
+
+    def word(self, index: Array, dim: int) -> Array:
+        return index * self.vector[dim]
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
+        return Fraction(lambda: index[..., None] * wanted)
+
+
+def _rank1(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Lattice:
+    if n & (n - 1):
+        return Rank1Lattice(n, jnp.asarray(np.array(vector, np.uint32)))
+    fractions = [g * (2**32 // n) % 2**32 for g in vector]
+    return BinaryRank1Lattice(n.bit_length() - 1, jnp.asarray(np.array(fractions, np.uint32)))
+
+
+def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
+    """Make the rank-1 lattice of the vector (1, a, a**2, ...), in Korobov's form.
+
+    Parameters
+    ----------
+    n : int
+        Number of points, in [1, 2**32].
+    dims : int
+        In [1, 65536].
+    a : int
+        In [0, n).
+
+    Returns
+    -------
+    Sequence
+        The points ``i (1, a, a**2, ...) / n`` modulo 1: with exact ``bits`` if n is a power of two,
+        else rounded once, but never to 1.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    References
+    ----------
+    .. [1] S. Dammertz, A. Keller, "Image Synthesis by Rank-1 Lattices", Monte Carlo and
+       Quasi-Monte Carlo Methods 2006, Springer, 2007.
+
+    Examples
+    --------
+    >>> print(korobov(5, dims=3, a=2).points(3))
+    [[0.  0.  0. ]
+     [0.2 0.4 0.8]
+     [0.4 0.8 0.6]]
+    """
+    n = checks.integer("n", n, 1, 2**32)
+    dims = checks.integer("dims", dims, 1, 2**16)
+    a = checks.integer("a", a, 0, n - 1)
+    return _rank1(n, tuple(pow(a, j, n) for j in range(dims)))
+
+
+def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
+    """Make the rank-1 lattice of the largest toroidal minimum distance.
+
+    All vectors (1, a) or (1, a, b) are compared, so that no rank-1 lattice is better that has one of
+    its components coprime to n. Equally good vectors differ in other respects; the one with the smallest
+    ``a`` is taken.
+
+    Parameters
+    ----------
+    n : int
+        Number of points. In two dimensions in [1, 2**22]; in three in [1, 2**13], or a power of two up
+        to 2**16. Where there is no table, the search takes up to a second or so.
+    dims : int
+        2 or 3.
+
+    Returns
+    -------
+    Sequence
+        With exact ``bits`` if n is a power of two, else rounded once, but never to 1.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range.
+
+    References
+    ----------
+    .. [1] S. Dammertz, A. Keller, "Image Synthesis by Rank-1 Lattices", Monte Carlo and
+       Quasi-Monte Carlo Methods 2006, Springer, 2007.
+    .. [2] H. Dammertz, A. Keller, S. Dammertz, "Simulation on Rank-1 Lattices", ibid.
+    .. [3] L. Gruenschloss, "Motion Blur", 2008, Sect. 6.2.
+
+    Examples
+    --------
+    >>> print((rank1_lattice(10).points(4) * 10).round().astype(int))  # a = 3
+    [[0 0]
+     [1 3]
+     [2 6]
+     [3 9]]
+    """
+    dims = checks.integer("dims", dims, 2, 3)
+    if dims == 2:
+        n = checks.integer("n", n, 1, _PLANAR_LIMIT)
+    else:
+        n = checks.integer("n", n, 1, _SPATIAL_TABLE_LIMIT)
+        if n > _SPATIAL_LIMIT and n & (n - 1):
+            raise ValueError(
+                f"n must be at most {_SPATIAL_LIMIT} or a power of two up to {_SPATIAL_TABLE_LIMIT} "
+                f"in three dimensions, got {n}"
+            )
+    return _rank1(n, (1, *_best(n, dims)))
+
+
+@lru_cache
+def _best(n: int, dims: int) -> tuple[int, ...]:
+    if dims == 2:
+        return best_planar(n)[:1]
+    return _tabulated().get(n) or best_spatial(n)[:2]
+
+
+@lru_cache
+def _tabulated() -> dict[int, tuple[int, ...]]:
+    source = resources.files("qmcjax.sequences") / "_data" / "rank1_lattices.txt"
+    rows = np.loadtxt(source.read_text().splitlines(), np.int64)
+    return {int(n): (int(a), int(b)) for n, a, b, _ in rows}

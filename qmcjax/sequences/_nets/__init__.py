@@ -1,0 +1,1 @@
+"""Point sets of fixed size."""

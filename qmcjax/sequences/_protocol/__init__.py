@@ -1,0 +1,1 @@
+"""The interfaces of sequences, and objects of users behind them."""

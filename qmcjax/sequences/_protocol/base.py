@@ -1,0 +1,309 @@
+"""The interface of a sequence: from an index to a point, at random access."""
+
+import abc
+import dataclasses
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.core.fractions import plus_modulo_1
+from qmcjax.sequences._protocol.kept import kept
+
+FEW = 8
+"""Up to so many coordinates are computed one by one and stacked last: the compiler then sees elementwise
+programs without a short last axis, and fuses them with whatever consumes a coordinate."""
+
+
+class Sequence(abc.ABC):
+    """A function from an index to a point of the unit cube.
+
+    Subclasses are frozen dataclass pytrees that implement ``dims``, ``size`` and :meth:`coordinate`. Calling
+    a sequence, :meth:`points` and slices check what they are given. All other methods are for samplers and
+    wrappers, and check nothing: indices are uint32 arrays below ``limit``, dimensions are tuples of integers.
+    """
+
+    reported = ("dims", "size")
+    """Attributes in the repr."""
+
+    @property
+    @abc.abstractmethod
+    def dims(self) -> int:
+        """Number of dimensions."""
+
+    @property
+    def size(self) -> int | None:
+        """Number of points, None for an unbounded sequence."""
+        return None
+
+    @property
+    def limit(self) -> int:
+        """First index that is out of reach: ``size``, or 2**32."""
+        return checks.INDEX_LIMIT if self.size is None else self.size
+
+    @property
+    def limit_64(self) -> int:
+        """The same for 64-bit indices: ``limit``, where there is no :meth:`with_high_word`."""
+        return self.limit
+
+    def with_high_word(self, high: Array) -> "Sequence":
+        """Return the sequence of the points ``high * 2**32 + index``, for 64-bit indices.
+
+        Parameters
+        ----------
+        high : uint32 Array
+            In the shape of the indices that the sequence is called with. 64-bit indices are below
+            ``limit_64``.
+
+        Returns
+        -------
+        Sequence
+
+        Raises
+        ------
+        ValueError
+            If the sequence has none: samplers see that from ``limit_64``, before anything is computed.
+        """
+        raise ValueError(f"sequence must have 64-bit indices, got {checks.shown(self)}")
+
+    @abc.abstractmethod
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        """Return one coordinate of the points, in the shape of ``index``."""
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        """Return some coordinates of the points, shape ``index.shape + (len(dims),)``."""
+        return jnp.stack([self.coordinate(index, j, dtype) for j in dims], axis=-1)
+
+    def rotated_coordinate(self, index: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:
+        """Return one coordinate plus an offset modulo 1.
+
+        Parameters
+        ----------
+        index : uint32 Array
+        dim : int
+        offset : uint32 Array, broadcastable to ``index``
+            Fractions.
+        dtype : float32 or float64
+
+        Returns
+        -------
+        Array of ``dtype``, in [0, 1)
+            The sum is rounded once, from float64, and never to 1; in base 2 it is one of integers, and exact.
+        """
+        with jax.enable_x64(True):
+            return plus_modulo_1(self.coordinate(index, dim, jnp.float64), offset, dtype)
+
+    def fixed_point(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction, uint32: exact in base 2, else rounded down."""
+        with jax.enable_x64(True):
+            value = self.coordinate(index, dim, jnp.float64)
+            return (value * np.float64(2.0**32)).astype(jnp.uint32)
+
+    def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
+        """Return what the points ``first, ..., first + count - 1`` have in common.
+
+        Parameters
+        ----------
+        first : uint32 Array
+            Multiples of ``count``, such that the blocks end below ``limit``.
+        count : int
+            Number of points in a block.
+        dims : tuple of int
+            The coordinates that will be asked for.
+
+        Returns
+        -------
+        pytree of Array
+            For :meth:`block_points`.
+        """
+        return first
+
+    def block_points(
+        self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        """Return point ``first + k`` of each block: the same bits as ``coordinates(first + k, dims, dtype)``.
+
+        Parameters
+        ----------
+        block : pytree
+            What :meth:`prepare_block` returned for the same ``count`` and ``dims``.
+        k : uint32 Array, broadcastable to the blocks
+            Below ``count``.
+        count : int
+        dims : tuple of int
+        dtype : float32 or float64
+
+        Returns
+        -------
+        Array of ``dtype``, the broadcast shape + ``(len(dims),)``
+        """
+        return self.coordinates(block + k, dims, dtype)
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return the base of each component that is a radical inverse, scrambled or not, None for others.
+
+        The first m digits of such a component repeat every base**m points. Of digital sequences these are
+        components with lower triangular matrices; while matrices are being traced, all are taken for such.
+        """
+        return (None,) * self.dims
+
+    def index_digits(self, component: int, count: int) -> Array | None:
+        """Return what takes the first digits of a component back to the digits of the index.
+
+        Parameters
+        ----------
+        component : int
+        count : int
+            Number of digits.
+
+        Returns
+        -------
+        uint32 Array, shape (count, base), or None
+            Row k takes digit k of the component to that of the index; None if they are equal.
+
+        Raises
+        ------
+        ValueError
+            If the component is no radical inverse, its digits permuted one by one or not.
+        """
+        raise ValueError(
+            f"component must be a radical inverse, its digits permuted one by one or not, got "
+            f"component={component} of {checks.shown(self)}"
+        )
+
+    def __call__(
+        self, index: ArrayLike, dims: tuple[int, ...] | None = None, dtype: DTypeLike = jnp.float32
+    ) -> Array:
+        """Return the points of the given indices.
+
+        Parameters
+        ----------
+        index : integer ArrayLike, shape (...)
+            Below ``size``, or 2**32: seen unless traced. Traced integers are taken modulo 2**32.
+        dims : tuple of int, optional
+            The wanted coordinates, static; only these are computed. All by default.
+        dtype : float32 or float64
+
+        Returns
+        -------
+        Array of ``dtype``, shape (..., len(dims)), in [0, 1)
+
+        Raises
+        ------
+        TypeError
+            If ``index`` is no integer, or ``dims`` no tuple of integers.
+        ValueError
+            If an index is negative or known to be beyond the last, or a dimension is not there.
+        """
+        wanted = checks.dimensions(dims, self.dims)
+        return self.coordinates(checks.unsigned("index", index, self.limit), wanted, checks.floating(dtype))
+
+    def points(self, n: int, start: int = 0, dtype: DTypeLike = jnp.float32) -> Array:
+        """Return the points ``start, ..., start + n - 1``.
+
+        Parameters
+        ----------
+        n : int
+            Number of points. A new n compiles anew, a new ``start`` does not, but that digital sequences in
+            base 2 have a faster program for multiples of 256.
+        start : int
+            Index of the first point.
+        dtype : float32 or float64
+            float64 needs no global flag.
+
+        Returns
+        -------
+        Array of ``dtype``, shape (n, dims), in [0, 1)
+
+        Raises
+        ------
+        TypeError
+            If ``n`` or ``start`` is no integer.
+        ValueError
+            If the block runs beyond the sequence's last index.
+        """
+        n = checks.integer("n", n, 1, self.limit)
+        start = checks.integer("start", start, 0, self.limit - 1)
+        if start + n > self.limit:
+            raise ValueError(f"start + n must be at most {self.limit}, got {start} + {n}")
+        dtype = checks.floating(dtype)
+        with checks.precision(dtype):
+            return kept(self._maker(start, n, dtype), n, self.dims, dtype)
+
+    def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
+        """Return the function of (first, count) for points start + first, ..., in pieces of at least ROWS."""
+        return lambda first, count: _points(self, np.uint32(start + first), count, dtype)
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return self._known_size()
+
+    def __bool__(self) -> bool:
+        """Tell that there are points."""
+        return True
+
+    def __getitem__(self, which: Any) -> Array:
+        """Return the point of an integer, or the points of a slice, of a sequence with a size."""
+        size = self._known_size()
+        if not isinstance(which, slice):
+            which = checks.integer("index", which, -size, size - 1)
+            return self(which % size)
+        start, stop, step = which.indices(size)
+        if step == 1 and start < stop:
+            return self.points(stop - start, start)
+        return self(np.arange(start, stop, step).astype(np.int64))
+
+    def __iter__(self) -> Iterator[Array]:
+        """Run through the points of a sequence with a size."""
+        size = self._known_size()
+        return (
+            point for first in range(0, size, _TURN) for point in self.points(min(_TURN, size - first), first)
+        )
+
+    def __array__(self, *_: Any, **__: Any) -> np.ndarray:
+        """Refuse: there may be many points."""
+        raise TypeError(f"{checks.shown(self)} is no array: take .points(n) of it")
+
+    def _known_size(self) -> int:
+        if self.size is None:
+            raise TypeError(f"{checks.shown(self)} has no last point: take .points(n) of it")
+        return self.size
+
+
+_TURN = 4096
+"""Points that are made together to run through all."""
+
+
+class PointByPoint(Sequence):
+    """A sequence whose point i is a function of point i of another one."""
+
+    sequence: Any
+
+    @property
+    def size(self) -> int | None:
+        return self.sequence.size
+
+    @property
+    def limit_64(self) -> int:
+        """First index that is out of reach for 64-bit indices."""
+        return self.sequence.limit_64
+
+    def with_high_word(self, high: Array) -> Any:
+        with_high = self.sequence.with_high_word(high)
+        return dataclasses.replace(self, sequence=with_high)  # pyright: ignore[reportArgumentType]
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return the bases of the sequence's components."""
+        return self.sequence.radical_bases()
+
+
+@partial(jax.jit, static_argnames=("n", "dtype"))
+def _points(sequence: Sequence, start: Array, n: int, dtype: DTypeLike) -> Array:
+    index = start + jax.lax.iota(jnp.uint32, n)
+    return sequence.coordinates(index, tuple(range(sequence.dims)), dtype)

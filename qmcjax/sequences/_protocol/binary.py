@@ -1,0 +1,214 @@
+"""The interface of a sequence in base 2, whose coordinates are exact fractions of 32 bits."""
+
+import abc
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse, to_unit
+from qmcjax.sequences._protocol.base import FEW, Sequence
+from qmcjax.sequences._protocol.blocks import Blocks
+from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.kept import ROWS
+
+_BLOCKS_FROM = 4096
+"""Number of points from which it pays to make tables of blocks."""
+
+_LANES = 16
+"""Words of a vector register."""
+
+
+class BinarySequence(Sequence):
+    """A sequence in base 2: coordinates are 32-bit fractions, exact until the last step.
+
+    Subclasses implement :meth:`bit_reversed`, and :meth:`word` if they have a shorter way to it.
+    """
+
+    @abc.abstractmethod
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction with its first digit in bit 0, as scramblers want it."""
+
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
+        return reverse(self.bit_reversed(index, dim))
+
+    def words(self, index: Array, dims: tuple[int, ...]) -> Array:
+        """Return some coordinates as 32-bit fractions, shape ``index.shape + (len(dims),)``."""
+        return self.fractions(index, dims).word
+
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        """Return one coordinate, in the form that will be asked for."""
+        return Fraction(partial(self.word, index, dim), partial(self.bit_reversed, index, dim))
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        """Return some coordinates, stacked last, in the form that will be asked for."""
+
+        def stacked(one: Callable[[Array, int], Array]) -> Array:
+            return jnp.stack([one(index, j) for j in dims], axis=-1)
+
+        return Fraction(partial(stacked, self.word), partial(stacked, self.bit_reversed))
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        return to_unit(self.word(index, dim), dtype)
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        if len(dims) <= FEW:
+            return super().coordinates(index, dims, dtype)
+        return to_unit(self.words(index, dims), dtype)
+
+    def rotated_coordinate(self, index: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:
+        """Return one coordinate plus an offset modulo 1: a sum of words that wraps."""
+        return to_unit(self.word(index, dim) + offset, dtype)
+
+    def fixed_point(self, index: Array, dim: int) -> Array:
+        return self.word(index, dim)
+
+    @property
+    def linear(self) -> "BinarySequence | None":
+        """The sequence below all scramblings, of as many dimensions, if its digits are linear in the index's.
+
+        Then point ``i ^ j`` of it is the xor of points i and j, and :meth:`of_linear` does the rest.
+        """
+        return None
+
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Return the coordinates of this sequence from those of :attr:`linear`.
+
+        Parameters
+        ----------
+        fraction : Fraction
+            Of one coordinate, or of some that are stacked last.
+        dims : int or tuple of int
+            Which these are.
+
+        Returns
+        -------
+        Fraction
+        """
+        return fraction
+
+    def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
+        linear = self._linear_of_blocks(count, dims)
+        if linear is None:
+            return super().prepare_block(first, count, dims)
+        return {j: linear.fraction(first, j).forms for j in dims}
+
+    def block_points(
+        self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        linear = self._linear_of_blocks(count, dims)
+        if linear is None:
+            return super().block_points(block, k, count, dims, dtype)
+        points = [self.of_linear(Fraction.of(block[j]) ^ linear.fraction(k, j), j).word for j in dims]
+        return jnp.stack([to_unit(point, dtype) for point in points], axis=-1)
+
+    def _linear_of_blocks(self, count: int, dims: tuple[int, ...]) -> "BinarySequence | None":
+        # Two components of a (0,2)-sequence cost less than the memory that their first points take.
+        return None if len(dims) <= 2 or count & (count - 1) else self.linear
+
+    def blocks(self, start: Array, count: int, rows: int) -> Blocks | None:
+        """Return tables for ``count`` blocks of ``rows`` points from index ``start`` on.
+
+        Parameters
+        ----------
+        start : uint32 Array, shape ()
+            A multiple of ``rows``.
+        count : int
+        rows : int
+            A power of two.
+
+        Returns
+        -------
+        Blocks or None
+            For :meth:`points_of_blocks`; None if there is no :attr:`linear`.
+        """
+        return None if self.linear is None else _blocks(self.linear, start, count, rows)
+
+    def points_of_blocks(self, blocks: Blocks, dtype: DTypeLike) -> Array:
+        """Return all points of some blocks, shape (points, dims): the same bits as ``points``."""
+        # Points side by side, until their coordinates fill a vector register.
+        beside = 1
+        while beside * self.dims < _LANES:
+            beside *= 2
+        points = self.of_linear(blocks.points(beside), tuple(range(self.dims)) * beside)
+        return to_unit(points.word, dtype).reshape(-1, self.dims)
+
+    def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
+        blocks = None
+        if n >= _BLOCKS_FROM and start % ROWS == 0:
+            blocks = self.blocks(jnp.uint32(start), -(-n // ROWS), ROWS)
+        if blocks is None:
+            return super()._maker(start, n, dtype)
+        return lambda first, count: _blockwise(self, blocks, np.uint32(first // ROWS), count, dtype)
+
+    def inverted(self, log_side: int) -> Any:
+        """Return an object that finds points from their cells in a raster of ``2**log_side`` cells a side.
+
+        Parameters
+        ----------
+        log_side : int
+            In [0, 16].
+
+        Returns
+        -------
+        Invertible
+
+        Raises
+        ------
+        ValueError
+            If the sequence cannot be inverted, or does not put equally many points into each cell.
+        """
+        raise ValueError(f"net must be invertible (have index_in_cell), got {checks.shown(self)}")
+
+    def bits(self, index: ArrayLike, dims: tuple[int, ...] | None = None) -> Array:
+        """Return the points of the given indices as exact 32-bit fractions.
+
+        Parameters
+        ----------
+        index : integer ArrayLike, shape (...)
+        dims : tuple of int, optional
+            The wanted coordinates, static. All by default.
+
+        Returns
+        -------
+        uint32 Array, shape (..., len(dims))
+            Bit 31 is the first digit: the coordinate is ``bits / 2**32``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As for calling the sequence.
+        """
+        wanted = checks.dimensions(dims, self.dims)
+        return self.words(checks.unsigned("index", index, self.limit), wanted)
+
+
+# The tables have a program of their own: together with their use they would be fused into it, and recomputed
+# for every point.
+@partial(jax.jit, static_argnames=("count", "rows"))
+def _blocks(linear: BinarySequence, start: Array, count: int, rows: int) -> Blocks:
+    dims = tuple(range(linear.dims))
+    low = jax.lax.iota(jnp.uint32, rows)
+    high = start + jax.lax.iota(jnp.uint32, count) * np.uint32(rows)
+    return Blocks(linear.fractions(low, dims).forms, linear.fractions(high, dims).forms)
+
+
+@partial(jax.jit, static_argnames=("n", "dtype"))
+def _blockwise(sequence: BinarySequence, blocks: Blocks, first: Array, n: int, dtype: DTypeLike) -> Array:
+    return sequence.points_of_blocks(blocks.part(first, -(-n // ROWS)), dtype)[:n]
+
+
+def as_binary(name: str, value: Any) -> BinarySequence:
+    """Return a sequence in base 2 as it is, or raise a TypeError that names the argument."""
+    if not isinstance(value, BinarySequence):
+        raise TypeError(
+            f"{name} must be a sequence in base 2 (one that has .bits), got {checks.shown(value)}"
+        )
+    return value

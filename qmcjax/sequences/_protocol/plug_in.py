@@ -1,0 +1,178 @@
+"""Anything with a sequence's protocol as a sequence: objects of users, and plain functions."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core import checks, plug_ins
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._protocol.base import Sequence
+
+_PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns points [..., dims]"
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class PlugIn(Sequence):
+    """An object with ``dims``, a call, and perhaps a ``size``; or a function that is the call."""
+
+    held: Any
+    """The object, as :func:`plug_ins.held` takes it."""
+    selects: bool = field(metadata={"static": True})
+    """Whether it is called with the wanted dimensions and a dtype, or returns all coordinates in any."""
+    count: int | None = field(default=None, metadata={"static": True})
+    """Number of dimensions of a function."""
+
+    @property
+    def called(self) -> str:
+        """The name of the class, or that of what makes a sequence of a function."""
+        return type(plug_ins.unheld(self.held)).__name__ if self.count is None else "function"
+
+    @property
+    def dims(self) -> int:
+        return int(plug_ins.unheld(self.held).dims) if self.count is None else self.count
+
+    @property
+    def size(self) -> int | None:
+        size = getattr(plug_ins.unheld(self.held), "size", None) if self.count is None else None
+        return None if size is None else int(size)
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        return self.coordinates(index, (dim,), dtype)[..., 0]
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        call = plug_ins.unheld(self.held)
+        with checks.precision(dtype):
+            if self.selects:
+                return _checked(call(index, dims=dims, dtype=dtype), index, len(dims), dtype)
+            points = _checked(call(index), index, self.dims, None).astype(dtype)
+            return points if dims == tuple(range(self.dims)) else points[..., np.array(dims)]
+
+
+def _checked(points: Any, index: Array, dims: int, dtype: DTypeLike | None) -> Array:
+    """Return points, or raise a ValueError unless they have the right shape and dtype."""
+    wanted = (*index.shape, dims)
+    found = getattr(points, "dtype", None)
+    right = found is not None and (jnp.issubdtype(found, jnp.floating) if dtype is None else found == dtype)
+    if not right or points.shape != wanted:
+        what = f"{found} {points.shape}" if hasattr(points, "shape") else checks.shown(points)
+        kind = "floats" if dtype is None else np.dtype(dtype).name
+        raise ValueError(
+            f"sequence must return points of {kind} {wanted} for indices {index.shape}, got {what}"
+        )
+    return jnp.asarray(points)
+
+
+def as_sequence(name: str, value: Any) -> Sequence:
+    """Return an object as a sequence: one of this package's unchanged, another one with all methods.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    value : object
+        A sequence, or any object that has
+
+        - ``dims``, the number of dimensions,
+        - a call ``(index, dims, dtype)``, from a uint32 array of any shape, a tuple of the wanted dimensions
+          and float32 or float64 to points of this dtype, shape ``index.shape + (len(dims),)``; or ``(index)``
+          that returns all coordinates in any floating dtype,
+        - optionally ``size``, the number of points.
+
+        It needs no decorator: programs are compiled for this very object. If it is a pytree (see
+        :func:`qmcjax.pytree`), its arrays are arguments of the program.
+
+    Returns
+    -------
+    Sequence
+
+    Raises
+    ------
+    TypeError
+        If it has no such protocol, or is no pytree and has arrays as attributes.
+
+    Examples
+    --------
+    >>> class Golden:
+    ...     dims = 1
+    ...
+    ...     def __call__(self, index):
+    ...         return (index * jnp.uint32(2654435769) >> 8).astype(jnp.float32)[..., None] / 2**24
+    >>> print(as_sequence("sequence", Golden()).points(3)[:, 0])
+    [0.         0.61803395 0.23606795]
+    """
+    if isinstance(value, Sequence):
+        return value
+    takes = None if isinstance(value, type) else _takes(value)
+    size = getattr(value, "size", None)
+    if takes is None or not _positive(getattr(value, "dims", None)) or not (size is None or _positive(size)):
+        engine = callable(getattr(value, "random", None)) and hasattr(value, "fast_forward")
+        hint = ": sequences.tabulated(engine.random(n)) makes one of its points" if engine else ""
+        raise TypeError(f"{name} must be a sequence ({_PROTOCOL}), got {checks.shown(value)}{hint}")
+    return PlugIn(plug_ins.held(name, value), takes == "dims")
+
+
+def _takes(value: Any) -> str | None:
+    """Tell what a call takes: "index", or "dims" and dtype beside it; None for anything else."""
+    if not callable(value):
+        return None
+    try:
+        parameters = inspect.signature(value).parameters.values()
+    except (TypeError, ValueError):
+        return None
+    selects = {"dims", "dtype"} <= {p.name for p in parameters}
+    needed = [
+        p
+        for p in parameters
+        if p.default is p.empty
+        and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+        and not (selects and p.name in ("dims", "dtype"))
+    ]
+    if len(needed) != 1 or needed[0].kind is inspect.Parameter.KEYWORD_ONLY:
+        return None
+    return "dims" if selects else "index"
+
+
+def _positive(number: Any) -> bool:
+    return isinstance(number, int | np.integer) and not isinstance(number, bool) and bool(number > 0)
+
+
+def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
+    """Make a sequence of a function from indices to points.
+
+    Parameters
+    ----------
+    f : callable
+        From a uint32 array of any shape to points, floating, of that shape + (dims,), in [0, 1). The same
+        function compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are parameters:
+        new values compile nothing.
+    dims : int
+        In [1, 65536].
+
+    Returns
+    -------
+    Sequence
+        Without end.
+
+    Raises
+    ------
+    TypeError
+        If ``f`` is not callable, or is no pytree and has arrays as attributes.
+    ValueError
+        If ``dims`` is out of range.
+
+    Examples
+    --------
+    >>> midpoints = function(lambda index: (index[..., None] % 4 + 0.5) / 4, dims=1)
+    >>> print(midpoints.points(3)[:, 0])
+    [0.125 0.375 0.625]
+    """
+    if not callable(f):
+        raise TypeError(f"f must be a function from indices to points, got {checks.shown(f)}")
+    return PlugIn(plug_ins.held("f", f), False, checks.integer("dims", dims, 1, 2**16))

@@ -1,0 +1,83 @@
+"""Sequences that are tables of points."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._protocol.word_first import WordFirst
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Tabulated(WordFirst):
+    """A table of points."""
+
+    table: Array
+    """uint32 (size, dims): 32-bit fractions."""
+
+    called = "tabulated"
+
+    @property
+    def dims(self) -> int:
+        return self.table.shape[1]
+
+    @property
+    def size(self) -> int:
+        return self.table.shape[0]
+
+    def word(self, index: Array, dim: int) -> Array:
+        return self.table[index, dim]
+
+
+def tabulated_words(points: NDArray[np.float64]) -> Tabulated:
+    """Return the sequence of valid points, rounded down."""
+    return Tabulated(jnp.asarray((points * 2.0**32).astype(np.uint32)))
+
+
+def tabulated(points: ArrayLike) -> Tabulated:
+    """Make a sequence of any points: of another program, a file, or an engine of ``scipy.stats.qmc``.
+
+    It goes wherever a sequence in base 2 does: into samplers, and below ``owen``, ``digital_shift`` and
+    ``rotate``.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, dims)
+        In [0, 1), known before tracing. Rounded down to 32-bit fractions, which float32 above 2**-8 and the
+        points of digital sequences in base 2 are already.
+
+    Returns
+    -------
+    Tabulated
+        Of ``size`` n.
+
+    Raises
+    ------
+    TypeError
+        If the points are no floats.
+    ValueError
+        If they have another shape, or leave [0, 1).
+
+    Examples
+    --------
+    >>> from scipy.stats import qmc
+    >>> sequence = tabulated(qmc.Halton(2, scramble=False).random(8))
+    >>> print(sequence(3), sequence.size)
+    [0.75      0.1111111] 8
+    """
+    if isinstance(points, Tracer):
+        raise ValueError(f"points must be known before tracing, got {points.aval}")
+    given = checks.known_array("points", points, np.floating, "floats of shape (n, dims)")
+    if given.ndim != 2 or not given.size:
+        raise ValueError(f"points must be floats of shape (n, dims), got shape {given.shape}")
+    outside = ~((given >= 0) & (given < 1))
+    if outside.any():
+        raise ValueError(f"points must be in [0, 1), got {given[outside][0]!r}")
+    return tabulated_words(given.astype(np.float64))

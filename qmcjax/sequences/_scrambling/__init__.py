@@ -1,0 +1,1 @@
+"""Randomisations: a sequence in, a sequence out."""

@@ -1,0 +1,140 @@
+"""A selection of a sequence's components."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._protocol.base import PointByPoint, Sequence
+from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.plug_in import as_sequence
+
+
+class Selection(PointByPoint):
+    """Coordinate j is the sequence's coordinate ``selected[j]``."""
+
+    selected: tuple[int, ...]
+
+    called = "components"
+    reported = ("selected",)
+
+    @property
+    def dims(self) -> int:
+        return len(self.selected)
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        return self.sequence.coordinate(index, self.selected[dim], dtype)
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        return self.sequence.coordinates(index, self._of(dims), dtype)
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        """Return the bases of the selected components."""
+        bases = self.sequence.radical_bases()
+        return tuple(bases[j] for j in self.selected)
+
+    def index_digits(self, component: int, count: int) -> Array | None:
+        return self.sequence.index_digits(self.selected[component], count)
+
+    def _of(self, dims: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(self.selected[j] for j in dims)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Components(Selection):
+    """Some components of any sequence."""
+
+    sequence: Sequence
+    selected: tuple[int, ...] = field(metadata={"static": True})
+
+    def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
+        return self.sequence.prepare_block(first, count, self._of(dims))
+
+    def block_points(
+        self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
+    ) -> Array:
+        return self.sequence.block_points(block, k, count, self._of(dims), dtype)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class BinaryComponents(Selection, BinarySequence):
+    """Some components of a sequence in base 2, with all bits."""
+
+    sequence: BinarySequence
+    selected: tuple[int, ...] = field(metadata={"static": True})
+
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        return self.sequence.fraction(index, self.selected[dim])
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        return self.sequence.fractions(index, self._of(dims))
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        return self.sequence.bit_reversed(index, self.selected[dim])
+
+    def word(self, index: Array, dim: int) -> Array:
+        return self.sequence.word(index, self.selected[dim])
+
+    @property
+    def linear(self) -> BinarySequence | None:
+        """The same components of the linear sequence below all scramblings."""
+        linear = self.sequence.linear
+        if linear is None:
+            return None
+        return self if linear is self.sequence else BinaryComponents(linear, self.selected)
+
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        return self.sequence.of_linear(
+            fraction, self.selected[dims] if isinstance(dims, int) else self._of(dims)
+        )
+
+
+def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | BinaryComponents:
+    """Select components of a sequence, in any order.
+
+    Parameters
+    ----------
+    sequence : Sequence
+    dims : tuple of int
+        Different components of ``sequence``: coordinate j is its coordinate ``dims[j]``. Only these are
+        computed.
+
+    Returns
+    -------
+    Components or BinaryComponents
+        The second, if ``sequence`` is in base 2, has exact ``bits``. In other bases what is selected cannot
+        be scrambled digit by digit: scramble first, then select.
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` is none, or ``dims`` no tuple of integers.
+    ValueError
+        If a component is not there, or it is selected twice.
+
+    References
+    ----------
+    .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.2 and 4.3
+       (components that correlate with the curve are left out).
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> print(components(sequences.halton(3), (2, 0)).points(3))
+    [[0.   0.  ]
+     [0.2  0.5 ]
+     [0.4  0.25]]
+    """
+    sequence = as_sequence("sequence", sequence)
+    selected = checks.dimensions(dims, sequence.dims)
+    if len(set(selected)) < len(selected):
+        raise ValueError(f"dims must be different components, got {selected}")
+    if isinstance(sequence, BinarySequence):
+        return BinaryComponents(sequence, selected)
+    return Components(sequence, selected)

@@ -1,0 +1,82 @@
+"""The digital shift: every coordinate xor a random word."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._digital.cells import Flipped
+from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
+from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class DigitalShift(Scrambled):
+    """A sequence whose digits are flipped by the digits of one word a coordinate."""
+
+    sequence: BinarySequence
+    shifts: Array
+    """uint32 (dims,): fractions, the flip of the first digit in bit 31."""
+
+    called = "digital_shift"
+
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Flip the digits."""
+
+        def word() -> Array:
+            word = fraction.word
+            return word ^ of_dims(self.shifts, dims, word)
+
+        def bit_reversed() -> Array:
+            bit_reversed = fraction.bit_reversed
+            return bit_reversed ^ reverse(of_dims(self.shifts, dims, bit_reversed))
+
+        return Fraction(word, bit_reversed)
+
+    def inverted(self, log_side: int) -> Any:
+        """Return an object that finds points from their cells: the shift permutes these."""
+        return Flipped(self.sequence.inverted(log_side), self.shifts)
+
+
+def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
+    """Shift a sequence in base 2 digitally: add a random vector over F2, without carries.
+
+    Every (t,m,s)-net stays one, each point is uniform on the unit cube, and the coordinates are
+    shifted independently; two points keep the exclusive or of their digits.
+
+    Parameters
+    ----------
+    sequence : BinarySequence
+        Any sequence that has ``bits``.
+    key : jax.random.key, or int in [0, 2**32)
+        A new key gives a new shift and compiles nothing anew.
+
+    Returns
+    -------
+    DigitalShift
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` is not in base 2 or ``key`` is no key.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4, "Scrambling".
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> bits = digital_shift(sequences.sobol(1), key=1).bits(jnp.arange(2, dtype=jnp.uint32))
+    >>> print(bits[0] ^ bits[1])
+    [2147483648]
+    """
+    sequence = as_binary("sequence", sequence)
+    return DigitalShift(sequence, jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32))

@@ -1,0 +1,62 @@
+"""What the randomisations in base 2 have in common: the sequence they scramble."""
+
+import abc
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.sequences._protocol.base import FEW, PointByPoint
+from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.fraction import Fraction
+
+
+class Scrambled(PointByPoint, BinarySequence):
+    """A sequence in base 2 whose coordinates are mapped one by one: subclasses implement :meth:`mapped`."""
+
+    sequence: BinarySequence
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims
+
+    @abc.abstractmethod
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        """Scramble one coordinate, or some that are stacked last."""
+
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        return self.mapped(self.sequence.fraction(index, dim), dim)
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        if len(dims) <= FEW:
+            return super().fractions(index, dims)
+        return self.mapped(self.sequence.fractions(index, dims), dims)
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        return self.fraction(index, dim).bit_reversed
+
+    def word(self, index: Array, dim: int) -> Array:
+        return self.fraction(index, dim).word
+
+    @property
+    def linear(self) -> BinarySequence | None:
+        return self.sequence.linear
+
+    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        return self.mapped(self.sequence.of_linear(fraction, dims), dims)
+
+
+def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) -> Array:
+    """Return the rows of parameters that belong to one coordinate, or to some that are stacked last.
+
+    They have the rank of ``coordinates``, and their own further axes behind.
+    """
+    if isinstance(dims, int):
+        return parameters[dims]
+    count = parameters.shape[0]
+    times = len(dims) // count
+    if dims == tuple(range(count)) * times:  # no gather, which would be fused into the loop over all points
+        wanted = jnp.tile(parameters, (times,) + (1,) * (parameters.ndim - 1))
+    else:
+        wanted = parameters[np.array(dims)]
+    return wanted.reshape((1,) * (coordinates.ndim - 1) + wanted.shape)

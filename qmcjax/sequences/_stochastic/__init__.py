@@ -1,0 +1,1 @@
+"""Random, stratified and progressive random points."""

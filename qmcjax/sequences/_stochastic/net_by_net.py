@@ -1,0 +1,199 @@
+"""Scrambled sequences made net by net: each point goes beside an earlier one and parts from it at a digit."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.sequences._digital.digital import Digital
+from qmcjax.sequences._digital.prime_digital import PrimeDigital
+from qmcjax.sequences._halton.halton import RadicalInverses
+from qmcjax.sequences._protocol.tabulated import Tabulated
+from qmcjax.sequences._scrambling.owen_exact import random_word
+from qmcjax.sequences._stochastic.best_candidate import best_candidates
+from qmcjax.sequences._stochastic.net_by_net_base_b import component
+
+MOST_POINTS = 2**24
+MOST_COORDINATES = 2**28
+MOST_CANDIDATES = 1024
+
+
+def net_by_net(
+    sequence: Digital | RadicalInverses | PrimeDigital, n: int, key: Array | int, candidates: int = 1
+) -> Tabulated:
+    """Draw the first n points of an Owen-scrambled sequence net by net, at two hashes a coordinate.
+
+    The first b**k points of a component in base b have one point in each interval of length b**-k. The
+    next (b - 1) b**k points fill the other parts when these are cut into b: a point shares the first k
+    digits of an earlier one, which the generator matrix tells, takes one of the digits left over next, and
+    random ones behind. That is the distribution of nested uniform scrambling, as of :func:`owen_exact`.
+
+    Parameters
+    ----------
+    sequence : Digital, RadicalInverses or PrimeDigital
+        Such as of ``sobol``, ``larcher_pillichshammer``, ``digital``, ``halton``, ``faure``. Its first b**k
+        points have one point in each interval of length b**-k in each coordinate.
+    n : int
+        In [1, 2**24], with ``n * dims`` at most 2**28 and n at most the largest power b**k <= 2**32 of each
+        base. The points of a smaller n are the first of a larger one.
+    key : jax.random.key, or int in [0, 2**32)
+        A new key gives a new scrambling and compiles nothing anew.
+    candidates : int
+        In [1, 1024]. Of so many random places in its intervals, each point takes the one that is farthest
+        from all earlier points in the first two coordinates, on the torus. More than 1 is for base 2; points
+        are then made one by one, tens of thousands a second.
+
+    Returns
+    -------
+    Tabulated
+        Of ``size`` n. Where b is not 2, the points are in the elementary intervals that their digits name
+        in ``bits`` and in float64.
+
+    Raises
+    ------
+    TypeError
+        If ``sequence`` is of another kind or ``key`` is no key.
+    ValueError
+        If an argument is out of range, or a coordinate of ``sequence`` is not stratified.
+
+    Notes
+    -----
+    With candidates the nets remain, but the points are no longer uniform exactly, nor are the digits behind
+    the net's independent. The minimum distance grows little: by then, a point is free in a square
+    whose side is 1 / n only.
+
+    In base b > 2, this is what [1]_ calls uncorrelated swapping: digits are drawn independently.
+
+    References
+    ----------
+    .. [1] A. Helmer, P. Christensen, A. Kensler, "Stochastic Generation of (t, s) Sample Sequences",
+       Eurographics Symposium on Rendering, 2021, Sect. 4.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> points = net_by_net(sequences.sobol(2), 4, key=1).points(4)
+    >>> print(sorted((points[:, 0] * 4).astype(int).tolist()))
+    [0, 1, 2, 3]
+    >>> points = net_by_net(sequences.halton(2), 9, key=1).points(9)
+    >>> print(sorted((points[:, 1] * 9).astype(int).tolist()))
+    [0, 1, 2, 3, 4, 5, 6, 7, 8]
+    """
+    if not isinstance(sequence, Digital | RadicalInverses | PrimeDigital):
+        raise TypeError(
+            f"sequence must be digital in base 2, or a Halton, Faure or van der Corput sequence, got "
+            f"{checks.shown(sequence)}"
+        )
+    if isinstance(sequence, PrimeDigital) and isinstance(sequence.tables, Tracer):
+        raise ValueError("sequence must be known before tracing unless in base 2, got a tracer in it")
+    n, candidates = checked_sizes(n, sequence.dims, candidates)
+    if isinstance(sequence, Digital):
+        if candidates > 1 and sequence.dims < 2:
+            raise ValueError("sequence must have at least 2 dimensions for candidates > 1, got 1")
+        return drawn(to_earlier(sequence.matrices), checks.prng_key("key", key), n, candidates)
+    if candidates > 1:
+        raise ValueError(f"candidates must be 1 unless the sequence is digital in base 2, got {candidates}")
+    seeds = _seeds(checks.prng_key("key", key), sequence.dims)
+    # The radical inverse in base 2: point 2**k + j shares k digits with point j.
+    binary = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)[None]
+    columns = [
+        _words(binary, seeds[dim : dim + 1], n)[:, 0] if base == 2 else component(sequence, dim, seeds, n)
+        for dim, base in enumerate(sequence.bases)
+    ]
+    return Tabulated(jnp.stack(columns, axis=1))
+
+
+def checked_sizes(n: int, dims: int, candidates: int) -> tuple[int, int]:
+    """Return the numbers of points and of candidates, or raise a ValueError."""
+    n = checks.integer("n", n, 1, MOST_POINTS)
+    if n * dims > MOST_COORDINATES:
+        raise ValueError(f"n must be at most 2**28 / dims, got n={n} and dims={dims}")
+    return n, checks.integer("candidates", candidates, 1, MOST_CANDIDATES)
+
+
+def drawn(steps: Array, key: Array, n: int, candidates: int) -> Tabulated:
+    """Draw points in base 2, from what :func:`to_earlier` returned."""
+    seeds = _seeds(key, steps.shape[0])
+    words = _words(steps, seeds, n)
+    return Tabulated(words if candidates == 1 else best_candidates(words, steps, seeds, candidates))
+
+
+def _seeds(key: Array, dims: int) -> Array:
+    return jax.random.bits(key, (dims, 2), jnp.uint32)
+
+
+def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
+    """Return the words whose xor takes indices from 2**k on to those of which they share the first k digits.
+
+    Word k of a coordinate is column k of V in C V = L, with V upper and L lower triangular: the point of
+    this index, V's column, begins with k zeros (the "xor-values" of Sect. 4.2, with bit k added). Both V
+    and L exist exactly if the first 2**k points are stratified for all k.
+
+    Parameters
+    ----------
+    matrices : uint32 array, shape (dims, 32)
+
+    Returns
+    -------
+    uint32 Array, shape (dims, 32)
+
+    Raises
+    ------
+    ValueError
+        If points are known not to be stratified.
+    """
+    points, indices = _eliminated(jnp.asarray(matrices))
+    if not isinstance(points, Tracer):
+        diagonal = np.asarray(points) >> np.arange(31, -1, -1, dtype=np.uint32) & np.uint32(1)
+        if not diagonal.all():
+            dim, k = np.argwhere(diagonal == 0)[0]
+            raise ValueError(
+                f"sequence must have one of its first {2 ** (k + 1)} points in each interval of length "
+                f"2**-{k + 1}, got another one in coordinate {dim}"
+            )
+    return indices
+
+
+@jax.jit
+def _eliminated(matrices: Array) -> tuple[Array, Array]:
+    """Return the columns of L and of V."""
+
+    def column(k: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        def clear(row: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+            digit = np.uint32(0) - (state[0][:, k] >> (31 - row).astype(jnp.uint32) & np.uint32(1))
+            points, indices = (words.at[:, k].set(words[:, k] ^ (digit & words[:, row])) for words in state)
+            return points, indices
+
+        return jax.lax.fori_loop(0, k, clear, state)
+
+    unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
+    state = matrices, jnp.broadcast_to(unit[None], matrices.shape)
+    return jax.lax.fori_loop(0, 32, column, state)
+
+
+@partial(jax.jit, static_argnames="n")
+def _words(steps: Array, seeds: Array, n: int) -> Array:
+    """Return the coordinates as 32-bit fractions, uint32 (n, dims)."""
+
+    def component(steps: Array, seeds: Array) -> Array:
+        random = random_word(jax.lax.iota(jnp.uint32, n), seeds)
+        words = random[:1]
+        for k in range((n - 1).bit_length()):
+            index = 2**k + jax.lax.iota(jnp.uint32, min(2**k, n - 2**k))
+            earlier = words.at[index ^ steps[k]].get(mode="promise_in_bounds")
+            words = jnp.concatenate([words, _beside(earlier, random[2**k : 2 ** (k + 1)], k)])
+        return words
+
+    return jax.vmap(component, out_axes=1)(steps, seeds)
+
+
+def _beside(earlier: Array, random: Array, k: int) -> Array:
+    """Return points that share k digits with earlier ones, not the next one, and are random behind."""
+    unit = np.uint32(2 ** (31 - k))
+    behind = unit - np.uint32(1)
+    return ((earlier ^ unit) & ~behind) | (random & behind)

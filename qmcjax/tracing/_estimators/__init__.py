@@ -1,0 +1,1 @@
+"""Estimators of radiance: scenes made of a world and a camera."""

@@ -1,0 +1,306 @@
+"""Bidirectional path tracing: paths from the camera, joined to those that begin at lights."""
+
+from dataclasses import dataclass, field
+from math import prod
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
+from qmcjax.tracing._estimators.varies import Seen
+from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
+from qmcjax.tracing._light.interaction import Met, any_of, emission, met
+from qmcjax.tracing._light.light_paths import (
+    Emission,
+    Vertex,
+    back,
+    begun,
+    begun_at,
+    cut,
+    emission_needs,
+    emitters,
+    is_mirror,
+    light_path,
+    square,
+    squared,
+)
+from qmcjax.tracing._light.reflection import evaluated
+from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, plus, times
+from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.lights import Sample
+from qmcjax.tracing._world.world import World
+
+
+class _Draws(NamedTuple):
+    """Coordinates for what happens at one surface, and which it is."""
+
+    choice: Choice
+    turn: Turn
+    number: Array
+    """1 for the first."""
+
+
+class _Path(NamedTuple):
+    """The state of camera paths on their way to the next surface."""
+
+    origin: Vector
+    way: Vector
+    """Unit vectors; zeros where paths have ended."""
+    normal: Vector
+    """Of the surface that the path comes from."""
+    density: Array
+    """With which the way was found; inf where nothing else finds it, at the camera and mirrors."""
+    inverse: Array
+    """One over the density; 0 at the camera, 1 at mirrors."""
+    scale: Array
+    """Of the surface that the path comes from, like the next three: see `_Surface`."""
+    closed: Array
+    """Whether nothing is joined there: mirrors, and the camera."""
+    ratio: Array
+    """See :meth:`_Surface.ratio`."""
+    others: tuple[Array, ...]
+    """Those of the next surface, but for the ratio between the two."""
+    throughput: Vector
+    radiance: Vector
+
+
+class _Surface(NamedTuple):
+    """What camera paths have met, and how likely lights find it, see :class:`Vertex`.
+
+    If a light's path may have J surfaces more than up to the one that it has now, squared ratios are
+    ``r^2 (open + b^2 others[J - 2])``: r is ``scale`` times the light's density of the direction to here over
+    the distance squared, b the density of the direction back to the surface before. For J = 1 the last term
+    is left out.
+    """
+
+    at: Met
+    scale: Array
+    open: Array
+    """1 where paths of lights may end here and be joined to the surface before, else 0."""
+    others: tuple[Array, ...]
+
+    def ratio(self, way: Vector) -> Array:
+        """Return the squared ratio over r^2 for J as large as it may be, towards a light."""
+        if not self.others:
+            return self.open
+        return self.open + square(back(self.at, way)) * self.others[-1]
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Bidirectional(Estimator):
+    """See :func:`bidirectional`."""
+
+    world: World
+    camera: Camera
+    bounces: int = field(metadata={"static": True})
+    light_bounces: int = field(metadata={"static": True})
+    smooth: bool = field(metadata={"static": True})
+
+    @property
+    def _vertices(self) -> int:
+        """How many surfaces paths of lights meet: what is not joined in time is not followed."""
+        return min(self.light_bounces, self.bounces) if emitters(self.world) else 0
+
+    def light_needs(self) -> tuple[str, ...]:
+        choice = chosen_by(self.world)
+        needs = list(choice)
+        for k in range(1, self.bounces + 1):
+            needs += turned_by(self.world, f"bounce{k}")
+            needs += [name.replace("light", f"light{k}", 1) for name in choice]
+        return (*needs, *emission_needs(self.world, self._vertices))
+
+    def moves(self, found: Seen) -> Array:
+        return found.objects | found.moves if self.bounces else found.moves
+
+    def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
+        one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
+        path = _Path(
+            sight.origin,
+            sight.direction,
+            (zero, zero, zero),
+            one * np.inf,
+            zero,
+            zero,
+            one > 0,
+            zero,
+            (zero,) * (self._vertices - 1),
+            (one, one, one),
+            (zero, zero, zero),
+        )
+        light = None
+        if self._vertices:
+            turns = [Turn.of(coordinates, f"scatter{s}") for s in range(1, self._vertices)]
+            light = light_path(world, sight.time, Emission.of(coordinates), turns)
+        draws = [self._draws(coordinates, k) for k in range(self.bounces + 1)]
+        stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *draws)
+        surfaces = self.bounces + 1
+
+        def step(path: _Path, draw: _Draws) -> tuple[_Path, None]:
+            return _step(world, sight.time, path, draw, light, surfaces), None
+
+        return jax.lax.scan(step, path, stacked)[0].radiance
+
+    def _draws(self, coordinates: Coordinates, vertex: int) -> _Draws:
+        """Return the coordinates of a vertex: its light's, and those of the bounce away from it."""
+        choice = Choice.of(coordinates, str(vertex) if vertex else "")
+        turn = Turn.of(coordinates, f"bounce{min(vertex + 1, self.bounces)}")
+        return _Draws(choice, turn, jnp.asarray(vertex + 1))
+
+
+def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | None, surfaces: int) -> _Path:
+    """Follow paths to the next surface, add the light there, and send them on."""
+    at = met(world, path.origin, path.way, time)
+    emitted, chosen = emission(world, at, path.origin, path.normal)
+    by_others = square(chosen / path.density)
+    if light is not None:
+        by_light = square(begun_at(world, at.found) * path.scale * path.inverse) * path.ratio
+        by_others = by_others + jnp.where(chosen > 0, by_light, 0)
+    weight = 1 / (1 + by_others)
+    radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
+    apart, mirror = squared(at.found.point, path.origin), is_mirror(at)
+    is_open = (~mirror & ~path.closed).astype(time.dtype)
+    others = tuple(cut(square(path.scale / apart) * part) for part in path.others)
+    surface = _Surface(at, apart * path.inverse, is_open, others)
+    last = draw.number == surfaces
+    gained = _lit(world, surface, time, path.throughput, draw.choice, last, light is not None)
+    radiance = plus(radiance, gained)
+    if light is not None:
+        gained = _joined(world, surface, time, path.throughput, light, surfaces - draw.number)
+        radiance = plus(radiance, gained)
+    way, factor, density = scattered(at, draw.turn)
+    throughput = each(lambda t, f: t * f, path.throughput, factor)
+    goes_on = at.found.hit & (density > 0) & any_of(throughput) & ~last
+    way, throughput = (each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (way, throughput))
+    density = jnp.where(goes_on, density, 1)
+    inverse = jnp.where(mirror, 1, 1 / density)
+    ratio = surface.ratio(way)
+    if others:
+        # With each surface the path of a light may be longer by one: to have it end here is another way then.
+        returns = square(back(at, way))
+        others = (is_open, *(is_open + returns * part for part in others[:-1]))
+    ways = density, inverse, surface.scale, mirror, ratio, others
+    return _Path(at.found.point, way, at.normal, *ways, throughput, radiance)
+
+
+def _lit(
+    world: World, surface: _Surface, time: Array, throughput: Vector, choice: Choice, last: Array, joins: bool
+) -> Vector:
+    """Return what lights give, weighed with how likely other ways find the same."""
+    at = surface.at
+    if not world.lights:
+        return each(jnp.zeros_like, at.normal)
+    light = illuminated(world, choice, at.found.point, at.normal)
+    reflectance, density = evaluated(at.surface, at.normal, at.seen, light.way)
+    others = jnp.where(last, 0, square(density / jnp.where(light.density > 0, light.density, 1)))
+    if joins:
+        # A point of light is chosen for certain, that is by area; by angle with the squared distance.
+        likely = jnp.where(
+            jnp.isinf(light.density), light.distance * light.distance / len(world.lights), light.density
+        )
+        start = begun(world, choice.number(world, time))
+        ratio = square(start * surface.scale / jnp.where(likely > 0, likely, 1))
+        others = others + ratio * surface.ratio(light.way)
+    gained = each(lambda t, r, a: t * r * a / (1 + others), throughput, reflectance, light.arriving)
+    lit = visible(world, light, at.found.point, time, at.found.hit & any_of(gained))
+    return each(lambda a: jnp.where(lit, a, 0), gained)
+
+
+def _joined(
+    world: World, surface: _Surface, time: Array, throughput: Vector, light: Vertex, room: Array
+) -> Vector:
+    """Return what comes from the surfaces of lights' paths, of which no more than ``room`` count."""
+    at, count = surface.at, len(surface.others) + 1
+    zero = jnp.zeros_like(time)
+    # The s-th may be followed by count - s others.
+    opened = jnp.stack([surface.open] * (count - 1) + [zero])
+    others = jnp.stack([*reversed(surface.others[:-1]), zero, zero][:count])
+
+    def join(radiance: Vector, one: tuple[Vertex, Array, Array, Array]) -> tuple[Vector, None]:
+        vertex, number, opened, others = one
+        apart = squared(vertex.at.found.point, at.found.point)
+        way = times(1 / jnp.sqrt(apart), minus(vertex.at.found.point, at.found.point))
+        from_here = each(jnp.negative, way)
+        here, density = evaluated(at.surface, at.normal, at.seen, way)
+        there, its = evaluated(vertex.at.surface, vertex.at.normal, vertex.at.seen, from_here)
+        returns = square(back(vertex.at, from_here))
+        ends = number == room
+        by_camera = vertex.near + returns * (vertex.far + jnp.where(ends, 0, vertex.hit))
+        ratios = square(density * vertex.scale / apart) * by_camera
+        if count > 1:
+            by_light = opened + square(back(at, way)) * others
+            ratios = ratios + square(its * surface.scale / apart) * by_light
+        # No path from the camera finds mirrors that are the last of so many surfaces.
+        counts = jnp.where(ends, vertex.first, number < room) & ~vertex.mirror & ~is_mirror(at)
+        weight = jnp.where(counts, 1 / (apart * (1 + ratios)), 0)
+        gained = each(lambda *factors: prod(factors) * weight, throughput, here, there, vertex.throughput)
+        slope = abs(dot(vertex.at.normal, way))
+        sample = Sample(way, jnp.sqrt(apart), gained, density, slope)
+        lit = visible(
+            world, sample, at.found.point, time, at.found.hit & vertex.at.found.hit & any_of(gained)
+        )
+        return each(lambda r, g: r + jnp.where(lit, g, 0), radiance, gained), None
+
+    numbers = jnp.arange(1, count + 1)
+    return jax.lax.scan(join, (zero, zero, zero), (light, numbers, opened, others))[0]
+
+
+def bidirectional(
+    world: World, camera: Camera, bounces: int, light_bounces: int = 1, *, smooth: bool = False
+) -> Bidirectional:
+    """Make the scene of a world where light is scattered, by paths from the camera and from lights.
+
+    Each path from the camera is joined to one that begins at a light: each of its surfaces to each of the
+    other's. Multiple importance sampling weighs these, and both ways of :func:`path_tracing`, by the power
+    heuristic over all ways that find the same path [1]_. A sample is the radiance along one ray: paths of
+    lights are not joined to the lens, so that the scene stays a function on the screen.
+
+    Parameters
+    ----------
+    world : World
+    camera : Camera
+    bounces : int
+        See :func:`path_tracing`: the expectation is the same.
+    light_bounces : int, optional
+        How many surfaces the path of a light meets, in [0, 64]; more than ``bounces`` are as many. Paths
+        begin at points, spheres and rectangles, not at environments. 0 is path tracing.
+    smooth : bool, optional
+        See :func:`path_tracing`, also for other derivatives.
+
+    Returns
+    -------
+    Bidirectional
+        A scene with values (..., 3) that needs what :func:`path_tracing` does, then ``[emit][, emit_u,
+        emit_v], emit_way_u, emit_way_v``, which choose a light, a point and a direction of it, and for s = 1,
+        2, ..., ``light_bounces - 1`` further ``scatter{s}_u, scatter{s}_v[, scatter{s}_lobe]``.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If ``bounces`` or ``light_bounces`` is out of range.
+
+    References
+    ----------
+    .. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, chapter 10.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> ball = tracing.sphere([0, 0, 0], 1.0, material=tracing.diffuse(0.8))
+    >>> world = tracing.world([ball], [tracing.point_light([0, 3, 0], 1.0)])
+    >>> scene = bidirectional(world, tracing.camera([0, 0, 4], [0, 0, 0]), bounces=1)
+    >>> print(scene.needs)
+    ('x', 'y', 'bounce1_u', 'bounce1_v', 'emit_way_u', 'emit_way_v')
+    """
+    check(world, camera, smooth)
+    bounces = checks.integer("bounces", bounces, 0, 64)
+    light_bounces = checks.integer("light_bounces", light_bounces, 0, 64)
+    return Bidirectional(world, camera, bounces, light_bounces, smooth)

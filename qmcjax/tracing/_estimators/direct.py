@@ -1,0 +1,118 @@
+"""Direct light: what a camera sees lit by lights alone, in mirrors too."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
+from qmcjax.tracing._estimators.varies import Seen
+from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
+from qmcjax.tracing._light.interaction import Met, any_of, emission, met
+from qmcjax.tracing._light.reflection import evaluated, reflected
+from qmcjax.tracing._shapes.vectors import Vector, each
+from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.world import World
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class DirectLight(Estimator):
+    """See :func:`direct_light`."""
+
+    world: World
+    camera: Camera
+    mirrors: int = field(metadata={"static": True})
+    smooth: bool = field(metadata={"static": True})
+
+    def light_needs(self) -> tuple[str, ...]:
+        return chosen_by(self.world)
+
+    def moves(self, found: Seen) -> Array:
+        return found.moves | found.mirrors if self.mirrors else found.moves
+
+    def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
+        time, one = sight.time, jnp.ones_like(sight.time)
+        last = met(world, sight.origin, sight.direction, time, sight.number)
+        seen, _ = emission(world, last, sight.origin, last.normal)
+        state = last, (one, one, one), seen
+        if last.surface.mirror is not None:
+            state = jax.lax.fori_loop(0, self.mirrors, lambda _, state: _mirrored(world, time, *state), state)
+        last, throughput, seen = state
+        lit = _lit(world, Choice.of(coordinates), last, time)
+        return each(lambda emitted, t, light: emitted + t * light, seen, throughput, lit)
+
+
+def _mirrored(world: World, time: Array, last: Met, throughput: Vector, seen: Vector) -> Any:
+    """Follow rays that are on mirrors to what they meet next."""
+    mirror = last.surface.mirror
+    assert mirror is not None
+    on = last.found.hit & any_of(mirror)
+    way = each(lambda a: jnp.where(on, a, 0), reflected(last.normal, last.seen))
+    throughput = each(lambda t, m: jnp.where(on, t * m, t), throughput, mirror)
+    following = met(world, last.found.point, way, time)
+    emitted, _ = emission(world, following, last.found.point, last.normal)
+    seen = each(lambda e, t, new: jnp.where(on, e + t * new, e), seen, throughput, emitted)
+    return jax.tree.map(partial(jnp.where, on), following, last), throughput, seen
+
+
+def _lit(world: World, choice: Choice, at: Met, time: Array) -> Vector:
+    """Return the light of lights that surfaces scatter back along their rays."""
+    if not world.lights:
+        return each(jnp.zeros_like, at.normal)
+    light = illuminated(world, choice, at.found.point, at.normal)
+    reflectance, _ = evaluated(at.surface, at.normal, at.seen, light.way)
+    scattered = each(lambda r, a: r * a, reflectance, light.arriving)
+    lit = visible(world, light, at.found.point, time, at.found.hit & any_of(scattered))
+    return each(lambda a: jnp.where(lit, a, 0), scattered)
+
+
+def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool = False) -> DirectLight:
+    """Make the scene of a world lit by its lights alone, which cast shadows.
+
+    Of several lights one is chosen, each with the same chance, by the coordinate ``light``, and a point of it
+    by ``light_u`` and ``light_v``. Lights and emitters are seen where rays hit them.
+
+    Parameters
+    ----------
+    world : World
+    camera : Camera
+    mirrors : int, optional
+        How many mirrors light may meet on its way to the camera, in [0, 64]; what is seen behind more is
+        black. Microfacets reflect lights, not other surfaces.
+    smooth : bool, optional
+        True asserts that no edge of visibility moves with the parameters that are differentiated: then
+        derivatives in all parameters are given. By default those of shapes, motions, camera and places of
+        lights are refused, since the samples' derivatives miss what moving edges do to means. Derivatives
+        with respect to colours, roughness, radiance and intensity are unbiased, but 0 at black: no light is
+        followed there.
+
+    Returns
+    -------
+    DirectLight
+        A scene with values (..., 3) that needs ``x, y[, time][, lens_u, lens_v][, light][, light_u,
+        light_v]``: what does not matter is left out.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If ``mirrors`` is out of range.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> floor = tracing.plane([0, 0, 0], [0, 1, 0], material=tracing.diffuse(1.0))
+    >>> world = tracing.world([floor], [tracing.point_light([0, 2, 0], 4 * jnp.pi)])
+    >>> scene = direct_light(world, tracing.camera([0, 1, 1], [0, 0, 0]))
+    >>> print(scene.needs, scene(jnp.array([0.5, 0.5])).round(4))
+    ('x', 'y') [1. 1. 1.]
+    """
+    check(world, camera, smooth)
+    return DirectLight(world, camera, checks.integer("mirrors", mirrors, 0, 64), smooth)

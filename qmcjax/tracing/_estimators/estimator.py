@@ -1,0 +1,164 @@
+"""What all estimators share: they are scenes, functions of points of the unit cube."""
+
+from abc import ABC, abstractmethod
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.edges import moves_an_edge
+from qmcjax.core.plug_ins import unheld
+from qmcjax.tracing._estimators.varies import Seen, seen
+from qmcjax.tracing._search.intersection import in_dtype
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.vectors import Vector, stacked
+from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.world import World
+from qmcjax.tracing.motion import Affine
+
+Coordinates = dict[str, Array]
+"""Those that a scene needs, by name, of shape (n,)."""
+
+
+class Estimator(ABC):
+    """Radiance that a camera sees of a world: a scene with values (..., 3)."""
+
+    world: World
+    camera: Camera
+    smooth: bool
+
+    unrolled: ClassVar[int] = 1
+    """Samples that a program evaluates in one pass: it is long enough."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension: the screen, time and lens if they matter, and what light takes."""
+        moves = not self.camera.still and moving(self.world, self.camera)
+        return ("x", "y", *(("time",) if moves else ()), *self.camera.lens, *self.light_needs())
+
+    @abstractmethod
+    def light_needs(self) -> tuple[str, ...]:
+        """Return the names of the dimensions beyond those of the camera."""
+
+    @abstractmethod
+    def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
+        """Return the radiance along rays, components of shape (n,)."""
+
+    def __call__(self, point: Array) -> Array:
+        """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
+        needs = self.needs
+        coordinates = named(point, needs)
+        world, camera = (self.world, self.camera) if self.smooth else guarded(self.world, self.camera)
+        world = in_dtype(world, point.dtype)
+        time = coordinates.get("time", jnp.zeros_like(coordinates["x"]))
+        time = camera.times(time)
+        if camera.still or "time" not in needs:
+            world = stilled(world, jnp.asarray(camera.shutter).astype(point.dtype).reshape(-1)[0])
+        lens = tuple(coordinates[name] for name in camera.lens)
+        sight = camera.rays(coordinates["x"], coordinates["y"], time, lens)
+        return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
+
+    def varies(self, low: Array, high: Array) -> Array:
+        """Tell which coordinates may matter between opposite corners of boxes of points.
+
+        Parameters
+        ----------
+        low, high : float Array, shape (..., len(needs))
+
+        Returns
+        -------
+        bool Array, shape (..., len(needs))
+            False says for certain that the value does not depend on the coordinate there: nothing is seen,
+            or nothing that moves is, nor its shadow in direct light.
+        """
+        needs = self.needs
+        world = in_dtype(self.world, low.dtype)
+        if self.camera.motion is not None:
+            return jnp.ones_like(low, bool)
+        if "time" not in needs:
+            world = stilled(world, jnp.asarray(self.camera.shutter).astype(low.dtype).reshape(-1)[0])
+        found = seen(world, self.camera, low[..., :2], high[..., :2])
+        depends = dict.fromkeys(("x", "y", *self.camera.lens), found.anything) | {"time": self.moves(found)}
+        return jnp.stack([depends.get(name, found.objects) for name in needs], axis=-1)
+
+    @abstractmethod
+    def moves(self, found: Seen) -> Array:
+        """Tell where time may matter."""
+
+
+def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
+    """Return the coordinates of points, shape (..., len(needs))."""
+    if point.shape[-1:] != (len(needs),):
+        raise ValueError(f"point must have shape (..., {len(needs)}) for {needs}, got {point.shape}")
+    flat = point.reshape(-1, len(needs))
+    return {name: flat[:, j] for j, name in enumerate(needs)}
+
+
+def moving(world: World, camera: Camera) -> bool:
+    """Tell whether anything depends on time."""
+    return camera.motion is not None or any(
+        item.motion is not None
+        or any(shape.moving for shape in item.shapes)
+        or (item.material is not None and getattr(unheld(item.material), "moving", True))
+        for item in world.objects
+    )
+
+
+def stilled(world: World, time: Array) -> World:
+    """Return the world as it is at one time: motions are evaluated once, not for each ray."""
+
+    def still(item: Object) -> Object:
+        frame = item.frame(time[None])
+        motion = None
+        if frame is not None:
+            columns = jnp.stack([stacked(column)[0] for column in frame.columns], axis=-1)
+            motion = Affine(columns, stacked(frame.translation)[0])
+        return Object(tuple(shape.at(time) for shape in item.shapes), motion, item.material)
+
+    return World(tuple(still(item) for item in world.objects), world.lights)
+
+
+def guarded(world: World, camera: Camera) -> tuple[World, Camera]:
+    """Return what JAX then refuses to differentiate with respect to what moves an edge of visibility."""
+    objects = (
+        replace(
+            item,
+            shapes=_refused("shapes", item.shapes),
+            motion=_refused("motion", item.motion),
+            material=_guarded("material", item.material),
+        )
+        for item in world.objects
+    )
+    lights = (_guarded("light", light) for light in world.lights)
+    return World(tuple(objects), tuple(lights)), _refused("camera", camera)
+
+
+def _guarded(name: str, value: Any) -> Any:
+    """Refuse all fields but those that a class says to be smooth."""
+    smooth = getattr(type(value), "smooth", None)
+    if smooth is None:
+        return value
+    fields = {
+        field: _guarded(f"{name}.{field}", part) if field in smooth else _refused(f"{name}.{field}", part)
+        for field, part in vars(value).items()
+    }
+    return replace(value, **fields)
+
+
+def _refused(name: str, value: Any) -> Any:
+    leaves, tree = jax.tree_util.tree_flatten_with_path(value)
+    return tree.unflatten(
+        [moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(leaf)) for path, leaf in leaves]
+    )
+
+
+def check(world: Any, camera: Any, smooth: Any) -> None:
+    """Raise unless the arguments that all estimators have are what they are named for."""
+    if not isinstance(world, World):
+        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera must be made by qmcjax.tracing.camera, got {checks.shown(camera)}")
+    checks.flag("smooth", smooth)

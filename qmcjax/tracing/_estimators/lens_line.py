@@ -1,0 +1,353 @@
+"""Depth of field by lines on the lens, each seen exactly as if it were motion blur (thesis, Sect. 3.3.5).
+
+A ray through the point m of the lens and the screen sees at the depth z what one through the middle of the
+lens sees there, moved by ``m (1 - z / focus)``. So the inverse shear of the world, ``p - m (1 - z / focus)``,
+shows the middle of the lens what m sees. It is linear in m: while that moves along a line, all vertices move
+on lines, and visibility in time is exact.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._estimators.estimator import Estimator, guarded, moving, named, stilled
+from qmcjax.tracing._intervals.visible import seen
+from qmcjax.tracing._search.intersection import in_dtype
+from qmcjax.tracing._shapes.flat import Box, Rectangle
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._shapes.vectors import Vector, each, minus, plus, stacked, times, unit
+from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.lights import Environment
+from qmcjax.tracing._world.world import World
+
+
+def lens_lines(count: int) -> NDArray[np.float64]:
+    """Return diameters of the lens at equal angles, the first along the image's width.
+
+    With the redistribution of :func:`lens_line` their mean integrates all polynomials of degree up to
+    ``2 count - 1`` over the disc exactly: half lines at ``2 count`` equal angles do so round the circle, and
+    along each the density is that of the disc.
+
+    Parameters
+    ----------
+    count : int
+        In [1, 2**16]. Every other one of twice as many lines is one of these.
+
+    Returns
+    -------
+    float64 array of NumPy, shape (count, 2, 2)
+        Line, start or end, coordinate to the right or upward in the image; the lens has the radius 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If ``count`` is no integer in its range.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Fig. 3.9.
+
+    Examples
+    --------
+    >>> print(lens_lines(2).round(12) + 0.0)
+    [[[-1.  0.]
+      [ 1.  0.]]
+    <BLANKLINE>
+     [[ 0. -1.]
+      [ 0.  1.]]]
+    """
+    count = checks.integer("count", count, 1, 2**16)
+    angle = np.pi / count * np.arange(count)
+    ends = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    return np.stack([-ends, ends], axis=1)
+
+
+def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
+    """Make the moving world that shows the middle of a lens what points on a line of the lens see.
+
+    `visible_intervals` of it along ``camera.view(x, y)`` has positions on the line for times, 0 at its start
+    and 1 at its end, and depths along the view for distances.
+
+    Parameters
+    ----------
+    world : World
+        Of triangles, rectangles and boxes, lights included.
+    camera : Camera
+        With a round aperture and without a motion; with one time for its shutter, where something moves:
+        lines take the place of time.
+    line : float ArrayLike, shape (2, 2)
+        Start and end on the lens, of the radius 1; see :func:`lens_lines`.
+
+    Returns
+    -------
+    World
+        Without lights; those with an extent are objects, so that primitives keep their numbers.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or the world has other shapes.
+    ValueError
+        If ``line`` has another shape or leaves the lens, or the camera is not of that kind.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.3.5.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> wall = tracing.rectangle([0, -1, -2], [2, 0, 0], [0, 2, 0])
+    >>> camera = tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.5)
+    >>> sheared = lens_sheared(tracing.world([wall]), camera, [[-1, 0], [1, 0]])
+    >>> view = camera.view(jnp.array(0.5), jnp.array(0.5))
+    >>> seen = tracing.visible_intervals(sheared, jnp.stack(view.origin), jnp.stack(view.seen), 2)
+    >>> print(seen.start[0], seen.end[0].round(4), seen.shape[0])  # the edge of the wall is ahead
+    0.0 0.5 0
+    """
+    check_lens(world, camera)
+    line = _line(line)
+    zero = jnp.zeros(())
+    return _sheared(_still(world, camera, zero), camera, line, zero)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class LensLine:
+    """See :func:`lens_line`."""
+
+    scene: Estimator
+    line: Any
+    redistributed: Any
+    """bool: not static, so that one program draws both."""
+    intervals: int = field(metadata={"static": True})
+
+    unrolled: ClassVar[int] = 1
+    """Samples that a program evaluates in one pass: it is long enough."""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension: the screen, the line on the lens, and what light takes."""
+        return ("x", "y", "lens_u", *self.scene.light_needs())
+
+    def __call__(self, point: Array) -> Array:
+        """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
+        coordinates, scene = named(point, self.needs), self.scene
+        world, camera = (scene.world, scene.camera) if scene.smooth else guarded(scene.world, scene.camera)
+        world = _still(in_dtype(world, point.dtype), camera, point)
+        line = jnp.asarray(self.line).astype(point.dtype)
+        view = camera.view(coordinates["x"], coordinates["y"])
+        zero = jnp.zeros_like(coordinates["x"])
+        origin = each(lambda a: zero + a, view.origin)
+        sheared, start, way = jax.lax.stop_gradient(
+            (_sheared(world, camera, line, zero[0]), origin, view.seen)
+        )
+        found = seen(sheared, start, way, zero[0], zero[0] + 1, self.intervals)
+        # What is beyond the last interval may not be known: then the ray there finds it.
+        ends = [
+            zero[None],
+            jnp.stack([found.start, found.end], axis=1).reshape(-1, len(zero)),
+            zero[None] + 1,
+        ]
+        mass = self._mass(jnp.concatenate(ends))
+        share = mass[1:] - mass[:-1]
+        if not any(isinstance(light, Environment) for light in world.lights):
+            gaps = np.arange(2 * self.intervals + 1) % 2 == 0
+            share = jnp.where(jnp.asarray(gaps & (np.arange(len(gaps)) < len(gaps) - 1))[:, None], 0, share)
+        aperture = jnp.asarray(camera.aperture).astype(point.dtype)
+        time = camera.times(zero)
+
+        def add(total: Vector, piece: tuple[Array, Array]) -> tuple[Vector, None]:
+            low, share = piece
+
+            def lit() -> Vector:
+                place = self._place(low + coordinates["lens_u"] * share)
+                a, b = (aperture * (line[0, j] + place * (line[1, j] - line[0, j])) for j in range(2))
+                moved = plus(times(a, view.right), times(b, view.upward))
+                toward = unit(minus(view.seen, times(1 / view.focus, moved)))
+                toward = each(lambda d: jnp.where(share > 0, d, 0), toward)
+                radiance = scene.radiance(world, Sight(plus(origin, moved), toward, time), coordinates)
+                return plus(total, times(share, each(lambda r: jnp.where(share > 0, r, 0), radiance)))
+
+            return jax.lax.cond(jnp.any(share > 0), lit, lambda: total), None
+
+        total = jax.lax.scan(add, (zero, zero, zero), (mass[:-1], share))[0]
+        return stacked(total).reshape(*point.shape[:-1], 3)
+
+    def _mass(self, place: Array) -> Array:
+        """Return how much of a line's weight is before places in [0, 1] on it."""
+        side = 2 * place - 1
+        return jnp.where(self.redistributed, 0.5 + 0.5 * side * abs(side), place)
+
+    def _place(self, mass: Array) -> Array:
+        """Invert :meth:`_mass`: the square root of Fig. 3.10, from the middle of the line outward."""
+        side = 2 * mass - 1
+        tiny = jnp.finfo(mass.dtype).tiny
+        place = 0.5 + 0.5 * jnp.sign(side) * jnp.sqrt(jnp.maximum(abs(side), tiny))
+        return jnp.where(self.redistributed, place, mass)
+
+
+def lens_line(
+    scene: Estimator, line: ArrayLike, intervals: int = 16, *, redistributed: bool = True
+) -> LensLine:
+    """Make the scene of a line on the lens: what is seen from where on it is known exactly.
+
+    The mean of the images of several lines has the depth of field. Each interval of the line in which one
+    primitive is seen is shaded once, and weighed with how much of the line it is.
+
+    Parameters
+    ----------
+    scene : Estimator
+        Made by :func:`direct_light`, :func:`path_tracing` or :func:`bidirectional`, of a world and a camera
+        as :func:`lens_sheared` takes them.
+    line : float ArrayLike, shape (2, 2)
+        Start and end on the lens, of the radius 1; see :func:`lens_lines`.
+    intervals : int, optional
+        Room for so many intervals of a ray, in [1, 256]. Where they do not fit, the rest of the line is taken
+        at one point: the mean stays right.
+    redistributed : bool, optional
+        Whether the density along the line is that of a disc along its diameter, in proportion to the distance
+        from the middle (Fig. 3.10); else it is even.
+
+    Returns
+    -------
+    LensLine
+        A scene with values (..., 3) that needs ``x, y, lens_u`` and what ``scene`` needs beyond the lens;
+        ``lens_u`` chooses where in its interval what is seen is shaded.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or the world has other shapes.
+    ValueError
+        If ``line`` has another shape or leaves the lens, ``intervals`` is out of range, or the camera is not
+        of that kind.
+
+    Notes
+    -----
+    The thesis prints a "sqrt(t)-like function". Of the points of a disc, r**2 are at most r from the middle,
+    so where t runs evenly from 0 to 1, they are at r = sqrt(t) on both sides of it.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.3.5.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> wall = tracing.rectangle([0, -1, -2], [2, 0, 0], [0, 2, 0], material=tracing.emitter(1.0))
+    >>> camera = tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.5)
+    >>> scene = tracing.direct_light(tracing.world([wall]), camera)
+    >>> across, along = (lens_line(scene, line) for line in tracing.lens_lines(2))
+    >>> print(across.needs, across(jnp.array([0.51, 0.5, 0.5])).round(2), along(jnp.array([0.51, 0.5, 0.5])))
+    ('x', 'y', 'lens_u') [0.5 0.5 0.5] [1. 1. 1.]
+    """
+    if not isinstance(scene, Estimator):
+        raise TypeError(
+            "scene must be made by qmcjax.tracing.direct_light, path_tracing or bidirectional, got "
+            f"{checks.shown(scene)}"
+        )
+    check_lens(scene.world, scene.camera)
+    count = checks.integer("intervals", intervals, 1, 256)
+    return LensLine(scene, _line(line), checks.flag("redistributed", redistributed), count)
+
+
+def check_lens(world: Any, camera: Any) -> None:
+    """Raise unless lines on the lens of a camera can be seen exactly in a world."""
+    if not isinstance(world, World):
+        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera must be made by qmcjax.tracing.camera, got {checks.shown(camera)}")
+    if camera.aperture is None or camera.blades is not None:
+        got = "none" if camera.aperture is None else f"one of {camera.blades} blades"
+        raise ValueError(f"camera must have a round aperture, got {got}")
+    if camera.motion is not None:
+        raise ValueError("camera must have no motion: lines on its lens take the place of time")
+    if not camera.still and moving(world, camera):
+        raise ValueError(
+            "camera must have one time for its shutter where something moves, got "
+            f"{checks.shown(camera.shutter)}: lines on the lens take the place of time"
+        )
+    for place, item in enumerate(world.parts):
+        for shape in item.shapes:
+            if not isinstance(shape, Triangles | Rectangle | Box):
+                raise TypeError(
+                    "world must be made of triangles, rectangles and boxes to be seen from lines on a lens, "
+                    f"got {type(shape).__name__} in object {place}"
+                )
+
+
+def _line(value: Any) -> Any:
+    line = numbers("line", value, (2, 2))
+    # Ends on the rim may be rounded.
+    require("line", line, lambda ends: np.hypot(*np.moveaxis(ends, -1, 0)) <= 1 + 1e-6, "on the unit disc")
+    return line
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class _Shear:
+    """The motion of an object that is still while a point moves along a line on the lens."""
+
+    matrix: Any
+    """(2, 3, 3): at the start and the end of the line."""
+    translation: Any
+    """(2, 3)."""
+
+    @property
+    def knots(self) -> NDArray[np.float64]:
+        """All points move on one line."""
+        return np.zeros(0)
+
+    def __call__(self, time: Array) -> tuple[Array, Array]:
+        """Return matrices (..., 3, 3) and translations (..., 3)."""
+        matrix, translation = cast((self.matrix, self.translation), time.dtype)
+
+        def between(ends: Array) -> Array:
+            one, other = (end.reshape((1,) * time.ndim + end.shape) for end in ends)
+            part = time.reshape(time.shape + (1,) * (ends.ndim - 1))
+            return (1 - part) * one + part * other
+
+        return between(matrix), between(translation)
+
+
+def _still(world: World, camera: Camera, like: Array) -> World:
+    """Return the world at the camera's time."""
+    return stilled(world, jnp.asarray(camera.shutter).astype(like.dtype).reshape(-1)[0])
+
+
+def _sheared(world: World, camera: Camera, line: Any, like: Array) -> World:
+    middle = jnp.full_like(like, 0.5)
+    view = camera.view(middle, middle)
+    position, right, upward, forward = (
+        stacked(axis) for axis in (view.origin, view.right, view.upward, view.seen)
+    )
+    ends = jnp.asarray(camera.aperture).astype(middle.dtype) * jnp.asarray(line).astype(middle.dtype)
+    moved = ends[:, :1] * right[None] + ends[:, 1:] * upward[None]
+    # p - m (1 - z / focus), with z = (p - position) forward.
+    matrix = jnp.eye(3, dtype=middle.dtype)[None] + moved[:, :, None] * (forward / view.focus)[None, None, :]
+    shift = -moved * (1 + jnp.sum(position * forward) / view.focus)
+
+    def seen_along(item: Object) -> Object:
+        frame = item.frame(middle[None])
+        if frame is None:
+            return Object(item.shapes, _Shear(matrix, shift), item.material)
+        columns = jnp.stack([stacked(column)[0] for column in frame.columns], axis=-1)
+        place = stacked(frame.translation)[0]
+        whole = (
+            jnp.stack([one @ columns for one in matrix]),
+            jnp.stack([one @ place for one in matrix]) + shift,
+        )
+        return Object(item.shapes, _Shear(*whole), item.material)
+
+    return World(tuple(seen_along(item) for item in world.parts), ())

@@ -1,0 +1,204 @@
+"""Path tracing: light that is scattered many times."""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
+from qmcjax.tracing._estimators.varies import Seen
+from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
+from qmcjax.tracing._light.interaction import Met, any_of, emission, met
+from qmcjax.tracing._light.reflection import evaluated
+from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
+from qmcjax.tracing._shapes.vectors import Vector, each
+from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.world import World
+
+
+class _Draws(NamedTuple):
+    """Coordinates for what happens at one surface; None where nothing is left to chance."""
+
+    choice: Choice
+    turn: Turn
+    roulette: Array | None
+    last: Array
+    """Whether the path ends there."""
+
+
+class _Path(NamedTuple):
+    """The state of paths on their way to the next surface."""
+
+    origin: Vector
+    way: Vector
+    """Unit vectors; zeros where paths have ended."""
+    normal: Vector
+    """Of the surface that the path comes from."""
+    density: Array
+    """With which the way was found; inf where nothing else finds it, at the camera and mirrors."""
+    throughput: Vector
+    radiance: Vector
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class PathTracing(Estimator):
+    """See :func:`path_tracing`."""
+
+    world: World
+    camera: Camera
+    bounces: int = field(metadata={"static": True})
+    roulette: int | None = field(metadata={"static": True})
+    smooth: bool = field(metadata={"static": True})
+
+    def light_needs(self) -> tuple[str, ...]:
+        choice = chosen_by(self.world)
+        needs = list(choice)
+        for k in range(1, self.bounces + 1):
+            needs += turned_by(self.world, f"bounce{k}")
+            needs += [f"roulette{k}"] if self._at_stake(k) else []
+            needs += [name.replace("light", f"light{k}", 1) for name in choice]
+        return tuple(needs)
+
+    def _at_stake(self, bounce: int) -> bool:
+        return self.roulette is not None and bounce >= self.roulette
+
+    def moves(self, found: Seen) -> Array:
+        return found.objects | found.moves if self.bounces else found.moves
+
+    def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
+        one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
+        start = _Path(
+            sight.origin,
+            sight.direction,
+            (zero, zero, zero),
+            one * np.inf,
+            (one, one, one),
+            (zero, zero, zero),
+        )
+        draws = [self._draws(coordinates, k, one) for k in range(self.bounces + 1)]
+        stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *draws)
+
+        def step(path: _Path, draw: _Draws) -> tuple[_Path, None]:
+            return _step(world, sight.time, path, draw), None
+
+        return jax.lax.scan(step, start, stacked)[0].radiance
+
+    def _draws(self, coordinates: Coordinates, vertex: int, one: Array) -> _Draws:
+        """Return the coordinates of a vertex: its light's, and those of the bounce away from it."""
+        ends = vertex == self.bounces
+        of_bounce = self.bounces if ends else vertex + 1
+        roulette = None
+        if self.roulette is not None and self.roulette <= self.bounces:
+            # Before roulette begins all paths survive.
+            roulette = coordinates[f"roulette{of_bounce}"] if self._at_stake(of_bounce) else -one
+        choice = Choice.of(coordinates, str(vertex) if vertex else "")
+        turn = Turn.of(coordinates, f"bounce{of_bounce}")
+        return _Draws(choice, turn, roulette, jnp.asarray(ends))
+
+
+def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
+    """Follow paths to the next surface, add the light there, and send them on."""
+    at = met(world, path.origin, path.way, time)
+    emitted, density = emission(world, at, path.origin, path.normal)
+    weight = _weight(path.density, density)
+    radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
+    lit = _lit(world, at, time, path.throughput, draw)
+    radiance = each(lambda r, light: r + light, radiance, lit)
+    way, factor, density = scattered(at, draw.turn)
+    throughput = each(lambda t, f: t * f, path.throughput, factor)
+    goes_on = at.found.hit & (density > 0) & any_of(throughput) & ~draw.last
+    if draw.roulette is not None:
+        largest = jnp.maximum(jnp.maximum(*throughput[:2]), throughput[2])
+        survival = jax.lax.stop_gradient(jnp.where(draw.roulette < 0, 1, jnp.clip(largest, 0, 1)))
+        goes_on = goes_on & (draw.roulette < survival)
+        throughput = each(lambda t: t / jnp.where(survival > 0, survival, 1), throughput)
+
+    def alive(vector: Vector) -> Vector:
+        return each(lambda a: jnp.where(goes_on, a, 0), vector)
+
+    density = jnp.where(goes_on, density, 1)
+    return _Path(at.found.point, alive(way), at.normal, density, alive(throughput), radiance)
+
+
+def _lit(world: World, at: Met, time: Array, throughput: Vector, draw: _Draws) -> Vector:
+    """Return what lights give, weighed with how likely the next direction finds the same."""
+    if not world.lights:
+        return each(jnp.zeros_like, at.normal)
+    light = illuminated(world, draw.choice, at.found.point, at.normal)
+    reflectance, density = evaluated(at.surface, at.normal, at.seen, light.way)
+    weight = jnp.where(draw.last, 1, _weight(light.density, density))
+    gained = each(lambda t, r, a: t * r * a * weight, throughput, reflectance, light.arriving)
+    lit = visible(world, light, at.found.point, time, at.found.hit & any_of(gained))
+    return each(lambda a: jnp.where(lit, a, 0), gained)
+
+
+def _weight(density: Array, other: Array) -> Array:
+    """Return the power heuristic's weight of a way to find light, against one other way."""
+    ratio = other / jnp.where(density > 0, density, 1)
+    return 1 / (1 + ratio * ratio)
+
+
+def path_tracing(
+    world: World, camera: Camera, bounces: int, *, roulette: int | None = None, smooth: bool = False
+) -> PathTracing:
+    """Make the scene of a world where light is scattered from surface to surface.
+
+    At each surface a point of a light is sampled, and a direction by the surface; multiple importance
+    sampling weighs both ways to find light by the power heuristic [1]_. Derivatives with respect to materials
+    keep directions, lobes and roulette as they were sampled, and so edges of visibility: "detached sampling"
+    [2]_.
+
+    Parameters
+    ----------
+    world : World
+    camera : Camera
+    bounces : int
+        How many directions a path takes after the first, in [0, 64]. 0 is direct light alone; light that is
+        scattered more than ``bounces + 1`` times is lost, and what a mirror shows that is the last of so many
+        surfaces.
+    roulette : int, optional
+        From this bounce on, at least 1, paths of little throughput end by chance, the others carry their
+        light; each bounce by a coordinate of its own. By default none does.
+    smooth : bool, optional
+        See :func:`direct_light`. Edges of lights and emitters count, too, as surfaces that scatter see them.
+
+    Returns
+    -------
+    PathTracing
+        A scene with values (..., 3) that needs what :func:`direct_light` does, and for k = 1, 2, ...,
+        ``bounces`` further ``bounce{k}_u, bounce{k}_v[, bounce{k}_lobe][, roulette{k}][, light{k}][,
+        light{k}_u, light{k}_v]``; ``lobe`` where a material has microfacets and a Lambertian part.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If ``bounces`` or ``roulette`` is out of range.
+
+    References
+    ----------
+    .. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, sections 9.2 and 10.2.
+    .. [2] T. Zeltner, S. Speierer, I. Georgiev, W. Jakob, "Monte Carlo Estimators for Differential Light
+       Transport", 2021.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> ball = tracing.sphere([0, 0, 0], 1.0, material=tracing.diffuse(0.8))
+    >>> world = tracing.world([ball], [tracing.environment(1.0)])
+    >>> scene = path_tracing(world, tracing.camera([0, 0, 4], [0, 0, 0]), bounces=1)
+    >>> print(scene.needs)
+    ('x', 'y', 'light_u', 'light_v', 'bounce1_u', 'bounce1_v', 'light1_u', 'light1_v')
+    """
+    check(world, camera, smooth)
+    bounces = checks.integer("bounces", bounces, 0, 64)
+    if roulette is not None:
+        roulette = checks.integer("roulette", roulette, 1, 64)
+    return PathTracing(world, camera, bounces, roulette, smooth)

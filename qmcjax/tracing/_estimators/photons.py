@@ -1,0 +1,367 @@
+"""Photons that know when they arrive: at one time each, or all through an interval (thesis, Sect. 3.1.5)."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import known, numbers, require
+from qmcjax.core.plug_ins import unheld
+from qmcjax.core.pytrees import jit
+from qmcjax.tracing._intervals.visible import visible_intervals
+from qmcjax.tracing._light.interaction import any_of, met
+from qmcjax.tracing._light.light_paths import Emission, emission_needs, emitters, is_mirror, started
+from qmcjax.tracing._light.scattering import Turn, scattered
+from qmcjax.tracing._search.intersection import in_dtype
+from qmcjax.tracing._shapes.vectors import components, each, stacked
+from qmcjax.tracing._world.world import World
+
+_QUERIES = 1024
+"""Points whose photons are looked up together: their number bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photons:
+    """Where and when light arrives; see :func:`photons`."""
+
+    position: NDArray
+    """(n, 3): on surfaces, at the time at which they are hit."""
+    incoming: NDArray
+    """(n, 3): unit vectors, the way of the light."""
+    energy: NDArray
+    """(n, 3): power times time, in units of the shutter's."""
+    start: NDArray
+    """(n,): it arrives from here ..."""
+    end: NDArray
+    """(n,): ... to here, evenly. The same: at this time only."""
+    shape: NDArray[np.int32]
+    """(n,): the number of the primitive."""
+    shutter: tuple[float, float]
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import KDTree
+
+        return KDTree(self.position)
+
+    def irradiance(
+        self,
+        point: ArrayLike,
+        normal: ArrayLike,
+        time: ArrayLike,
+        radius: float,
+        window: float = 1.0,
+    ) -> NDArray[np.float64]:
+        """Estimate the irradiance of surfaces from the photons that are near in space and time.
+
+        Parameters
+        ----------
+        point, normal : float ArrayLike, shape (..., 3)
+            Of the surfaces; only photons that come from the side of the normal count.
+        time : float ArrayLike, shape (...)
+            In the shutter. Shapes are broadcast.
+        radius : float
+            Of the ball in which photons are near, positive; the part of the surface in it is taken for a flat
+            disc.
+        window : float, optional
+            In (0, 1]: photons of one time count if that is at most half of it away; what lies outside of the
+            shutter is cut off. Photons of intervals count exactly while they arrive.
+
+        Returns
+        -------
+        float64 array, shape (..., 3)
+            Power per area.
+
+        Raises
+        ------
+        TypeError
+            If an argument has another type.
+        ValueError
+            If shapes do not fit, or an argument is out of range.
+        """
+        point, normal = (_vectors(name, value) for name, value in (("point", point), ("normal", normal)))
+        time = known("time", time)
+        opened, closed = self.shutter
+        require("time", time, lambda t: (t >= opened) & (t <= closed), f"in [{opened:g}, {closed:g}]")
+        near, wide = numbers("radius", radius), numbers("window", window)
+        require("radius", near, lambda r: r > 0, "positive")
+        require("window", wide, lambda w: (w > 0) & (w <= 1), "in (0, 1]")
+        shapes = {"point": point.shape[:-1], "normal": normal.shape[:-1], "time": time.shape}
+        try:
+            shape = np.broadcast_shapes(*shapes.values())
+        except ValueError:
+            raise ValueError(f"shapes of point, normal and time must broadcast, got {shapes}") from None
+        place, front = (np.broadcast_to(a, (*shape, 3)).reshape(-1, 3) for a in (point, normal))
+        when = np.broadcast_to(time, shape).ravel()
+        found = np.zeros(place.shape)
+        for first in range(0, len(found), _QUERIES):
+            some = slice(first, first + _QUERIES)
+            found[some] = self._arriving(place[some], front[some], when[some], float(near), float(wide))
+        return found.reshape(*shape, 3) / (np.pi * float(near) ** 2)
+
+    def _arriving(
+        self, point: NDArray, normal: NDArray, time: NDArray, radius: float, window: float
+    ) -> NDArray[np.float64]:
+        """Return the power that arrives in balls around points."""
+        from scipy.spatial import KDTree
+
+        pairs = KDTree(point).sparse_distance_matrix(self._tree, radius, output_type="ndarray")
+        here, photon = pairs["i"], pairs["j"]
+        at, start, end = time[here], self.start[photon], self.end[photon]
+        opened, closed = self.shutter
+        low, high = np.maximum(time - 0.5 * window, opened), np.minimum(time + 0.5 * window, closed)
+        lasts = end > start
+        # Intervals that touch have no time in common, but the last one has the end of the shutter.
+        during = np.where(
+            lasts,
+            (at >= start) & ((at < end) | (end == closed)),
+            (start >= low[here]) & (start <= high[here]),
+        )
+        front = np.sum(self.incoming[photon] * normal[here], axis=1) < 0
+        power = 1 / np.where(lasts, end - start, (high - low)[here])
+        weight = np.where(during & front, power, 0)
+        sums = [np.bincount(here, weight * self.energy[photon, j], len(point)) for j in range(3)]
+        return np.stack(sums, axis=-1).astype(np.float64)
+
+
+class _Flying(NamedTuple):
+    """Photons on their way, arrays of n rows."""
+
+    number: NDArray
+    """Which point they are made of."""
+    origin: NDArray
+    way: NDArray
+    energy: NDArray
+    start: NDArray
+    end: NDArray
+
+
+def photon_needs(world: World, bounces: int = 0) -> tuple[str, ...]:
+    """Return the name of each dimension of the points that photons are made of.
+
+    Parameters
+    ----------
+    world : World
+    bounces : int, optional
+        See :func:`photons`.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If ``bounces`` is out of range, or ``world`` has no light with a place.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> photon_needs(tracing.world([], [tracing.point_light([0, 0, 1], 1.0)]))
+    ('time', 'emit_way_u', 'emit_way_v')
+    """
+    if not isinstance(world, World):
+        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
+    bounces = checks.integer("bounces", bounces, 0, 64)
+    if not emitters(world):
+        raise ValueError("world must have a light with a place, from which photons set out, got none")
+    return ("time", *emission_needs(world, bounces + 1))
+
+
+def photons(
+    world: World,
+    points: ArrayLike,
+    bounces: int = 0,
+    *,
+    intervals: int | None = None,
+    shutter: Any = (0.0, 1.0),
+) -> Photons:
+    """Send out photons, one for each point, and keep where and when they arrive.
+
+    Each has a time of its own [1]_, or arrives in intervals that are known exactly, by
+    :func:`visible_intervals`: what moves parts them in pieces, which share the energy by their lengths. Those
+    that arrive on what moves, or changes its colour, do so at one time, chosen in the interval.
+
+    Parameters
+    ----------
+    world : World
+        Of its lights, points, spheres and rectangles send photons; what comes from infinity is left out. With
+        ``intervals``, motions are those that :func:`visible_intervals` takes.
+    points : float ArrayLike, shape (n, len(photon_needs(world, bounces)))
+        In [0, 1).
+    bounces : int, optional
+        How often surfaces scatter a photon, in [0, 64]. It is kept at all that it meets but mirrors.
+    intervals : int, optional
+        Room for so many intervals of a photon's ray, in [1, 256]. By default photons have one time each.
+    shutter : (float, float), optional
+        When it opens and closes, in [0, 1].
+
+    Returns
+    -------
+    Photons
+        Of NumPy arrays in the dtype of ``points``, float32 or float64. Without bounces, the energy of all of
+        them is the power that arrives anywhere, times that time; a bounce adds what is scattered and arrives
+        again.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or something moves in a way that intervals are not known of.
+    ValueError
+        If a shape does not fit, an argument is out of range, ``world`` has no light with a place, or
+        ``intervals`` is too small for a ray.
+
+    References
+    ----------
+    .. [1] M. Cammarano, H. W. Jensen, "Time Dependent Photon Mapping", 2002.
+    .. [2] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.1.5.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> floor = tracing.disc([0, 0, 0], [0, 1, 0], 1.0)
+    >>> world = tracing.world([floor], [tracing.rectangle_light([-2, 1, -2], [4, 0, 0], [0, 0, 4], 1.0)])
+    >>> needs = photon_needs(world)
+    >>> needs
+    ('time', 'emit_u', 'emit_v', 'emit_way_u', 'emit_way_v')
+    >>> found = photons(world, np.random.default_rng(1).random((2**16, len(needs)), np.float32))
+    >>> print(found.irradiance([0.0, 0, 0], [0.0, 1, 0], 0.5, radius=0.5)[0].round(1))
+    2.6
+    """
+    needs = photon_needs(world, bounces)
+    points = checks.known_array("points", points, np.floating, "known real numbers")
+    if points.dtype not in (np.float32, np.float64):
+        raise TypeError(f"points must be float32 or float64, got {checks.shown(points)}")
+    if points.ndim != 2 or points.shape[1] != len(needs) or not len(points):
+        raise ValueError(f"points must have shape (n, {len(needs)}) for {needs}, got {points.shape}")
+    require("points", points, lambda p: (p >= 0) & (p < 1), "in [0, 1)")
+    if intervals is not None:
+        intervals = checks.integer("intervals", intervals, 1, 256)
+    times = numbers("shutter", shutter, (2,))
+    require(
+        "shutter", times, lambda s: (s >= 0) & (s <= 1) & (s[0] < s[1]), "(open, close), one after the other"
+    )
+    with checks.precision(points.dtype):
+        return _flown(world, points, needs, bounces, intervals, np.asarray(times).astype(points.dtype))
+
+
+def _flown(
+    world: World, points: NDArray, needs: tuple[str, ...], bounces: int, intervals: int | None, times: NDArray
+) -> Photons:
+    """Follow photons from surface to surface."""
+    coordinates = dict(zip(needs, points.T, strict=True))
+    opened, closed = times
+    number = np.arange(len(points))
+    emission = Emission.of({name: jnp.asarray(value) for name, value in coordinates.items()})
+    origin, way, power = (np.asarray(a) for a in _started(world, emission))
+    energy = power * ((closed - opened) / len(points)).astype(points.dtype)
+    start, end = np.full_like(points[:, 0], opened), np.full_like(points[:, 0], closed)
+    if intervals is None:
+        start = end = opened + (closed - opened) * coordinates["time"]
+    flying, changes, kept = _Flying(number, origin, way, energy, start, end), _changes(world), []
+    for bounce in range(bounces + 1):
+        if intervals is not None:
+            flying = _parted(world, flying, intervals, (float(opened), float(closed)))
+        chosen = coordinates["time"][flying.number]
+        time = flying.start + (flying.end - flying.start) * chosen
+        turn = None
+        if bounce < bounces:
+            turn = Turn.of(
+                {name: value[flying.number] for name, value in coordinates.items()}, f"scatter{bounce + 1}"
+            )
+        found = _in_rows(_arrived, world, (flying.origin, flying.way, time, turn))
+        shape = found[1]
+        at_once = (shape >= 0) & changes[shape]
+        flying = flying._replace(
+            start=np.where(at_once, time, flying.start), end=np.where(at_once, time, flying.end)
+        )
+        kept.append((found[0], *flying[2:], shape, found[2]))
+        if turn is None:
+            break
+        flying = flying._replace(origin=found[0], way=found[3], energy=flying.energy * found[4])
+        flying = _Flying(*(a[flying.energy.any(axis=1)] for a in flying))
+    parts = [tuple(a[row[-1]] for a in row[:-1]) for row in kept]
+    whole = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Photons(*whole, shutter=(float(opened), float(closed)))
+
+
+def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, float]) -> _Flying:
+    """Return photons as the pieces of their intervals in which they meet one primitive."""
+    lasts = flying.end > flying.start
+    at_once, lasting = (_Flying(*(a[rows] for a in flying)) for rows in (~lasts, lasts))
+    if not len(lasting.start):
+        return flying
+
+    def seen(world: World, origin: Any, way: Any) -> Any:
+        return visible_intervals(world, origin, way, count, shutter=shutter)[:3]
+
+    start, end, shape = _in_rows(seen, world, (lasting.origin, lasting.way))
+    start, end = np.maximum(start, lasting.start[:, None]), np.minimum(end, lasting.end[:, None])
+    ray, piece = np.nonzero((shape >= 0) & (end > start))
+    start, end = start[ray, piece], end[ray, piece]
+    part = (end - start) / (lasting.end - lasting.start)[ray]
+    pieces = _Flying(
+        lasting.number[ray],
+        lasting.origin[ray],
+        lasting.way[ray],
+        lasting.energy[ray] * part[:, None],
+        start,
+        end,
+    )
+    return _Flying(*(np.concatenate(pair) for pair in zip(pieces, at_once, strict=True)))
+
+
+def _in_rows(function: Any, world: World, rows: Any) -> list[NDArray]:
+    """Call a function of rows, with more rows of zeros up to a power of 2: few programs serve all numbers."""
+    count = len(rows[0])
+    more = 2 ** max(count - 1, 0).bit_length() - count
+    wide = jax.tree.map(lambda a: jnp.asarray(np.pad(a, [(0, more)] + [(0, 0)] * (a.ndim - 1))), rows)
+    return [np.asarray(a)[:count] for a in function(world, *wide)]
+
+
+@jit()
+def _started(world: World, emission: Emission) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Return where photons set out, in which direction, and the power that each stands for."""
+    world = in_dtype(world, emission.way_u.dtype)
+    start, extent, _ = started(world, emission, jnp.zeros_like(emission.way_u))
+    return stacked(start.point), stacked(start.way), stacked(each(lambda r: r * extent, start.radiance))
+
+
+@jit()
+def _arrived(world: World, origin: jax.Array, way: jax.Array, time: jax.Array, turn: Turn | None) -> Any:
+    """Return where photons arrive, on what, whether they are kept there, and how they are scattered."""
+    world = in_dtype(world, origin.dtype)
+    at = met(world, components(origin), components(way), time)
+    point, kept = stacked(at.found.point), at.found.hit & ~is_mirror(at)
+    if turn is None:
+        return point, at.found.number, kept
+    on, factor, density = scattered(at, turn)
+    goes_on = at.found.hit & (density > 0) & any_of(factor)
+    on, factor = (stacked(each(lambda a: jnp.where(goes_on, a, 0), v)) for v in (on, factor))
+    return point, at.found.number, kept, on, factor
+
+
+def _changes(world: World) -> NDArray[np.bool_]:
+    """Tell of each primitive whether it moves, or changes its colour."""
+    changes = np.zeros(max(world.count, 1), bool)
+    for item, start in world.numbered():
+        material = None if item.material is None else unheld(item.material)
+        of_all = item.motion is not None or (material is not None and getattr(material, "moving", True))
+        for shape, before in zip(item.shapes, item.starts, strict=True):
+            changes[start + before : start + before + shape.count] = of_all or shape.moving
+    return changes
+
+
+def _vectors(name: str, value: Any) -> NDArray[np.float64]:
+    array = known(name, value)
+    if array.shape[-1:] != (3,):
+        raise ValueError(f"{name} must have shape (..., 3), got {array.shape}")
+    require(name, array, np.isfinite, "finite")
+    return array

@@ -1,0 +1,147 @@
+"""Images of parts of the shutter, predicted from one another, corrected by samples (thesis, Sect. 3.3.4)."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
+from qmcjax.tracing._estimators.deep_image import Renderer, Step
+from qmcjax.tracing._estimators.estimator import Estimator
+
+
+class PredictorCorrector(NamedTuple):
+    """The image of a shutter and those of its intervals; see :func:`predictor_corrector`."""
+
+    image: NDArray[np.float32]
+    """(height, width, 3): the mean of all images."""
+    images: NDArray[np.float32]
+    """(n, height, width, 3): of the intervals, in order."""
+    samples: NDArray[np.int32]
+    """(n, height, width): how many were taken. A pixel is predicted where they are fewer than ``fail``."""
+    steps: tuple[Step, ...]
+    """In the order in which they were taken."""
+
+
+def predictor_corrector(
+    scene: Estimator,
+    width: int,
+    height: int,
+    samples: tuple[int, ...],
+    fail: int,
+    key: Array | int,
+    *,
+    contrast: float = 0.3,
+) -> PredictorCorrector:
+    """Render a shutter of 2^m + 1 intervals, most of whose images are predicted.
+
+    Images of the first and last interval are sampled. Of two that are known the one in the middle is
+    predicted: pixels move with what is nearest in them, triangles between them are drawn with a z-buffer, and
+    the colours of both predictions are averaged; all else of a pixel (x, y) is taken from the first if
+    x xor y is even, else from the second [1]_. Where one of them draws nothing, the other is taken. A few
+    samples then tell where that failed.
+
+    The result is biased: what moves without its surface, as shadows and reflections do, is not predicted, and
+    errors below the contrast stay. Noise of sampled images goes into all that are predicted from them.
+
+    Parameters
+    ----------
+    scene : Estimator
+        Of :func:`direct_light`, :func:`path_tracing` or :func:`bidirectional`, with a camera without a lens,
+        and no triangles with ``close``.
+    width, height : int
+        In [1, 65536].
+    samples : tuple of int
+        For each of the m <= 12 levels of the recursion, how many samples of a pixel check its prediction: at
+        most ``fail``; 0 keeps all predictions.
+    fail : int
+        Samples of a pixel that was not predicted, at least 1.
+    key : int or JAX key
+        Of the random samples.
+    contrast : float, optional
+        In [0, 1]: a prediction p fails where samples of mean e say that abs(p - e) > contrast (p + e) in
+        one of its colours.
+
+    Returns
+    -------
+    PredictorCorrector
+        Of NumPy arrays.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type, or triangles of ``scene`` have ``close``.
+    ValueError
+        If an argument is out of range, ``scene`` has a lens, or a value that is not finite.
+
+    Notes
+    -----
+    A pixel moves from its middle, by as much as the stored point moves on the screen. Reprojected themselves,
+    points anywhere in their pixels would blur what stands still.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.3.4.
+    .. [2] A. Keller, "Hierarchical Monte Carlo Image Synthesis", 2001.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> slides = tracing.motion.affine(None, tracing.motion.linear_segments([0, 1], [[-1, 0, 0], [1, 0, 0]]))
+    >>> ball = tracing.sphere([0, 0, 0], 1.0, motion=slides, material=tracing.emitter(1.0))
+    >>> scene = tracing.direct_light(tracing.world([ball]), tracing.camera([0, 0, 9], [0, 0, 0]))
+    >>> found = predictor_corrector(scene, 16, 16, (4, 2, 1), 32, key=1)
+    >>> print(found.images.shape, [step.middle for step in found.steps])
+    (9, 16, 16, 3) [4, 2, 6, 1, 3, 5, 7]
+    """
+    _check(scene)
+    width, height = checks.image_size(width, height)
+    fail = checks.integer("fail", fail, 1, 2**20)
+    if not isinstance(samples, tuple | list) or not 1 <= len(samples) <= 12:
+        raise TypeError(f"samples must be a tuple of 1 to 12 integers, got {checks.shown(samples)}")
+    counts = [checks.integer("samples", count, 0, fail) for count in samples]
+    limit = numbers("contrast", contrast)
+    require("contrast", limit, lambda c: (c >= 0) & (c <= 1), "in [0, 1]")
+    render = Renderer(scene, width, height, 2 ** len(counts) + 1, checks.prng_key("key", key))
+    steps = _steps(len(counts))
+    known = {
+        end: render.sampled(end, np.arange(width * height), fail, 0) for end in (0, render.intervals - 1)
+    }
+    taken = {end: np.full(width * height, fail, np.int32) for end in known}
+    for step in steps:
+        predicted, covered = render.predicted(known[step.left], known[step.right], step)
+        known[step.middle], taken[step.middle] = render.corrected(
+            predicted, covered, step, counts[step.level - 1], fail, float(limit)
+        )
+    images = np.stack([known[k].color.reshape(height, width, 3) for k in range(render.intervals)])
+    if not np.isfinite(images).all():
+        raise ValueError("scene must have finite values, got others")
+    of_all = np.stack([taken[k].reshape(height, width) for k in range(render.intervals)])
+    image = images.mean(axis=0, dtype=np.float64).astype(np.float32)
+    return PredictorCorrector(image, images, of_all, steps)
+
+
+def _steps(levels: int) -> tuple[Step, ...]:
+    """Return all predictions of 2^levels + 1 intervals, level by level (thesis, Fig. 3.3)."""
+    steps = []
+    for level in range(1, levels + 1):
+        apart = 2 ** (levels - level + 1)
+        for left in range(0, 2**levels, apart):
+            steps.append(Step(left, left + apart // 2, left + apart, level))
+    return tuple(steps)
+
+
+def _check(scene: Any) -> None:
+    if not isinstance(scene, Estimator):
+        raise TypeError(
+            f"scene must be made by qmcjax.tracing (direct_light, ...), got {checks.shown(scene)}"
+        )
+    if scene.camera.aperture is not None:
+        raise ValueError("scene must have a camera without a lens, got one with an aperture")
+    for place, item in enumerate(scene.world.objects):
+        if any(shape.moving for shape in item.shapes):
+            raise TypeError(
+                f"scene must move by motions of its objects, got shapes that move in object {place}"
+            )

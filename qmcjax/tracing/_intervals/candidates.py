@@ -1,0 +1,182 @@
+"""What a ray may see in time: a list of few spans for each ray, culled by how far it can see at all.
+
+A slot of the shutter that a span covers is seen no farther than that; beyond the farthest slot nothing
+is looked for. This is the early-out culling of the thesis (Sect. 3.2.1), where the spans that cover the
+shutter need not be whole.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.tracing._intervals.linear import Batch
+from qmcjax.tracing._intervals.spans import Depth, Spans, View
+from qmcjax.tracing._shapes.shape_batches import rounding, slabs
+from qmcjax.tracing._shapes.vectors import components, each, largest
+
+_SLOTS = 8
+
+
+class Candidates(NamedTuple):
+    """Spans of rays, (c, n), in no order."""
+
+    start: Array
+    """2 where there is none."""
+    end: Array
+    number: Array
+    depth: Depth
+
+
+class State(NamedTuple):
+    """What is known of rays."""
+
+    candidates: Candidates
+    until: Array
+    """(n,): spans that start before are among the candidates, or hidden."""
+    bound: Array
+    """(slots, n): how far rays can see in each part of the shutter."""
+    opened: Array
+    """The shutter."""
+    closed: Array
+
+
+def background(number: Array, distance: Array, count: int, opened: Array, closed: Array) -> State:
+    """Return rays with what they hit of the world that is still: numbers, -1 for nothing, and distances.
+
+    Without a hit, a distance is how far rays see.
+    """
+    hit = number >= 0
+
+    def first(value: Array, others: Any) -> Array:
+        rest = jnp.full((count - 1, *number.shape), others, value.dtype)
+        return jnp.concatenate([value[None], rest])
+
+    zero, one = jnp.zeros_like(distance), jnp.ones_like(distance)
+    far = jnp.where(hit, distance, one)
+    depth = Depth(
+        jnp.stack([first(far, 1)] * 4),
+        jnp.ones((3, count, *zero.shape), zero.dtype),
+        jnp.zeros((3, count, *zero.shape), zero.dtype),
+        *(first(value, 1) for value in (one, zero, far, far, far)),
+    )
+    candidates = Candidates(first(jnp.where(hit, zero, 2), 2), first(one, 2), first(number, -1), depth)
+    bound = jnp.broadcast_to(distance[None], (_SLOTS, *zero.shape))
+    return State(candidates, one, bound, opened, closed)
+
+
+def collected(state: State, batch: Batch, view: View) -> State:
+    """Add the spans of a batch of primitives.
+
+    At first those that any ray of the tile may hit are listed, then their spans are computed.
+    """
+    rows = batch.rows
+    order, listed = _listed(state, batch, view)
+
+    def turn(place: Any, state: State) -> State:
+        row = order[place]
+        spans = rows.spans(row, view)
+        some = jnp.any(spans.start < spans.end, axis=1)
+        used = jnp.max(jnp.where(some, jnp.arange(1, len(some) + 1, dtype=jnp.int32), 0))
+        return jax.lax.fori_loop(
+            0,
+            used,
+            lambda one, state: _inserted(state, jax.tree.map(partial(_row, one), spans), batch.numbers[row]),
+            state,
+        )
+
+    return jax.lax.fori_loop(0, listed, turn, state)
+
+
+def _listed(state: State, batch: Batch, view: View) -> tuple[Array, Array]:
+    """Return rows that any ray of the tile may hit, and how many these are."""
+    rows, limit = batch.rows, state.bound.max(axis=0)
+    total = batch.numbers.shape[0]
+
+    def meets(row: Any) -> Array:
+        def any_ray() -> Array:
+            seen, hit = rows.seen(row, view)
+            return jnp.any(hit & (rows.nearest(seen) <= limit))
+
+        begin, finish = rows.begin[row], rows.finish[row]
+        on = (begin < finish) & (begin <= state.closed) & (finish >= state.opened)
+        return jax.lax.cond(on, any_ray, lambda: jnp.asarray(False))
+
+    def tested(row: Any, found: tuple[Array, Array]) -> tuple[Array, Array]:
+        order, listed = found
+        # What is not listed is overwritten by the next one; the last place is for what is not.
+        return order.at[listed].set(row), listed + meets(row).astype(jnp.int32)
+
+    none = jnp.zeros(total + 1, jnp.int32), jnp.zeros((), jnp.int32)
+    if batch.tree is None or batch.boxes is None:
+        return jax.lax.fori_loop(0, total, lambda row, found: tested(jnp.int32(row), found), none)
+    tree, boxes = batch.tree, batch.boxes
+    count = tree.order.shape[0]
+    used, stop = tree.skip[0], tree.start[jnp.minimum(tree.skip, count - 1)]
+    wider = rounding(abs(boxes).max() + largest(view.origin))
+
+    def inside(node: Array) -> Array:
+        low, high = components(boxes[node, :3]), components(boxes[node, 3:])
+        below = each(lambda a, o: a - o - wider, low, view.origin)
+        above = each(lambda a, o: a - o + wider, high, view.origin)
+        enter, leave = slabs(below, above, view.direction)
+        slower = 1 + 8 * jnp.finfo(limit.dtype).eps
+        return jnp.any(
+            (leave >= 0) & (jnp.minimum(enter, enter / slower) <= leave * slower) & (enter <= limit * slower)
+        )
+
+    def step(walk: tuple[Array, Any]) -> tuple[Array, Any]:
+        node, found = walk
+        skip = tree.skip[node]
+        enters = inside(node)
+        leaf = enters & (skip == node + 1)
+
+        def of_leaf(place: Any, found: Any) -> Any:
+            return jax.lax.fori_loop(
+                0,
+                total // count,
+                lambda segment, found: tested(segment * count + tree.order[place], found),
+                found,
+            )
+
+        found = jax.lax.fori_loop(
+            tree.start[node], jnp.where(leaf, stop[node], tree.start[node]), of_leaf, found
+        )
+        return jnp.where(enters, node + 1, skip), found
+
+    return jax.lax.while_loop(lambda walk: walk[0] < used, step, (jnp.zeros((), jnp.int32), none))[1]
+
+
+def _row(number: Any, a: Array) -> Array:
+    """Return one span: the rows are the last axis but one."""
+    return jax.lax.dynamic_index_in_dim(a, number, a.ndim - 2, keepdims=False)
+
+
+def _inserted(state: State, span: Spans, number: Array) -> State:
+    """Put in spans, one for each ray, in place of nothing, of what is hidden, or of the last to start.
+
+    What starts later than all others is left out where there is no room: up to then everything is known.
+    """
+    (start, end, depth), candidates = span, state.candidates
+    limit = state.bound.max(axis=0)
+    wanted = (start < end) & (depth.high > 0) & (depth.low <= limit)
+    wanted = wanted & (start <= state.closed) & (end >= state.opened)
+    key = jnp.where(candidates.depth.low > limit[None], 2, candidates.start)
+    place, latest = jnp.argmax(key, axis=0).astype(jnp.int32), jnp.max(key, axis=0)
+    taken = wanted & (start < latest)
+    left_out = jnp.where(taken, latest, jnp.where(wanted, start, 2))
+    until = jnp.minimum(state.until, left_out)
+    here = (jnp.arange(key.shape[0], dtype=jnp.int32)[:, None] == place[None]) & taken[None]
+
+    def put(new: Array, old: Array) -> Array:
+        shape = (1,) * (old.ndim - 2) + here.shape
+        return jnp.where(here.reshape(shape), jnp.expand_dims(new, new.ndim - 1), old)
+
+    new = Candidates(start, end, jnp.broadcast_to(number, start.shape), depth)
+    edges = state.opened + (state.closed - state.opened) * jnp.linspace(0, 1, _SLOTS + 1, dtype=start.dtype)
+    covered = (start[None] <= edges[:-1, None]) & (end[None] >= edges[1:, None]) & (start < end)[None]
+    covered = covered & (depth.low > 0)[None]
+    bound = jnp.minimum(state.bound, jnp.where(covered, depth.high[None], jnp.inf))
+    return state._replace(candidates=jax.tree.map(put, new, candidates), until=until, bound=bound)

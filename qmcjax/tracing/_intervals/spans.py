@@ -1,0 +1,271 @@
+"""When a primitive that moves on a straight line is hit by a ray, and how far away (thesis, Sect. 3.2.1).
+
+Seen along a ray, an edge that moves linearly sweeps a bilinear patch; the area between its ends and the ray
+is a quadratic of time, whose roots are when the ray crosses the patch. So a polygon is hit while all its
+quadratics have one sign, and a sphere while three are positive: the squared half chord, how far the origin
+is outside, and minus the distance to the foot of the centre.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.tracing._intervals.bernstein import crossings, product, restricted
+from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, each, minus
+
+
+class View(NamedTuple):
+    """Rays, components (n,), and linear maps that take their directions to (0, 0, 1)."""
+
+    origin: Vector
+    direction: Vector
+    x: Vector
+    y: Vector
+    z: Vector
+
+
+class Depth(NamedTuple):
+    """Distances along rays from the start to the end of a span: (num + side sqrt(squared)) / den."""
+
+    num: Array
+    """(4, ...): Bernstein coefficients."""
+    den: Array
+    """(3, ...): positive but for rounding, see ``noise``."""
+    squared: Array
+    """(3, ...): without a square root, zeros."""
+    side: Array
+    """1 or -1."""
+    noise: Array
+    """Error of ``den``; that of ``num`` is as much times ``far``."""
+    far: Array
+    low: Array
+    """No distance is below, ..."""
+    high: Array
+    """... and none above."""
+
+
+class Spans(NamedTuple):
+    """Times at which a primitive is hit, in order: (s, n) for s spans and n rays."""
+
+    start: Array
+    end: Array
+    """Not above ``start``: no span."""
+    depth: Depth
+
+
+class Polygons(NamedTuple):
+    """Triangles or parallelograms, one in each row, each on one linear segment of its motion."""
+
+    begin: Array
+    """(rows,): the time at which the segment starts."""
+    finish: Array
+    vertices: Array
+    """(rows, 2, corners, 3): then, and when it ends."""
+
+    def seen(self, row: Any, view: View) -> tuple[Vector, Array]:
+        """Return vertices in front of rays, components (2, corners, n), and which rays may hit them.
+
+        All vertices are computed by one instruction after the other of one loop: those that polygons share
+        have the same bits in all of them.
+        """
+        corners = minus(
+            each(lambda v: v[:, :, None], components(self.vertices[row])),
+            each(lambda o: o[None, None, :], view.origin),
+        )
+        maps = (each(lambda m: m[None, None, :], axis) for axis in (view.x, view.y, view.z))
+        x, y, z = (dot(axis, corners) for axis in maps)
+        around = [(a.min(axis=(0, 1)) <= 0) & (a.max(axis=(0, 1)) >= 0) for a in (x, y)]
+        return (x, y, z), around[0] & around[1] & (z.max(axis=(0, 1)) > 0)
+
+    def nearest(self, seen: Vector) -> Array:
+        """Return what no distance is below."""
+        return seen[2].min(axis=(0, 1))
+
+    def spans(self, row: Any, view: View) -> Spans:
+        """Return when rays hit the polygon of a row."""
+        (x, y, z), _ = self.seen(row, view)
+        begin, finish = self.begin[row], self.finish[row]
+        start, end, side = _held(_edges(x, y), both=True)
+        # Of a parallelogram, the triangle without the vertex across.
+        chosen = 0, 1, x.shape[1] - 1
+        (ax, bx, cx), (ay, by, cy), (az, bz, cz) = ([a[:, corner] for corner in chosen] for a in (x, y, z))
+        weights = _area(bx, by, cx, cy), _area(cx, cy, ax, ay), _area(ax, ay, bx, by)
+        den = weights[0] + weights[1] + weights[2]
+        num = product(weights[0], az) + product(weights[1], bz) + product(weights[2], cz)
+        heights = [(1 - s) * z[0][:, None] + s * z[1][:, None] for s in (start[None], end[None])]
+        far = abs(z).max(axis=(0, 1))
+        size = abs(x).max(axis=(0, 1)) * abs(y).max(axis=(0, 1))
+        count = len(start)
+        depth = Depth(
+            side[None] * restricted(num[:, None], start, end),
+            side[None] * restricted(den[:, None], start, end),
+            jnp.zeros((3, *start.shape), start.dtype),
+            jnp.ones_like(start),
+            _spread(2 * jnp.finfo(size.dtype).eps * size, count),
+            _spread(far, count),
+            jnp.minimum(*(h.min(axis=0) for h in heights)),
+            jnp.maximum(*(h.max(axis=0) for h in heights)),
+        )
+        return Spans(_time(start, begin, finish), _time(end, begin, finish), depth)
+
+
+class Balls(NamedTuple):
+    """Spheres, or ellipsoids that keep their shape, one in each row."""
+
+    begin: Array
+    finish: Array
+    center: Array
+    """(rows, 2, 3)."""
+    inverse: Array
+    """(rows, 3, 3): makes unit spheres of them."""
+
+    def _inside(self, row: Any, view: View) -> tuple[list[Vector], Vector]:
+        """Return rays in the space of unit spheres: origins at both times, and directions."""
+        rows = [components(self.inverse[row, j]) for j in range(3)]
+        from_center = [minus(view.origin, components(self.center[row, end])) for end in range(2)]
+        direction = dot(rows[0], view.direction), dot(rows[1], view.direction), dot(rows[2], view.direction)
+        return [(dot(rows[0], o), dot(rows[1], o), dot(rows[2], o)) for o in from_center], direction
+
+    def seen(self, row: Any, view: View) -> tuple[Any, Array]:
+        """Return rays in the space of unit spheres, and which of them may hit."""
+        origins, direction = self._inside(row, view)
+        chord = _chord(origins, direction)
+        return (origins, direction), chord.max(axis=0) > 0
+
+    def nearest(self, seen: Any) -> Array:
+        """Return what no distance is below."""
+        origins, direction = seen
+        squared = dot(direction, direction)
+        inverse = 1 / jnp.where(squared > 0, squared, 1)
+        feet = [-inverse * dot(origin, direction) for origin in origins]
+        return jnp.minimum(*feet) - jnp.sqrt(inverse)
+
+    def spans(self, row: Any, view: View) -> Spans:
+        """Return when rays hit the sphere of a row: from outside, or from inside."""
+        origins, direction = self._inside(row, view)
+        begin, finish = self.begin[row], self.finish[row]
+        chord = _chord(origins, direction)
+        outside = _products(*origins) - 1
+        ahead = [-dot(origin, direction) for origin in origins]
+        ahead = jnp.stack([ahead[0], 0.5 * (ahead[0] + ahead[1]), ahead[1]])
+        near = _held(jnp.stack([chord, outside, ahead], axis=1), both=False)
+        far = _held(-outside[:, None], both=False)
+        start, end = (jnp.concatenate(parts) for parts in zip(near[:2], far[:2], strict=True))
+        sides = [-jnp.ones_like(near[0]), jnp.ones_like(far[0])]
+        squared = dot(direction, direction)
+        inverse = 1 / jnp.where(squared > 0, squared, 1)
+        foot = [inverse * ahead[0], inverse * ahead[2]]
+        num = jnp.stack([foot[0] + (foot[1] - foot[0]) * (k / 3) for k in range(4)])
+        reach = jnp.sqrt(inverse)
+        side = jnp.concatenate(sides)
+        count = len(start)
+        tiny = jnp.finfo(reach.dtype).tiny
+        low = jnp.where(side < 0, jnp.minimum(*foot) - reach, jnp.minimum(*foot))
+        high = jnp.where(side < 0, jnp.maximum(*foot), jnp.maximum(*foot) + reach)
+        depth = Depth(
+            restricted(num[:, None], start, end),
+            jnp.ones((3, *start.shape), start.dtype),
+            restricted((inverse * inverse)[None, None] * chord[:, None], start, end),
+            side,
+            jnp.full_like(start, 2 * jnp.finfo(start.dtype).eps),
+            _spread(jnp.maximum(abs(foot[0]), abs(foot[1])) + reach, count),
+            # All that is hit is ahead.
+            jnp.maximum(low, tiny),
+            jnp.maximum(high, tiny),
+        )
+        return Spans(_time(start, begin, finish), _time(end, begin, finish), depth)
+
+
+def _spread(a: Array, count: int) -> Array:
+    return jnp.broadcast_to(a[None], (count, *a.shape))
+
+
+def _time(share: Array, begin: Array, finish: Array) -> Array:
+    """Return times; the ends of segments are what they are, so that spans go on in the next one."""
+    inner = begin + share * (finish - begin)
+    return jnp.where(share <= 0, begin, jnp.where(share >= 1, finish, jnp.minimum(inner, finish)))
+
+
+def _area(px: Array, py: Array, qx: Array, qy: Array) -> Array:
+    """Return the quadratic p x q of points that move from p[0] to p[1], q[0] to q[1]."""
+    first, last = (px[k] * qy[k] - qx[k] * py[k] for k in range(2))
+    mixed = 0.5 * ((px[0] * qy[1] - qx[1] * py[0]) + (px[1] * qy[0] - qx[0] * py[1]))
+    return jnp.stack([first, mixed, last])
+
+
+def _edges(x: Array, y: Array) -> Array:
+    """Return the quadratics of the edges of polygons, (3, corners, n).
+
+    The ends of an edge are sorted first: polygons that share it compute the same roots, whatever products
+    become fused multiply-adds, and no gap in time opens between them.
+    """
+    after = [jnp.roll(a, -1, axis=1) for a in (x, y)]
+    more, same = jnp.zeros(x.shape[1:], bool), jnp.ones(x.shape[1:], bool)
+    for mine, other in ((x, after[0]), (y, after[1])):
+        for end in range(2):
+            more = more | (same & (mine[end] > other[end]))
+            same = same & (mine[end] == other[end])
+    first = [jnp.where(more[None], b, a) for a, b in zip((x, y), after, strict=True)]
+    last = [jnp.where(more[None], a, b) for a, b in zip((x, y), after, strict=True)]
+    # An edge without a length, seen from the ray, decides nothing.
+    sign = jnp.where(same, 0, jnp.where(more, -1, 1)).astype(x.dtype)
+    return sign[None] * _area(*first, *last)
+
+
+def _products(a: Vector, b: Vector) -> Array:
+    return jnp.stack([dot(a, a), dot(a, b), dot(b, b)])
+
+
+def _chord(origins: list[Vector], direction: Vector) -> Array:
+    """Return the quadratic of half the part of a ray in a unit sphere, squared, times that of its length."""
+    across = (cross(origin, direction) for origin in origins)
+    return dot(direction, direction)[None] - _products(*across)
+
+
+def _held(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
+    """Return when all quadratics, (3, m, n), are positive, or with ``both`` have one sign.
+
+    Starts and ends in [0, 1] and signs (0: none), of shape (m + 1, n). Each quadratic is a step function with
+    the steps that :func:`crossings` tells: what shares one agrees on its sign at all times. Those that are 0
+    all the time have both signs, if both count; not all of them may.
+    """
+    first, second, sign = crossings(quadratics)
+    count, rays = first.shape
+    zero = jnp.zeros((1, rays), first.dtype)
+    points = jnp.minimum(_sorted(jnp.concatenate([first, second])), 1)
+    points = jnp.concatenate([zero, points, zero + 1])
+    place = jnp.arange(count + 1, dtype=jnp.int32)[:, None]
+
+    def turn(state: Any, ends: tuple[Array, Array]) -> tuple[Any, None]:
+        (start, end, side), number, before = state
+        left, right = ends
+        odd = (first <= left[None]) ^ (second <= left[None])
+        now = jnp.where(odd, -sign, sign)
+        if both:
+            plus, minus = (now > 0).any(axis=0), (now < 0).any(axis=0)
+            here = (plus & ~minus).astype(left.dtype) - (minus & ~plus).astype(left.dtype)
+        else:
+            here = (now > 0).all(axis=0).astype(left.dtype)
+        here = jnp.where(right > left, here, before)
+        begins = (here != 0) & (here != before)
+        number = number + begins.astype(jnp.int32)
+        mine = place == number[None]
+        start = jnp.where(mine & begins[None], left[None], start)
+        side = jnp.where(mine & begins[None], here[None], side)
+        end = jnp.where(mine & (here != 0)[None], right[None], end)
+        return ((start, end, side), number, here), None
+
+    ones = jnp.ones((count + 1, rays), first.dtype)
+    state = (ones, ones, jnp.zeros_like(ones)), jnp.full(rays, -1, jnp.int32), zero[0]
+    return jax.lax.scan(turn, state, (points[:-1], points[1:]))[0][0]
+
+
+def _sorted(values: Array) -> Array:
+    """Return numbers in the order of the first axis, which is short: by counting what comes before each."""
+    place = jnp.arange(len(values), dtype=jnp.int32)[:, None, None]
+    one, other = values[:, None], values[None]
+    before = (other < one) | ((other == one) & (place.reshape(1, -1, 1) < place))
+    rank = jnp.sum(before, axis=1, dtype=jnp.int32)
+    return jnp.sum(jnp.where(rank[None] == place, values[None], 0), axis=1)

@@ -1,0 +1,1 @@
+"""Reflection, emission and direct illumination at a point."""

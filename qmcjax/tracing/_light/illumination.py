@@ -1,0 +1,110 @@
+"""Light at a point: one light of a world is chosen, and a point of it; and how likely that was."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.tracing._search.intersection import Found
+from qmcjax.tracing._search.search import search
+from qmcjax.tracing._shapes.shape_batches import rounding
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, largest, times
+from qmcjax.tracing._world.lights import Environment, Light, Sample
+from qmcjax.tracing._world.world import World
+
+Kind = TypeVar("Kind", bound=Light)
+
+
+class Choice(NamedTuple):
+    """Coordinates that choose a point of a light; None where there is nothing to choose."""
+
+    light: Array | None = None
+    u: Array | None = None
+    v: Array | None = None
+
+    @classmethod
+    def of(cls, coordinates: dict[str, Array], vertex: str = "") -> "Choice":
+        """Return the choice by coordinates that are named for a vertex of a path."""
+        return cls(*(coordinates.get(f"light{vertex}{part}") for part in ("", "_u", "_v")))
+
+    def number(self, world: World, like: Array) -> Array:
+        """Return which light is chosen, in the shape of an array."""
+        return chosen(self.light, len(world.lights), like)
+
+
+def chosen(coordinate: Array | None, count: int, like: Array) -> Array:
+    """Return which of so many things a coordinate chooses, all with one chance; 0 without a choice."""
+    if coordinate is None:
+        return jnp.zeros_like(like, jnp.int32)
+    return jnp.minimum((coordinate * count).astype(jnp.int32), count - 1)
+
+
+def chosen_by(world: World) -> tuple[str, ...]:
+    """Return the names of coordinates that choose a point of a light."""
+    which = ("light",) if len(world.lights) > 1 else ()
+    return which + (("light_u", "light_v") if any(light.coordinates for light in world.lights) else ())
+
+
+def illuminated(world: World, choice: Choice, point: Vector, normal: Vector) -> Sample:
+    """Return light that may reach points, over the chance of its light."""
+    count = len(world.lights)
+    zero = jnp.zeros_like(point[0])
+    number = choice.number(world, zero)
+    result = Sample((zero, zero, zero), zero, (zero, zero, zero), zero, zero)
+    for lights, row, here in by_kind(world.lights, number):
+        u, v = (zero if part is None else part for part in (choice.u, choice.v))
+        sample = lights.sample(row, point, normal, u, v)
+        result = jax.tree.map(lambda new, old, here=here: jnp.where(here, new, old), sample, result)
+    return result._replace(arriving=times(count, result.arriving), density=result.density / count)
+
+
+def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Array) -> Array:
+    """Tell whether light reaches points, of those that are wanted."""
+    # Where a light is hit is known up to the rounding of coordinates, and that at a slant.
+    size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
+    loose = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
+    limit = sample.distance - jnp.minimum(loose, 0.5 * sample.distance)
+    way = each(lambda a: jnp.where(wanted, a, 0), sample.way)
+    limit = jnp.where(wanted, limit, 0)
+    blocked = search(*jax.lax.stop_gradient((world, point, way, time, limit)), True)[1] >= 0
+    return wanted & ~blocked
+
+
+def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector) -> tuple[Vector, Array]:
+    """Return the radiance of lights that rays hit, and the density with which they would have been chosen.
+
+    ``normal`` is that of the surfaces that the rays leave.
+    """
+    zero = jnp.zeros_like(way[0])
+    radiance, density = (zero, zero, zero), zero
+    first = world.count - sum(light.object() is not None for light in world.lights)
+    number = 0
+    for light in world.lights:
+        if isinstance(light, Environment):
+            here = ~at.hit
+        elif light.object() is None:
+            continue
+        else:
+            here = (at.number == first + number) & (dot(way, at.normal) < 0)
+            number += 1
+        one, row = jax.tree.map(lambda leaf: leaf[None], light), jnp.zeros_like(at.number)
+        emitted = one.emitted(row)
+        radiance = each(lambda new, old, here=here: old + jnp.where(here, new, 0), emitted, radiance)
+        likely = one.density(row, origin, normal, way, at.point)
+        density = jnp.where(here, density + likely / len(world.lights), density)
+    return radiance, density
+
+
+def by_kind(lights: Sequence[Kind], number: Array) -> Iterator[tuple[Kind, Array, Array]]:
+    """Yield the lights of each kind as one batch, rows of it, and whether it has the light of a number."""
+    kinds: dict[Any, list[int]] = {}
+    for place, light in enumerate(lights):
+        kinds.setdefault(type(light), []).append(place)
+    for places in kinds.values():
+        row, mine = np.zeros(len(lights), np.int32), np.zeros(len(lights), bool)
+        row[places], mine[places] = np.arange(len(places)), True
+        batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(lights[place] for place in places))
+        yield batch, jnp.asarray(row)[number], jnp.asarray(mine)[number]

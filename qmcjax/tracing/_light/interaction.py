@@ -1,0 +1,120 @@
+"""What rays meet: a surface with its material, and the light that it gives off."""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.plug_ins import unheld
+from qmcjax.tracing._light.illumination import shining
+from qmcjax.tracing._search.intersection import Found, coordinates, found
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, plus
+from qmcjax.tracing._world.materials import Surface
+from qmcjax.tracing._world.world import World
+
+DEFAULT = 0.5
+"""Reflectance of objects without a material."""
+
+
+class Met(NamedTuple):
+    """Where rays end, components of shape (n,)."""
+
+    found: Found
+    normal: Vector
+    """Unit vectors on the side that the ray comes from."""
+    seen: Vector
+    """Unit vectors back along the ray."""
+    surface: Surface
+
+
+def met(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Met:
+    """Return what rays of unit direction meet; see :func:`found`."""
+    at = found(world, origin, direction, time, known)
+    back = dot(at.normal, direction) > 0
+    normal = each(lambda n: jnp.where(back, -n, n), at.normal)
+    return Met(at, normal, each(jnp.negative, direction), surface(world, at, time))
+
+
+def surface(world: World, at: Found, time: Array) -> Surface:
+    """Return the surface at each hit; all that surfaces may have is 0 where nothing, or a light, is hit."""
+    textured = [_textured(item.material) for item, _ in world.numbered()]
+    number = at.number
+    u, v = coordinates(world, textured, number, time, at.inside)
+    starts = [start for _, start in world.numbered()]
+    which = sum((number >= start).astype(jnp.int32) for start in starts) if starts else jnp.zeros_like(number)
+    # 0 is for rays that hit nothing.
+    which = jnp.where(at.hit, which, 0)
+    given = [_at(item.material, u, v, time) for item in world.objects]
+
+    def field(name: str) -> Any:
+        parts = [getattr(each_of, name) for each_of in given]
+        if all(part is None for part in parts):
+            return None
+        zero = jnp.zeros_like(time)
+        # A roughness of 0 would have infinite derivatives.
+        value = zero + 1 if name == "roughness" else (zero, zero, zero)
+        for place, part in enumerate(parts):
+            if part is not None:
+                value = jax.tree.map(partial(jnp.where, which == place + 1), part, value)
+        return value
+
+    return Surface(*(field(name) for name in Surface._fields))
+
+
+def emission(world: World, at: Met, origin: Vector, normal: Vector) -> tuple[Vector, Array]:
+    """Return the radiance given off, and the density with which it would have been chosen as a light's.
+
+    ``origin`` and ``normal`` are those of the surfaces that the rays leave.
+    """
+    way = each(jnp.negative, at.seen)
+    radiance, density = shining(world, at.found, origin, normal, way)
+    if at.surface.emission is not None:
+        radiance = plus(radiance, at.surface.emission)
+    return radiance, density
+
+
+def any_of(color: Vector) -> Array:
+    """Tell where a colour is not black."""
+    return (color[0] > 0) | (color[1] > 0) | (color[2] > 0)
+
+
+def scatters(world: World) -> bool:
+    """Tell whether any surface scatters light into directions that are left to chance."""
+    return any(kind.diffuse is not None or kind.glossy is not None for kind in kinds(*world.objects))
+
+
+def mixed(world: World) -> bool:
+    """Tell whether any surface scatters light in two ways."""
+    return any(kind.diffuse is not None and kind.glossy is not None for kind in kinds(*world.objects))
+
+
+def kinds(*objects: Object) -> list[Surface]:
+    """Return what surfaces of objects have: None is what they never have."""
+    number = jax.ShapeDtypeStruct((1,), jnp.float32)
+    return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in objects]
+
+
+def _textured(material: Any) -> bool:
+    """Tell whether a material may depend on coordinates."""
+    return material is not None and getattr(unheld(material), "textured", True)
+
+
+def _at(material: Any, u: Array, v: Array, time: Array) -> Surface:
+    if material is None:
+        half = jnp.asarray(DEFAULT, time.dtype)
+        return Surface(diffuse=(half, half, half))
+    given = unheld(material).at(u, v, time)
+    if not isinstance(given, Surface) or any(
+        jnp.shape(leaf) not in ((), u.shape) for leaf in jax.tree.leaves(given)
+    ):
+        raise TypeError(
+            "material.at must return a qmcjax.tracing.Surface of components of the shape of u, or (), got "
+            f"{checks.shown(given)}"
+        )
+    if (given.glossy is None) != (given.roughness is None):
+        raise TypeError("material.at must return glossy and roughness together, or neither")
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(time.dtype), given)

@@ -1,0 +1,197 @@
+"""Paths that begin at lights, and how likely each of their vertices is found from both sides.
+
+A path has vertices y_0 on a light, y_1, y_2, ... on surfaces; light and camera may each find a part of it.
+Ways to find it are compared by ratios of densities [1]_, of which those of neighbouring ways have few
+factors: where y_s is found from the light instead of the camera, the density of it given y_{s-1} replaces
+that given y_{s+1}. Densities by area are those by angle times the cosine at the vertex over the squared
+distance. The cosine cancels: a vertex keeps its `scale`, the cosine over its density by area as its own side
+finds it. A mirror's density is 1 on both sides of a ratio; no way joins paths there.
+
+References
+----------
+.. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, section 10.2.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.tracing._light.illumination import by_kind, chosen
+from qmcjax.tracing._light.interaction import Met, any_of, met
+from qmcjax.tracing._light.reflection import evaluated
+from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
+from qmcjax.tracing._search.intersection import Found
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, times
+from qmcjax.tracing._world.lights import Source, Start
+from qmcjax.tracing._world.world import World
+
+_LARGE = 1e9
+"""Of a larger ratio of densities it matters no more how large it is; two squares of it are finite."""
+
+
+class Emission(NamedTuple):
+    """Coordinates that choose where light sets out; None where there is nothing to choose."""
+
+    light: Array | None
+    u: Array | None
+    v: Array | None
+    way_u: Array
+    way_v: Array
+
+    @classmethod
+    def of(cls, coordinates: dict[str, Array]) -> "Emission":
+        light, u, v = (coordinates.get(f"emit{part}") for part in ("", "_u", "_v"))
+        return cls(light, u, v, coordinates["emit_way_u"], coordinates["emit_way_v"])
+
+
+class Vertex(NamedTuple):
+    """A surface on the path of a light, components of shape (n,).
+
+    Squared ratios of other ways' densities to that of the way that joins the camera's path here are
+    ``r^2 (near + b^2 far)`` for all but the last, and ``r^2 b^2 hit`` where the camera's path hits the light:
+    r is ``scale`` times the camera's density of the direction to here over the distance squared, b the
+    density of the direction back to the vertex before.
+    """
+
+    at: Met
+    throughput: Vector
+    scale: Array
+    near: Array
+    far: Array
+    hit: Array
+    mirror: Array
+    first: Array
+    """Whether the first surface is no mirror."""
+
+
+def emitters(world: World) -> list[Source]:
+    """Return the lights at which paths begin."""
+    return [light for light in world.lights if isinstance(light, Source)]
+
+
+def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
+    """Return the names of coordinates of paths from lights with so many surfaces."""
+    lights = emitters(world)
+    if not lights or not vertices:
+        return ()
+    which = ("emit",) if len(lights) > 1 else ()
+    place = ("emit_u", "emit_v") if any(light.coordinates for light in lights) else ()
+    turns = [name for s in range(1, vertices) for name in turned_by(world, f"scatter{s}")]
+    return (*which, *place, "emit_way_u", "emit_way_v", *turns)
+
+
+def begun(world: World, number: Array) -> Array:
+    """Return the density with which paths begin at a light, by area and projected angle; 0 if none does."""
+    dtype = jnp.result_type(*jax.tree.leaves(world.lights))
+    densities = [
+        1 / light.extent() if isinstance(light, Source) else jnp.zeros((), dtype) for light in world.lights
+    ]
+    return jnp.stack(densities)[number] / max(len(emitters(world)), 1)
+
+
+def begun_at(world: World, at: Found) -> Array:
+    """Return the same for the lights that rays hit; 0 where they hit none."""
+    places = [place for place, light in enumerate(world.lights) if light.object() is not None]
+    if not places:
+        return jnp.zeros_like(at.distance)
+    number = at.number - (world.count - len(places))
+    light = jnp.asarray(np.array(places, np.int32))[jnp.maximum(number, 0)]
+    return jnp.where(number >= 0, begun(world, light), 0)
+
+
+def back(at: Met, way: Vector) -> Array:
+    """Return the density with which light from a way is scattered back to where the path comes from."""
+    density = evaluated(at.surface, at.normal, way, at.seen)[1]
+    return density if at.surface.mirror is None else jnp.where(any_of(at.surface.mirror), 1, density)
+
+
+def is_mirror(at: Met) -> Array:
+    """Tell where surfaces are mirrors."""
+    return jnp.zeros_like(at.found.hit) if at.surface.mirror is None else any_of(at.surface.mirror)
+
+
+def squared(a: Vector, b: Vector) -> Array:
+    """Return squared distances; 1 for equal points."""
+    between = minus(a, b)
+    result = dot(between, between)
+    return jnp.where(result > 0, result, 1)
+
+
+def square(ratio: Array) -> Array:
+    """Return squares of ratios of densities, none of them infinite."""
+    ratio = jnp.minimum(ratio, _LARGE)
+    return ratio * ratio
+
+
+def cut(squares: Array) -> Array:
+    """Return sums of squares so that none is infinite, and no product with a square of 0 is NaN."""
+    return jnp.minimum(squares, _LARGE * _LARGE)
+
+
+def light_path(world: World, time: Array, emission: Emission, turns: list[Turn]) -> Vertex:
+    """Return the surfaces that light meets, one more than turns, on a new first axis."""
+    first = _first(world, time, emission)
+    if not turns:
+        return jax.tree.map(lambda leaf: leaf[None], first)
+
+    def step(vertex: Vertex, turn: Turn) -> tuple[Vertex, Vertex]:
+        new = _next(world, time, vertex, turn)
+        return new, new
+
+    others = jax.lax.scan(step, first, jax.tree.map(lambda *parts: jnp.stack(parts), *turns))[1]
+    return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, others)
+
+
+def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array, Array]:
+    """Return where light sets out, one over the density of that, and 1 for lights with an extent, else 0."""
+    lights = emitters(world)
+    number = chosen(emission.light, len(lights), zero)
+    start, extent, visible = Start((zero, zero, zero), (zero, zero, zero), (zero, zero, zero)), zero, zero
+    u, v = (zero if part is None else part for part in (emission.u, emission.v))
+    for batch, row, here in by_kind(lights, number):
+        made = batch.start(row, u, v, emission.way_u, emission.way_v)
+        new = made, batch.extent()[row], zero + float(batch.coordinates > 0)
+        start, extent, visible = jax.tree.map(partial(jnp.where, here), new, (start, extent, visible))
+    return start, len(lights) * extent, visible
+
+
+def _first(world: World, time: Array, emission: Emission) -> Vertex:
+    """Return the first surfaces that light meets."""
+    lights, zero = emitters(world), jnp.zeros_like(time)
+    number = chosen(emission.light, len(lights), zero)
+    start, extent, visible = started(world, emission, zero)
+    at = met(world, start.point, start.way, time)
+    # How likely the surface finds that point of the light by chance: by area and the light's cosine.
+    likely = zero
+    for batch, row, here in by_kind(lights, number):
+        found = batch.density(row, at.found.point, at.normal, at.seen, start.point)
+        found = found if batch.coordinates else zero + 1
+        likely = jnp.where(here, found / len(world.lights), likely)
+    mirror = is_mirror(at)
+    near = jnp.where(mirror, 0, likely * likely)
+    # What mirrors reflect of points of light would be found only off the surfaces that the camera sees first.
+    power = jnp.where(mirror & (visible == 0), 0, extent)
+    # For points of light the squared distance, a ratio to what is of no size, is part of the scale.
+    scale = jnp.where(visible == 0, extent * squared(at.found.point, start.point), extent)
+    return Vertex(at, times(power, start.radiance), scale, near, zero, visible, mirror, ~mirror)
+
+
+def _next(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:
+    """Return the next surfaces that light meets."""
+    way, factor, density = scattered(last.at, turn)
+    throughput = each(lambda t, f: t * f, last.throughput, factor)
+    goes_on = last.at.found.hit & (density > 0) & any_of(throughput)
+    way, throughput = (each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (way, throughput))
+    density = jnp.where(last.mirror | ~goes_on, 1, density)
+    at = met(world, last.at.found.point, way, time)
+    apart = squared(at.found.point, last.at.found.point)
+    mirror = is_mirror(at)
+    near = (~mirror & ~last.mirror).astype(time.dtype)
+    ratio = square(last.scale / apart)
+    returns = square(back(last.at, way))
+    far, hit = cut(ratio * (last.near + returns * last.far)), cut(ratio * returns * last.hit)
+    return Vertex(at, throughput, apart / density, near, far, hit, mirror, last.first)

@@ -1,0 +1,121 @@
+"""Reflection at a surface: Lambertian, by microfacets, or both; evaluated and sampled.
+
+Where directions and densities depend on a material it is a constant: "detached sampling" [1]_. Directions
+that move with the roughness cross edges of visibility, and derivatives of samples miss that.
+
+References
+----------
+.. [1] T. Zeltner, S. Speierer, I. Georgiev, W. Jakob, "Monte Carlo Estimators for Differential Light
+   Transport", 2021.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, plus, tangents, times, unit
+from qmcjax.tracing._world import maps
+from qmcjax.tracing._world.materials import Surface
+
+
+def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tuple[Vector, Array]:
+    """Return reflectances times the cosine, and the density with which :func:`sampled` finds directions.
+
+    ``normal`` is on the side of ``seen``, the unit vector back along the ray; ``way`` are unit vectors to
+    where light comes from. Both are 0 below the surface. The density is per solid angle, without mirrors.
+    """
+    cosine = dot(normal, way)
+    above = cosine > 0
+    cosine = jnp.where(above, cosine, 0)
+    zero = jnp.zeros_like(cosine)
+    value, density = (zero, zero, zero), zero
+    fixed = jax.lax.stop_gradient(surface)
+    rough = 0.0 if surface.glossy is None else _chance(fixed)
+    if surface.diffuse is not None:
+        value = times(cosine / np.pi, surface.diffuse)
+        density = (1 - rough) * cosine / np.pi
+    if surface.glossy is not None:
+        out, into = _local(normal, seen), _local(normal, way)
+        distribution, fresnel, masked, _ = _facets(surface.roughness, out, into)
+        gloss = each(lambda c: (c + (1 - c) * fresnel) * distribution * masked, surface.glossy)
+        lit = jnp.any(jnp.stack(jnp.broadcast_arrays(*surface.glossy)) > 0, axis=0) & above
+        value = plus(value, each(lambda c: jnp.where(lit, c, 0), gloss))
+        distribution, _, _, share = _facets(fixed.roughness, out, into)
+        density = density + jnp.where(lit, rough * distribution * share, 0)
+    return value, density
+
+
+def sampled(surface: Surface, normal: Vector, seen: Vector, u: Any, v: Any, lobe: Any) -> Vector:
+    """Return unit vectors to where light may come from; those below the surface find none."""
+    local = None
+    surface = jax.lax.stop_gradient(surface)
+    if surface.diffuse is not None:
+        local, _ = maps.hemisphere(u, v)
+    if surface.glossy is not None:
+        rough = _visible(surface.roughness, _local(normal, seen), u, v)
+        if local is None:
+            local = rough
+        else:
+            here = lobe < _chance(surface)
+            local = each(lambda a, b: jnp.where(here, a, b), rough, local)
+    if local is None:
+        return each(jnp.zeros_like, normal)
+    return unit(maps.around(local, normal))
+
+
+def reflected(normal: Vector, seen: Vector) -> Vector:
+    """Return the directions that a mirror sends rays into."""
+    return minus(times(2 * dot(normal, seen), normal), seen)
+
+
+def _chance(surface: Surface) -> Array:
+    """Return with which chance a direction is one of the microfacets."""
+    rough = sum(surface.glossy) if surface.glossy is not None else 0
+    if surface.diffuse is None:
+        return jnp.ones_like(rough)
+    total = rough + sum(surface.diffuse)
+    return rough / jnp.where(total > 0, total, 1)
+
+
+def _local(normal: Vector, vector: Vector) -> Vector:
+    one, other = tangents(normal)
+    return dot(one, vector), dot(other, vector), dot(normal, vector)
+
+
+def _facets(alpha: Any, out: Vector, into: Vector) -> tuple[Array, Array, Array, Array]:
+    """Return what microfacets do between two directions of the upper hemisphere.
+
+    The distribution D of normals halfway; Fresnel's growth towards 1; G_2 / 4 over the cosine of ``out``,
+    with heights correlated; and the density of :func:`_visible` over D.
+    """
+    x, y, z = unit(plus(out, into))
+    # Not z^2 (alpha^2 - 1) + 1, which cancels near z = 1.
+    spread = (x * x + y * y) + alpha * alpha * (z * z)
+    spread = jnp.where(spread > 0, spread, 1)
+    distribution = alpha * alpha / (np.pi * spread * spread)
+    meeting = jnp.clip(dot(out, (x, y, z)), 0, 1)
+    fresnel = (1 - meeting) ** 5
+    cos_out, cos_in = jnp.maximum(out[2], 0), jnp.maximum(into[2], 0)
+    slope_out, slope_in = (jnp.sqrt(alpha * alpha + (1 - alpha * alpha) * c * c) for c in (cos_out, cos_in))
+    both = cos_out * slope_in + cos_in * slope_out
+    masked = 0.5 * cos_in / jnp.where(both > 0, both, 1)
+    return distribution, fresnel, masked, 0.5 / (cos_out + slope_out)
+
+
+def _visible(alpha: Any, out: Vector, u: Any, v: Any) -> Vector:
+    """Return directions mirrored at normals that are distributed as ``out`` sees them [1]_.
+
+    References
+    ----------
+    .. [1] J. Dupuy, A. Benyoub, "Sampling Visible GGX Normals with Spherical Caps", 2023.
+    """
+    x, y, z = unit((alpha * out[0], alpha * out[1], out[2]))
+    height = (1 - v) * (1 + z) - z
+    radius = jnp.sqrt(jnp.maximum(1 - height * height, 0.01 * jnp.finfo(height.dtype).eps))
+    angle = 2 * np.pi * u
+    cap = radius * jnp.cos(angle) + x, radius * jnp.sin(angle) + y, height + z
+    normal = unit((alpha * cap[0], alpha * cap[1], jnp.maximum(cap[2], 0)))
+    return reflected(normal, out)

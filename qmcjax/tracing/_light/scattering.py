@@ -1,0 +1,47 @@
+"""Which way light goes on from a surface, left to chance or to a mirror."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.tracing._light.interaction import Met, any_of, mixed, scatters
+from qmcjax.tracing._light.reflection import evaluated, reflected, sampled
+from qmcjax.tracing._shapes.vectors import Vector, each
+from qmcjax.tracing._world.world import World
+
+
+class Turn(NamedTuple):
+    """Coordinates that choose a direction; None where nothing is left to chance."""
+
+    u: Array | None = None
+    v: Array | None = None
+    lobe: Array | None = None
+
+    @classmethod
+    def of(cls, coordinates: dict[str, Array], name: str) -> "Turn":
+        """Return the choice by coordinates of a name."""
+        return cls(*(coordinates.get(f"{name}_{part}") for part in cls._fields))
+
+
+def turned_by(world: World, name: str) -> tuple[str, ...]:
+    """Return the names of coordinates that choose a direction."""
+    parts = (("u", "v") if scatters(world) else ()) + (("lobe",) if mixed(world) else ())
+    return tuple(f"{name}_{part}" for part in parts)
+
+
+def scattered(at: Met, turn: Turn) -> tuple[Vector, Vector, Array]:
+    """Return the next directions, reflectance over density, and the density; 0 where there is none."""
+    zero = jnp.zeros_like(at.normal[0])
+    way, factor, density = (zero, zero, zero), (zero, zero, zero), zero
+    if turn.u is not None:
+        way = sampled(at.surface, at.normal, at.seen, turn.u, turn.v, 0.5 if turn.lobe is None else turn.lobe)
+        reflectance, density = evaluated(at.surface, at.normal, at.seen, way)
+        factor = each(lambda r: r / jnp.where(density > 0, density, 1), reflectance)
+    if at.surface.mirror is not None:
+        on = any_of(at.surface.mirror)
+        mirrored = reflected(at.normal, at.seen)
+        way = each(lambda m, a: jnp.where(on, m, a), mirrored, way)
+        factor = each(lambda m, a: jnp.where(on, m, a), at.surface.mirror, factor)
+        density = jnp.where(on, jnp.inf, density)
+    return way, factor, density

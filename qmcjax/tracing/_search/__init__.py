@@ -1,0 +1,1 @@
+"""Which primitive a ray hits."""

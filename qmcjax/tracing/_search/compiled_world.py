@@ -1,0 +1,255 @@
+"""The search of rays in a world as a call from a program to loops that Numba compiles.
+
+The call is one of ``buffer_callback``, which hands on the memory of the program. ``jax.pure_callback`` copies
+to a device: that waits for a thread, and for ever where all of them run programs that wait for such calls
+(seen in JAX 0.10 on one core, and where devices share a program).
+
+A call makes the trees: those of meshes have boxes for the vertices that come, and what has no tree of its own
+gets one, in less time than a hundred rays take for each of its primitives. The next call takes them over if
+the same numbers come.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.experimental.buffer_callback import buffer_callback
+from numpy.typing import NDArray
+
+from qmcjax.tracing._search.threads import shared
+from qmcjax.tracing._shapes.flat import Box, Disc, Plane, Rectangle
+from qmcjax.tracing._shapes.object import Frame
+from qmcjax.tracing._shapes.round import Cylinder, Sphere
+from qmcjax.tracing._shapes.shape_batches import SLACK, Shape
+from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._shapes.vectors import Vector
+from qmcjax.tracing._world.world import World, merged
+
+KINDS = (Plane, Rectangle, Disc, Box, Sphere, Cylinder, Triangles)
+"""Shapes that loops know, in the order of their numbers there."""
+
+
+_RUN = 2048
+"""Rays that a thread takes at a time."""
+
+
+class _Plan(NamedTuple):
+    """What is known of a world before its numbers are."""
+
+    frames: list[int]
+    """For each space the place of its frame, -1 of what is still."""
+    kinds: NDArray[np.int32]
+    """Of all primitives without a tree, in the order of their numbers."""
+    names: NDArray[np.int32]
+    members: list[NDArray[np.int64]]
+    """Which of them are in each space."""
+    meshes: list[tuple[int, int]]
+    """The space of each mesh with a tree, and the number of its first triangle."""
+
+
+class _Planted:
+    """The trees of a world, kept for the next call: that of a program often has the same numbers."""
+
+    def __init__(self, plan: _Plan) -> None:
+        self._plan = plan
+        self._last: Any = None
+
+    def __call__(self, shapes: Any, number: np.dtype, unit: Any) -> Any:
+        given, last = jax.tree.leaves(shapes), self._last
+        if last is not None and all(map(np.array_equal, last[0], given)):
+            return last[1]
+        result = _planted(self._plan, shapes, number, unit)
+        self._last = [a.copy() for a in given], result
+        return result
+
+
+def search(
+    world: World,
+    frames: Sequence[Frame | None],
+    origin: Vector,
+    direction: Vector,
+    time: Array,
+    limit: Array,
+    any_hit: bool,
+) -> tuple[Array, Array]:
+    """Return distances and numbers of the nearest hits before limits, the limits and -1 without one."""
+    plan, shapes = _planned(world)
+    # One by one: all in one array take XLA twice as long.
+    moving = [(frame.duals, frame.translation) for frame in frames if frame is not None]
+    result = jax.ShapeDtypeStruct(limit.shape, limit.dtype), jax.ShapeDtypeStruct(limit.shape, jnp.int32)
+    call = buffer_callback(partial(_fill, _Planted(plan), any_hit), result, vmap_method="expand_dims")
+    return call(*jax.lax.stop_gradient((shapes, moving, (*origin, *direction, time, limit))))
+
+
+def _planned(world: World) -> tuple[_Plan, Any]:
+    """Return the plan of a world, and its numbers."""
+    frames: list[int] = []
+    moving = 0
+    batches, meshes, given = [], [], []
+    for item, number in world.numbered():
+        frame = -1 if item.motion is None else moving
+        moving += item.motion is not None
+        if frame not in frames:
+            frames.append(frame)
+        space = frames.index(frame)
+        for shape, before in zip(item.shapes, item.starts, strict=True):
+            if not isinstance(shape, Triangles) or shape.tree is None:
+                batches.append((shape, space, number + before))
+            else:
+                meshes.append((space, number + before))
+                ends = [] if shape.close is None else [shape.close]
+                tree = [
+                    part.astype(jnp.int32) for part in (shape.tree.order, shape.tree.skip, shape.tree.start)
+                ]
+                given.append(([shape.vertices, *ends], tree))
+    rows, kinds, names, spaces = [], [], [], []
+    for shape, places in merged([shape for shape, _, _ in batches]):
+        rows.append(_numbers(shape))
+        for place in places:
+            one, space, number = batches[place]
+            kinds.append(np.full(one.count, KINDS.index(type(shape)) + shape.moving, np.int32))
+            names.append(np.arange(number, number + one.count, dtype=np.int32))
+            spaces.append(np.full(one.count, space))
+    kinds, names, spaces = (
+        np.concatenate([np.zeros(0, np.int32), *parts]) for parts in (kinds, names, spaces)
+    )
+    members = [np.flatnonzero(spaces == space) for space in range(len(frames))]
+    loose = [jnp.concatenate(rows)] if rows else []
+    return _Plan(frames, kinds, names.astype(np.int32), members, meshes), (loose, given)
+
+
+def _numbers(shape: Shape) -> Array:
+    """Return the numbers of primitives, 9, those at the end of the shutter, and their boxes: (n, 24)."""
+    parts = [part.reshape(shape.count, -1) for part in jax.tree.leaves(shape)]
+    numbers = jnp.concatenate(parts, axis=1)
+    numbers = jnp.pad(numbers, ((0, 0), (0, 18 - numbers.shape[1])))
+    boxes = [shape.bounds(time) for time in (0, 1)]
+    low, high = (jnp.stack(corners) for corners in zip(*boxes, strict=True))
+    return jnp.concatenate([numbers, low.min(axis=0), high.max(axis=0)], axis=1)
+
+
+def _fill(planted: _Planted, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
+    shapes, frames, rays = jax.tree.map(np.asarray, given)
+    frames = jax.tree.leaves(frames)
+    for to, result in zip(out, _mapped(planted, shapes, frames, rays, any_hit), strict=True):
+        np.asarray(to)[...] = result
+
+
+def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+    """Search in one world, or in as many as are mapped."""
+    loose, meshes = shapes
+    leading = [a.shape[:-2] for a in loose]
+    for ends, tree in meshes:
+        leading += [a.shape[:-3] for a in ends] + [a.shape[:-1] for a in tree]
+    worlds = np.broadcast_shapes(*leading)
+    mapped = np.broadcast_shapes(worlds, *(a.shape[:-1] for a in (*frames, *rays)))
+
+    def at(a: Any, axes: int, index: Any) -> Any:
+        return np.broadcast_to(a, mapped + a.shape[a.ndim - axes :])[index]
+
+    def world(index: Any) -> Any:
+        return [at(a, 2, index) for a in loose], [
+            ([at(a, 3, index) for a in ends], [at(a, 1, index) for a in tree]) for ends, tree in meshes
+        ]
+
+    if max(worlds, default=1) == 1:
+        # All rays at once.
+        frames, rays = (
+            [np.broadcast_to(a, (*mapped, a.shape[-1])).reshape(-1) for a in given]
+            for given in (frames, rays)
+        )
+        results = [_searched(planted, world((0,) * len(mapped)), frames, rays, any_hit)]
+    else:
+        results = [
+            _searched(
+                planted,
+                world(index),
+                [at(a, 1, index) for a in frames],
+                [at(a, 1, index) for a in rays],
+                any_hit,
+            )
+            for index in np.ndindex(mapped)
+        ]
+    distance, row = (np.stack(a).reshape(*mapped, -1) for a in zip(*results, strict=True))
+    return distance, row
+
+
+def _searched(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+    from qmcjax.tracing._search import compiled_loops as loops  # Only where numba is installed.
+
+    number, count = rays[-1].dtype, len(rays[-1])
+    unit = number.type(SLACK * np.finfo(number).eps)
+    world = planted(shapes, number, unit)
+    distances, numbers = np.empty(count, number), np.empty(count, np.int32)
+
+    def run(first: int) -> None:
+        these = slice(first, first + _RUN)
+        frame, given = np.empty((len(frames), len(distances[these])), number), tuple(a[these] for a in rays)
+        for to, part in zip(frame, frames, strict=True):
+            to[:] = part[these]
+        scratch = (
+            np.empty(loops.STACK, np.int64),
+            np.empty(loops.STACK, number),
+            np.empty((1, loops.WIDTH), number),
+        )
+        loops.search(*world, frame, given, unit, any_hit, scratch, distances[these], numbers[these])
+
+    shared(run, range(0, count, _RUN))
+    return distances, numbers
+
+
+def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
+    """Return rows and trees of a world, the numbers of its primitives, and what there is in each space."""
+    from qmcjax.tracing._search import compiled_nodes as wide
+    from qmcjax.tracing._search.compiled_tests import MOVING, TRIANGLE, WIDTH
+    from qmcjax.tracing._search.compiled_tree import plant
+
+    loose, meshes = shapes
+    moves = [len(ends) == 2 for ends, _ in meshes]
+    counts = [ends[0].shape[0] for ends, _ in meshes]
+    alone, size = len(plan.kinds), len(plan.kinds) + sum(counts)
+    rows, nodes = np.empty((alone, WIDTH), number), np.empty((wide.NODE * size, wide.WIDTH), number)
+    blocks = np.empty((wide.BLOCK * sum(counts), wide.WIDTH), number)
+    # Without anything that moves in its space, one row that no primitive uses.
+    ends = np.empty((alone if MOVING in plan.kinds else 1, WIDTH), number)
+    closed, last = (np.empty_like(a if any(moves) else a[:1]) for a in (blocks, nodes))
+    links = nodes.view(np.int32 if number == np.float32 else np.int64)
+    codes, order = np.empty(alone, np.int8), np.empty(alone, np.int64)
+    labels = np.empty((sum(counts), wide.WIDTH), np.int32)
+    spaces, roots, sizes = np.empty((len(plan.members), 6), np.int64), [], []
+    first = node = block = 0
+    for place, members in enumerate(plan.members):
+        begin, tree, stop = first, len(roots), first + len(members)
+        if len(members):
+            numbers, root = np.ascontiguousarray(loose[0]), node
+            inside, largest, node = plant(
+                numbers, plan.kinds, members, unit, first, node, rows, ends, codes, order, nodes, links
+            )
+            if inside:
+                roots.append((wide.NODE * root, 0, 0))
+                sizes.append(unit * 2 * largest)
+            begin, first = first + inside, stop
+        for (space, start), moving, (vertices, tree_of) in zip(plan.meshes, moves, meshes, strict=True):
+            if space != place:
+                continue
+            corners = [np.ascontiguousarray(a).reshape(-1, 9) for a in vertices]
+            close = corners[1] if moving else np.empty((0, 9), number)
+            tree_of = [np.ascontiguousarray(a) for a in tree_of]
+            roots.append((wide.NODE * node, 1, int(moving)))
+            before = block
+            largest, block, node = wide.graft(
+                corners[0], close, *tree_of, block, node, blocks, closed, labels, nodes, last, links
+            )
+            labels[before:block] += start
+            sizes.append(unit * 2 * largest)
+        triangles = bool((plan.kinds[members] >= TRIANGLE).any()) or any(
+            space == place for space, _ in plan.meshes
+        )
+        spaces[place] = plan.frames[place], begin, stop, tree, len(roots), triangles
+    table = np.array(roots, np.int64).reshape(-1, 3)
+    world = rows, ends, codes, blocks, closed, nodes, last, links
+    return world, (plan.names[order], labels.reshape(-1)), spaces, table, np.array(sizes, number)

@@ -1,0 +1,147 @@
+"""What rays find: the nearest hit with all that is differentiable about it."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax.core.parameters import cast
+from qmcjax.tracing._search.picked import EACH, picked
+from qmcjax.tracing._search.search import search
+from qmcjax.tracing._shapes.object import Frame, Object, identity, seen_from
+from qmcjax.tracing._shapes.shape_batches import Shape
+from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, minus, plus, times, unit
+from qmcjax.tracing._world.world import World
+
+UNKNOWN = -2
+"""In place of the number of what is hit."""
+
+
+class Found(NamedTuple):
+    """Hits, components of shape (n,)."""
+
+    hit: Array
+    """Whether anything is hit; without that the numbers below are finite, and no more."""
+    number: Array
+    """int32: of the primitive, -1 where nothing is hit."""
+    distance: Array
+    point: Vector
+    """In the world, and on the surface up to rounding."""
+    normal: Vector
+    """Unit vectors; zeros where nothing is hit."""
+    inside: Vector
+    """The point in the space of the object."""
+
+
+def in_dtype(world: World, dtype: DTypeLike) -> World:
+    """Return a world with the numbers of shapes and lights in a dtype."""
+
+    def numbers(shape: Shape) -> Any:
+        # A tree is made of integers.
+        others: Any = cast(shape.alone(), dtype)
+        return others if shape.tree is None else replace(others, tree=shape.tree)
+
+    objects = (Object(tuple(map(numbers, item.shapes)), item.motion, item.material) for item in world.objects)
+    return World(tuple(objects), cast(world.lights, dtype))
+
+
+def found(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Found:
+    """Return what rays hit first. Which primitive that is has no derivative; all that follows from it has.
+
+    ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where it is to be searched.
+    """
+    start, way = origin, direction
+    fixed = jax.lax.stop_gradient((world, start, way, time))
+    distance, number = _first(*fixed) if known is None else _confirmed(*fixed, known)
+    hit = number >= 0
+    # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
+    start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
+    at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
+    frame = frames(world, number, time)
+    if frame is not None:
+        start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
+    surface = partial(_surface, picked(world.batches(), number), at)
+    # A Newton step: the value is 0 but for rounding, and its derivatives are those of the distance.
+    value, gradient = surface(along(start, distance, way))
+    slope = dot(gradient, way)
+    step = value / jnp.where(slope == 0, 1, slope)
+    distance = distance - (step - jax.lax.stop_gradient(step))
+    # To the surface on the shortest way: no farther from it than its coordinates are rounded.
+    inside = along(start, distance, way)
+    value, gradient = surface(inside)
+    squared = dot(gradient, gradient)
+    inside = minus(inside, times(value / jnp.where(squared == 0, 1, squared), gradient))
+    point = inside
+    if frame is not None:
+        point, gradient = plus(frame.outside(inside), frame.translation), frame.normal(gradient)
+    return Found(hit, number, distance, point, unit(gradient), inside)
+
+
+def _first(world: World, origin: Vector, direction: Vector, time: Array) -> tuple[Array, Array]:
+    return search(world, origin, direction, time, jnp.full_like(time, jnp.inf), False)
+
+
+def _confirmed(
+    world: World, origin: Vector, direction: Vector, time: Array, known: Array
+) -> tuple[Array, Array]:
+    """Return distances and numbers of primitives that are known.
+
+    What is not, and what a ray misses by rounding, at the ends of intervals, is searched for.
+    """
+    distance = jnp.full_like(time, jnp.inf)
+    rays = seen_from(frames(world, known, time), origin, direction, time)
+    for here, shape in picked(world.batches(), known):
+        distance = jnp.where(here, shape.distance(EACH, shape.prepare(rays)), distance)
+    lost = (known == UNKNOWN) | ((known >= 0) & (distance == jnp.inf))
+    way = each(lambda a: jnp.where(lost, a, 0), direction)
+    others = jax.lax.cond(
+        jnp.any(lost),
+        lambda: _first(world, origin, way, time),
+        lambda: (distance, jnp.full_like(known, -1)),
+    )
+    return jnp.where(lost, others[0], distance), jnp.where(lost, others[1], known)
+
+
+def coordinates(
+    world: World, which: list[bool], number: Array, time: Array, point: Vector
+) -> tuple[Array, Array]:
+    """Return (u, v) of points in the spaces of their objects, of those objects that are marked; else 0."""
+    marked = [
+        (shape, start + before)
+        for (item, start), wanted in zip(world.numbered(), which, strict=True)
+        for shape, before in zip(item.shapes, item.starts, strict=True)
+        if wanted
+    ]
+    zero = jnp.zeros_like(time)
+    result = zero, zero
+    for here, shape in picked(marked, number):
+        result = _where(here, shape.coordinates(EACH, point, time), result)
+    return result
+
+
+def frames(world: World, number: Array, time: Array) -> Frame | None:
+    """Return for each ray the map to the world of the object that it hits; None if all are still."""
+    chosen = None
+    for item, first in world.numbered():
+        frame = item.frame(time)
+        if frame is not None:
+            here = (number >= first) & (number < first + item.count)
+            chosen = identity(time) if chosen is None else chosen
+            chosen = _where(here, frame, chosen)
+    return chosen
+
+
+def _surface(kinds: list[tuple[Array, Shape]], time: Array, point: Vector) -> tuple[Array, Vector]:
+    """Return the functions and gradients of the surfaces of each ray's primitive; zeros if it has none."""
+    result = jnp.zeros_like(time), each(jnp.zeros_like, point)
+    for here, shape in kinds:
+        result = _where(here, shape.surface(EACH, point, time), result)
+    return result
+
+
+def _where(here: Array, one: Any, other: Any) -> Any:
+    return jax.tree.map(partial(jnp.where, here), one, other)

@@ -1,0 +1,1 @@
+"""Shapes, and objects of shapes that move together."""

@@ -1,0 +1,243 @@
+"""Flat shapes: planes, rectangles and discs; boxes."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.shape_batches import Rays, Shape, first, plane, rounding, row
+from qmcjax.tracing._shapes.vectors import (
+    Vector,
+    along,
+    components,
+    cross,
+    dot,
+    each,
+    largest,
+    length,
+    minus,
+    scaled,
+    stacked,
+    tangents,
+    times,
+    turn,
+    unit,
+)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Plane(Shape):
+    """Planes without end. u and v are lengths along two orthogonal directions from the point."""
+
+    point: Any
+    """(n, 3)."""
+    axis: Any
+    """(n, 3): of any length."""
+
+    @property
+    def count(self) -> int:
+        return self.point.shape[0]
+
+    def distance(self, number: Any, prepared: Rays) -> Array:
+        point = row(self.point, number)
+        slack = prepared.slack + rounding(largest(point))
+        return plane(point, _axis(self.axis[number]), prepared, slack)
+
+    def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
+        return _height(point, row(self.point, number), _axis(self.axis[number]))
+
+    def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
+        start, (one, other) = minus(point, row(self.point, number)), tangents(unit(_axis(self.axis[number])))
+        return dot(start, one), dot(start, other)
+
+    def bounds(self, time: float) -> tuple[Array, Array]:
+        return jnp.full_like(self.point, -jnp.inf), jnp.full_like(self.point, jnp.inf)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Rectangle(Shape):
+    """Rectangles, or parallelograms, with normals along ``edge_u`` x ``edge_v``."""
+
+    corner: Any
+    """(n, 3)."""
+    edge_u: Any
+    """(n, 3): from there to the next corner, where u = 1."""
+    edge_v: Any
+    """(n, 3)."""
+
+    @property
+    def count(self) -> int:
+        return self.corner.shape[0]
+
+    def _scaled(self, number: Any) -> tuple[Vector, Vector, Array, Vector, Vector]:
+        """Return corners, normals, powers of two, and edges times these."""
+        scale, (u, v) = scaled(row(self.edge_u, number), row(self.edge_v, number))
+        return row(self.corner, number), cross(u, v), scale, u, v
+
+    def distance(self, number: Any, prepared: Rays) -> Array:
+        corner, normal, scale, u, v = self._scaled(number)
+        size = length(row(self.edge_u, number)) + length(row(self.edge_v, number))
+        slack = prepared.slack + rounding(largest(corner) + size)
+        distance = plane(corner, normal, prepared, slack)
+        start = times(scale, minus(along(prepared.origin, distance, prepared.direction), corner))
+        inside = True
+        for part, dual in zip(_parts(start, u, v), _duals(u, v), strict=True):
+            # Wider by what is rounding, so that rays do not slip between rectangles that share an edge.
+            wider = scale * slack * length(dual)
+            inside &= (part >= -wider) & (part <= 1 + wider)
+        return jnp.where(inside, distance, jnp.inf)
+
+    def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
+        corner, normal, *_ = self._scaled(number)
+        return _height(point, corner, normal)
+
+    def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
+        corner, _, scale, u, v = self._scaled(number)
+        one, other = _parts(times(scale, minus(point, corner)), u, v)
+        return jnp.clip(one, 0, 1), jnp.clip(other, 0, 1)
+
+    def bounds(self, time: float) -> tuple[Array, Array]:
+        ends = (jnp.minimum(edge, 0) for edge in (self.edge_u, self.edge_v))
+        others = (jnp.maximum(edge, 0) for edge in (self.edge_u, self.edge_v))
+        return self.corner + sum(ends), self.corner + sum(others)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Disc(Shape):
+    """Discs. u is the angle in turns, v the distance from the centre."""
+
+    center: Any
+    """(n, 3)."""
+    axis: Any
+    """(n, 3): of any length."""
+    radius: Any
+    """(n,)."""
+
+    @property
+    def count(self) -> int:
+        return self.radius.shape[0]
+
+    def distance(self, number: Any, prepared: Rays) -> Array:
+        center, radius = row(self.center, number), self.radius[number]
+        slack = prepared.slack + rounding(largest(center) + radius)
+        distance = plane(center, _axis(self.axis[number]), prepared, slack)
+        start = minus(along(prepared.origin, distance, prepared.direction), center)
+        return jnp.where(dot(start, start) <= (radius + slack) * (radius + slack), distance, jnp.inf)
+
+    def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
+        return _height(point, row(self.center, number), _axis(self.axis[number]))
+
+    def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
+        start = times(1 / self.radius[number], minus(point, row(self.center, number)))
+        x, y = (dot(start, tangent) for tangent in tangents(unit(_axis(self.axis[number]))))
+        tiny = jnp.finfo(x.dtype).tiny
+        return turn(x, y), jnp.minimum(jnp.sqrt(jnp.maximum(x * x + y * y, tiny)), 1)
+
+    def bounds(self, time: float) -> tuple[Array, Array]:
+        axis = stacked(_axis(self.axis))
+        squared = jnp.sum(axis * axis, axis=1, keepdims=True)
+        across = jnp.sqrt(jnp.maximum(1 - axis * axis / squared, 0))
+        return self.center - self.radius[:, None] * across, self.center + self.radius[:, None] * across
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Box(Shape):
+    """Boxes with faces along the axes of coordinates. u and v run along the two axes after the face's."""
+
+    low: Any
+    """(n, 3)."""
+    high: Any
+    """(n, 3)."""
+
+    @property
+    def count(self) -> int:
+        return self.low.shape[0]
+
+    def prepare(self, rays: Rays) -> tuple[Rays, Vector]:
+        # Not -inf for -0: see _lower.
+        return rays, each(lambda d: jnp.where(d == 0, jnp.inf, 1 / d), rays.direction)
+
+    def distance(self, number: Any, prepared: tuple[Rays, Vector]) -> Array:
+        rays, inverse = prepared
+        low, high = row(self.low, number), row(self.high, number)
+        slack = rays.slack + rounding(largest(low) + largest(high))
+
+        def seen(corner: Vector) -> Vector:
+            return each(lambda a: jnp.where(abs(a) <= slack, 0, a), minus(corner, rays.origin))
+
+        one, other = (each(jnp.multiply, seen(corner), inverse) for corner in (low, high))
+        near, far = each(_lower, one, other), each(_higher, other, one)
+        enter = _higher(_higher(near[0], near[1]), near[2])
+        leave = _lower(_lower(far[0], far[1]), far[2])
+        return jnp.where(enter <= leave, first(enter, leave, rays, slack), jnp.inf)
+
+    def _face(self, number: Any, point: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return how far points are out of the faces of their half, which face that is, and of which side."""
+        low, high = row(self.low, number), row(self.high, number)
+        above = each(lambda p, a, b: 2 * p >= a + b, point, low, high)
+        out = each(lambda up, p, a, b: jnp.where(up, p - b, a - p), above, point, low, high)
+        x = (out[0] >= out[1]) & (out[0] >= out[2])
+        y = ~x & (out[1] >= out[2])
+        side = each(lambda up, o: jnp.where(up, 1, -1).astype(o.dtype), above, out)
+        return out, (x, y, ~x & ~y), side
+
+    def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
+        out, face, side = self._face(number, point)
+        value = jnp.where(face[0], out[0], jnp.where(face[1], out[1], out[2]))
+        return value, each(lambda there, s: jnp.where(there, s, 0), face, side)
+
+    def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
+        low, high = row(self.low, number), row(self.high, number)
+        x, y, z = each(lambda p, a, b: jnp.clip((p - a) / (b - a), 0, 1), point, low, high)
+        _, face, _ = self._face(number, point)
+        return (
+            jnp.where(face[0], y, jnp.where(face[1], z, x)),
+            jnp.where(face[0], z, jnp.where(face[1], x, y)),
+        )
+
+    def bounds(self, time: float) -> tuple[Array, Array]:
+        return self.low, self.high
+
+
+def _lower(a: Array, b: Array) -> Array:
+    """Return the lower number, b if one of them is NaN: a single step of the processor.
+
+    NaN comes of rays across an axis that are along a face. Where that is the low one, the ray enters at inf,
+    as b says; where it is the high one, it leaves at -inf, as b says of :func:`_higher`. Both are misses,
+    also where the other end becomes NaN: comparisons with it are false.
+    """
+    return jnp.where(a < b, a, b)
+
+
+def _higher(a: Array, b: Array) -> Array:
+    """Return the higher number, b if one of them is NaN."""
+    return jnp.where(a > b, a, b)
+
+
+def _axis(axis: Array) -> Vector:
+    """Return normals that were given in any length in one between 1 and 4."""
+    return scaled(components(axis))[1][0]
+
+
+def _height(point: Vector, base: Vector, normal: Vector) -> tuple[Array, Vector]:
+    """Return the height above a plane, in lengths of its normal, and its gradient."""
+    return dot(minus(point, base), normal), normal
+
+
+def _duals(u: Vector, v: Vector) -> tuple[Vector, Vector]:
+    """Return the vectors whose products with one edge are 1, with the other and the normal 0."""
+    normal = cross(u, v)
+    squared = dot(normal, normal)
+    squared = 1 / jnp.where(squared > 0, squared, 1)
+    return times(squared, cross(v, normal)), times(squared, cross(normal, u))
+
+
+def _parts(start: Vector, u: Vector, v: Vector) -> tuple[Array, Array]:
+    one, other = _duals(u, v)
+    return dot(start, one), dot(start, other)

@@ -1,0 +1,113 @@
+"""Objects: shapes that move together."""
+
+from dataclasses import dataclass
+from itertools import accumulate
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import cast
+from qmcjax.core.plug_ins import unheld
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
+from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, largest, minus, plus, times
+from qmcjax.tracing.motion.evaluation import moved
+
+
+class Frame(NamedTuple):
+    """An affine map from the space of an object to the world, at the time of each ray."""
+
+    columns: tuple[Vector, Vector, Vector]
+    """Images of the axes."""
+    duals: tuple[Vector, Vector, Vector]
+    """Rows of the inverse; zeros if the map is singular."""
+    translation: Vector
+
+    def inside(self, vector: Vector) -> Vector:
+        """Return directions of the world in the space of the object."""
+        return dot(self.duals[0], vector), dot(self.duals[1], vector), dot(self.duals[2], vector)
+
+    def outside(self, vector: Vector) -> Vector:
+        """Invert :meth:`inside`."""
+        return _combined(self.columns, vector)
+
+    def normal(self, gradient: Vector) -> Vector:
+        """Return gradients in the world: the inverse transposed keeps them across their surfaces."""
+        return _combined(self.duals, gradient)
+
+
+def seen_from(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
+    """Return rays of the world in the space of an object with such a frame; distances along them stay."""
+    size = largest(origin)
+    if frame is not None:
+        size = size + largest(frame.translation)
+        size = size * jnp.sqrt(sum(dot(dual, dual) for dual in frame.duals))
+        origin, direction = frame.inside(minus(origin, frame.translation)), frame.inside(direction)
+        size = jnp.where(jnp.isfinite(time), size, jnp.inf)
+    squared = dot(direction, direction)
+    slack = jnp.where(jnp.isfinite(squared) & (squared > 0), rounding(size), jnp.inf)
+    return Rays(origin, direction, time, squared, slack)
+
+
+def identity(time: Array) -> Frame:
+    """Return the frame of objects that are still."""
+    zero, one = jnp.zeros_like(time), jnp.ones_like(time)
+    axes = (one, zero, zero), (zero, one, zero), (zero, zero, one)
+    return Frame(axes, axes, (zero, zero, zero))
+
+
+def _combined(vectors: tuple[Vector, Vector, Vector], factors: Vector) -> Vector:
+    one, two, three = (times(factor, vector) for factor, vector in zip(factors, vectors, strict=True))
+    return plus(plus(one, two), three)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Object:
+    """Shapes in a space of their own, and how that moves in the world."""
+
+    shapes: tuple[Shape, ...]
+    motion: Any
+    """From times, shape (...), to matrices (..., 3, 3) and translations (..., 3); None if it is still."""
+    material: Any
+
+    @property
+    def count(self) -> int:
+        """Number of primitives."""
+        return sum(shape.count for shape in self.shapes)
+
+    @property
+    def starts(self) -> list[int]:
+        """How many primitives are before those of each shape."""
+        return list(accumulate((shape.count for shape in self.shapes[:-1]), initial=0))
+
+    def frame(self, time: Array) -> Frame | None:
+        """Return the map to the world at some times, shape (n,); None if that is the identity.
+
+        Rays without a time, of NaN, get the map of another one, which does not disturb derivatives.
+        """
+        if self.motion is None:
+            return None
+        time = jnp.where(jnp.isfinite(time), time, 0)
+        matrix, translation = cast(moved(unheld(self.motion), time), time.dtype)
+        a, b, c = (components(matrix[..., j]) for j in range(3))
+        duals = cross(b, c), cross(c, a), cross(a, b)
+        volume = dot(a, duals[0])
+        inverse = jnp.where(volume == 0, 0, 1 / jnp.where(volume == 0, 1, volume))
+        duals = times(inverse, duals[0]), times(inverse, duals[1]), times(inverse, duals[2])
+        return Frame((a, b, c), duals, components(translation))
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the box of the shapes in the space of the object, at all times: low and high, (3,)."""
+        boxes = [shape.bounds(time) for shape in self.shapes for time in (0, 1)]
+        lows, highs = zip(*((low.min(axis=0), high.max(axis=0)) for low, high in boxes), strict=True)
+        return jnp.min(jnp.stack(lows), axis=0), jnp.max(jnp.stack(highs), axis=0)
+
+
+def as_object(name: str, value: Any) -> Object:
+    """Return an object, or raise a TypeError that names what came."""
+    if not isinstance(value, Object):
+        raise TypeError(f"{name} must be objects of qmcjax.tracing (sphere, ...), got {checks.shown(value)}")
+    return value

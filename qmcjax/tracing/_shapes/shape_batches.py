@@ -1,0 +1,150 @@
+"""What all shapes have in common: batches of primitives of one kind, and rays in their space."""
+
+from abc import ABC, abstractmethod
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from qmcjax.tracing._shapes.vectors import Vector, components, dot, minus, unit
+
+SLACK = 16
+"""An origin so many units of rounding from a surface is taken to lie on it."""
+
+
+class Rays(NamedTuple):
+    """Rays in the space of an object, all components of one shape.
+
+    An origin that is on a surface, within rounding, is not hit there again, but where the surface curves
+    back. What is within rounding is ``slack`` plus as much for the coordinates of the primitive.
+    """
+
+    origin: Vector
+    direction: Vector
+    time: Any
+    squared: Any
+    """Length of the direction, squared."""
+    slack: Any
+    """``SLACK`` units of rounding of the largest coordinate; infinite for rays that hit nothing at all."""
+
+
+def rounding(scale: Any) -> Any:
+    """Return ``SLACK`` units of rounding of coordinates as large as the scale."""
+    return SLACK * jnp.finfo(scale.dtype).eps * scale
+
+
+def row(array: Array, number: Any) -> Vector:
+    """Return the vectors of some primitives: one number, or one for each ray."""
+    return components(array[number])
+
+
+class Shape(ABC):
+    """A batch of primitives of one kind: a pytree with arrays whose first axis is the primitive.
+
+    Numbers of primitives are one for all rays, one for each ray, or ``slice(None)`` where there is a
+    primitive for each ray. Points and rays are in the space of the object, their components of one shape (see
+    ``qmcjax.tracing._shapes.vectors``).
+    """
+
+    tree: Any = None
+    """What finds primitives faster than a loop over all: see ``triangle_tree``. None without."""
+
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """Number of primitives."""
+
+    @property
+    def moving(self) -> bool:
+        """Tell whether primitives depend on time in the space of the object."""
+        return False
+
+    def at(self, time: Any) -> "Shape":
+        """Return the shape as it is at one time."""
+        return self
+
+    def alone(self) -> "Shape":
+        """Return the batch without its tree."""
+        return self
+
+    def prepare(self, rays: Rays) -> Any:
+        """Return what the tests of all primitives against some rays share; by default the rays."""
+        return rays
+
+    @abstractmethod
+    def distance(self, number: Any, prepared: Any) -> Array:
+        """Return the distance of the first hit in lengths of the direction, inf where a ray misses.
+
+        No derivative is taken of it, and it is never NaN.
+        """
+
+    @abstractmethod
+    def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
+        """Return a function of the point that is 0 on the surface, and its gradient, which points outside.
+
+        What is differentiable about a hit is told by these. They are finite everywhere.
+        """
+
+    def normal(self, number: Any, point: Vector, time: Any) -> Vector:
+        """Return unit normals at points of the surface."""
+        return unit(self.surface(number, point, time)[1])
+
+    @abstractmethod
+    def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
+        """Return (u, v) of points of the surface, for textures; in [0, 1] but for planes."""
+
+    @abstractmethod
+    def bounds(self, time: float) -> tuple[Array, Array]:
+        """Return boxes of the primitives when the shutter opens (0) or closes (1): low, high (count, 3)."""
+
+
+def first(near: Any, far: Any, rays: Rays, slack: Any) -> Array:
+    """Return the first of two distances that is one of a hit."""
+    return jnp.where(ahead(near, rays, slack), near, jnp.where(ahead(far, rays, slack), far, jnp.inf))
+
+
+def ahead(distance: Any, rays: Rays, slack: Any) -> Array:
+    """Tell whether a distance is that of a hit: above 0, and above rounding."""
+    return (distance > 0) & (distance * distance * rays.squared > slack * slack)
+
+
+def roots(b: Any, c: Any, squared: Any, chord: Any, on: Any) -> tuple[Array, Array]:
+    """Return where lines cross a round surface: the roots of ``squared t^2 + 2 b t + c``, NaN without any.
+
+    ``chord`` is half the part of the line inside, squared, which tells the discriminant without cancellation;
+    ``on`` where c is 0 up to rounding.
+
+    References
+    ----------
+    .. [1] E. Haines et al., "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, 2019.
+    """
+    squared = jnp.where(squared > 0, squared, 1)
+    root = jnp.sqrt(squared * chord)
+    q = -(b + jnp.where(b > 0, root, -root))
+    one, other = q / squared, jnp.where(on, 0, c / jnp.where(q == 0, 1, q))
+    one = jnp.where(on, -2 * b / squared, one)
+    return jnp.minimum(one, other), jnp.maximum(one, other)
+
+
+def slabs(below: Vector, above: Vector, direction: Vector) -> tuple[Array, Array]:
+    """Return the distances where rays enter and leave boxes; those that miss leave before they enter.
+
+    ``below`` and ``above`` are the corners of the boxes seen from the origins. A ray along a face is outside.
+    """
+    enter, leave = -jnp.inf, jnp.inf
+    for low, high, d in zip(below, above, direction, strict=True):
+        inverse = 1 / jnp.where(d == 0, 1, d)
+        inside = (low < 0) & (high > 0)
+        near, far = jnp.minimum(low * inverse, high * inverse), jnp.maximum(low * inverse, high * inverse)
+        near = jnp.where(d == 0, jnp.where(inside, -jnp.inf, jnp.inf), near)
+        far = jnp.where(d == 0, jnp.where(inside, jnp.inf, -jnp.inf), far)
+        enter, leave = jnp.maximum(enter, near), jnp.minimum(leave, far)
+    return jnp.asarray(enter), jnp.asarray(leave)
+
+
+def plane(point: Vector, normal: Vector, rays: Rays, slack: Any) -> Array:
+    """Return the distances where rays cross a plane, inf where they do not; the normal is of any length."""
+    height, slope = dot(normal, minus(point, rays.origin)), dot(normal, rays.direction)
+    off = height * height > slack * slack * dot(normal, normal)
+    distance = height / jnp.where(slope == 0, 1, slope)
+    return jnp.where(off & (slope != 0) & (distance > 0), distance, jnp.inf)

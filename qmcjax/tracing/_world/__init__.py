@@ -1,0 +1,1 @@
+"""Worlds of objects with materials and lights, and cameras."""

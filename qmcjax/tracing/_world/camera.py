@@ -1,0 +1,241 @@
+"""Cameras: from the screen, the shutter and the lens to rays."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from numpy.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import axes, cast, numbers, require
+from qmcjax.core.plug_ins import held
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.vectors import (
+    Vector,
+    components,
+    cross,
+    dot,
+    each,
+    length,
+    minus,
+    plus,
+    times,
+    unit,
+)
+from qmcjax.tracing._world import maps
+
+
+class Sight(NamedTuple):
+    """Rays that leave a camera: components of shape (n,)."""
+
+    origin: Vector
+    direction: Vector
+    """Unit vectors."""
+    time: Array
+    number: Array | None = None
+    """int32: the primitives that are seen, see :func:`found`; None where that is to be found."""
+
+
+class View(NamedTuple):
+    """Rays through the middle of the lens."""
+
+    origin: Vector
+    seen: Vector
+    """Where they are at the distance 1 along the view, from the origin."""
+    right: Vector
+    upward: Vector
+    focus: Array
+    """Distance of the plane in focus."""
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera:
+    """A camera; see :func:`camera`."""
+
+    position: Any
+    target: Any
+    up: Any
+    fov: Any
+    aspect: Any
+    shutter: Any
+    """(open, close), or one time of a still picture."""
+    aperture: Any
+    focus: Any
+    motion: Any
+    blades: int | None = field(metadata={"static": True})
+
+    @property
+    def still(self) -> bool:
+        """Tell whether the shutter opens for no time at all."""
+        return np.ndim(self.shutter) == 0
+
+    @property
+    def lens(self) -> tuple[str, ...]:
+        """Return the names of the coordinates on the lens."""
+        return () if self.aperture is None else ("lens_u", "lens_v")
+
+    def times(self, time: Array) -> Array:
+        """Return the times of coordinates in [0, 1)."""
+        shutter = jnp.asarray(self.shutter).astype(time.dtype)
+        return jnp.full_like(time, shutter) if self.still else shutter[0] + (shutter[1] - shutter[0]) * time
+
+    def view(self, x: Array, y: Array) -> View:
+        """Return what the camera sees at points of the screen, before it moves."""
+        names = "position", "target", "up", "fov", "aspect"
+        number = cast({name: getattr(self, name) for name in names}, x.dtype)
+        position, target = components(number["position"]), components(number["target"])
+        between = minus(target, position)
+        forward = unit(between)
+        right = unit(cross(forward, components(number["up"])))
+        upward = cross(right, forward)
+        half = jnp.tan(number["fov"] * (np.pi / 360))
+        across, above = (2 * x - 1) * (half * number["aspect"]), (1 - 2 * y) * half
+        seen = plus(plus(times(across, right), times(above, upward)), forward)
+        focus = length(between) if self.focus is None else jnp.asarray(self.focus).astype(x.dtype)
+        return View(position, seen, right, upward, focus)
+
+    def rays(self, x: Array, y: Array, time: Array, lens: tuple[Array, ...]) -> Sight:
+        """Return the rays of points on the screen, times, and points of the lens if there is one."""
+        view = self.view(x, y)
+        origin, seen = each(lambda p: jnp.broadcast_to(p, x.shape), view.origin), view.seen
+        if lens:
+            u, v = lens
+            aperture = jnp.asarray(self.aperture).astype(x.dtype)
+            a, b = maps.disc(u, v) if self.blades is None else maps.polygon(u, v, self.blades)
+            moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
+            origin = plus(origin, moved)
+            # All rays through a point in the plane of focus meet there.
+            seen = minus(seen, times(1 / view.focus, moved))
+        if self.motion is not None:
+            frame = Object((), self.motion, None).frame(time)
+            if frame is not None:
+                origin, seen = plus(frame.outside(origin), frame.translation), frame.outside(seen)
+        return Sight(origin, unit(seen), time)
+
+    def projected(self, point: Vector, weight: Array, time: Array) -> tuple[Array, Array, Array]:
+        """Return where points are on the screen at some times, seen through the middle of the lens.
+
+        It is (x, y) of :meth:`rays`, and the depth along the view, which is positive for what is in front.
+        Points of weight 0 are directions, as far away as can be.
+        """
+        half = jnp.full_like(time, 0.5)
+        view = self.view(half, half)
+        if self.motion is not None:
+            frame = Object((), self.motion, None).frame(time)
+            if frame is not None:
+                point = frame.inside(minus(point, times(weight, frame.translation)))
+        seen = minus(point, times(weight, view.origin))
+        depth = dot(seen, view.seen)
+        safe = jnp.where(depth == 0, 1, depth)
+        number = cast({"fov": self.fov, "aspect": self.aspect}, time.dtype)
+        above = jnp.tan(number["fov"] * (np.pi / 360))
+        x = dot(seen, view.right) / (safe * above * number["aspect"])
+        y = dot(seen, view.upward) / (safe * above)
+        return 0.5 * (1 + x), 0.5 * (1 - y), depth
+
+
+def camera(
+    position: ArrayLike,
+    target: ArrayLike,
+    *,
+    up: Any = (0.0, 1.0, 0.0),
+    fov: ArrayLike = 40.0,
+    aspect: ArrayLike = 1.0,
+    shutter: Any = (0.0, 1.0),
+    aperture: ArrayLike | None = None,
+    focus: ArrayLike | None = None,
+    blades: int | None = None,
+    motion: Callable[[Array], tuple[Array, Array]] | None = None,
+) -> Camera:
+    """Make a camera: a pinhole, or a thin lens.
+
+    Parameters
+    ----------
+    position, target : float ArrayLike, shape (3,)
+        Where it is, and what is in the middle of the image.
+    up : float ArrayLike, shape (3,), optional
+        What is upward in the image, not along the view.
+    fov : float, optional
+        The angle between the lower and the upper edge of the image in degrees, in (0, 180).
+    aspect : float, optional
+        Width over height of the image, positive.
+    shutter : (float, float) or float, optional
+        When it opens and closes, in [0, 1]. One number is the time of a still picture, whose scenes have no
+        coordinate of time.
+    aperture : float, optional
+        Radius of the lens, positive. By default there is none: the camera is a pinhole, and its scenes have
+        no coordinates of a lens.
+    focus : float, optional
+        Distance of the plane in focus from the lens along the view; by default that of the target.
+    blades : int, optional
+        Sides of the aperture, a regular polygon inscribed in the circle of that radius; at least 3. By
+        default it is round.
+    motion : callable, optional
+        From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): a map of the world
+        that takes the camera where it is. See :func:`qmcjax.tracing.motion.affine`.
+
+    Returns
+    -------
+    Camera
+        A pytree: its numbers may be traced.
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite or out of its range, the target is at the position,
+        ``up`` is along the view, or the shutter closes before it opens.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> world = tracing.world([tracing.sphere([0, 0, 0], 1.0)], [tracing.point_light([4, 4, 4], 50.0)])
+    >>> tracing.direct_light(world, camera([0, 0, 5], [0, 0, 0], aperture=0.1)).needs
+    ('x', 'y', 'lens_u', 'lens_v')
+    """
+    place, aim, top = (
+        numbers(name, value, (3,)) for name, value in (("position", position), ("target", target), ("up", up))
+    )
+    if not any(isinstance(value, Tracer) for value in (place, aim, top)):
+        view = np.asarray(aim, np.float64) - np.asarray(place, np.float64)
+        require("target", aim, lambda _: np.linalg.norm(view) > 0, "away from position")
+        side = np.linalg.norm(np.cross(view, top))
+        straight = 1e-6 * np.linalg.norm(view) * np.linalg.norm(np.asarray(top))
+        require("up", top, lambda _: side > straight, "across the view")
+    angle = numbers("fov", fov)
+    require("fov", angle, lambda value: (value > 0) & (value < 180), "in (0, 180) degrees")
+    ratio = _positive("aspect", aspect)
+    radius = None if aperture is None else _positive("aperture", aperture)
+    for name, value in (("focus", focus), ("blades", blades)):
+        if value is not None and radius is None:
+            raise ValueError(f"{name} must be None without an aperture, got {checks.shown(value)}")
+    distance = None if focus is None else _positive("focus", focus)
+    if blades is not None:
+        blades = checks.integer("blades", blades, 3, 2**10)
+    if motion is not None:
+        if not callable(motion):
+            raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
+        motion = held("motion", motion)
+    return Camera(place, aim, top, angle, ratio, _shutter(shutter), radius, distance, motion, blades)
+
+
+def _shutter(value: Any) -> Any:
+    single = axes(value) == 0
+    shutter = numbers("shutter", value, () if single else (2,))
+    require("shutter", shutter, lambda s: (s >= 0) & (s <= 1), "in [0, 1]")
+    if not single:
+        require("shutter", shutter, lambda s: s[0] <= s[1], "(open, close) with open <= close")
+    return shutter
+
+
+def _positive(name: str, value: Any) -> Any:
+    number = numbers(name, value)
+    require(name, number, lambda v: v > 0, "positive")
+    return number

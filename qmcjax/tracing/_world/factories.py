@@ -1,0 +1,375 @@
+"""Objects of one kind of shape, and groups of them, from checked numbers."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from numpy.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import axes, numbers, require
+from qmcjax.core.plug_ins import held
+from qmcjax.tracing._shapes.flat import Box, Disc, Plane, Rectangle
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.round import Cylinder, Sphere
+from qmcjax.tracing._shapes.shape_batches import Shape
+from qmcjax.tracing._shapes.triangle_tree import WORTHWHILE, build
+from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._world.materials import as_material
+
+_THIN = 1e-6
+"""Area over squared longest edge below which a triangle or rectangle has none in float32."""
+
+
+_TINY = np.finfo(np.float32).tiny
+
+
+def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
+    """Make spheres; under an affine motion they are ellipsoids.
+
+    Parameters
+    ----------
+    center : float ArrayLike, shape (3,) or (n, 3)
+        Here and below, n primitives make one object. All numbers may be traced. In float32, rays hit what is
+        between 1e-10 and 1e9 large: products of three lengths are computed.
+    radius : float ArrayLike, shape () or (n,)
+    motion : callable, optional
+        From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): where the object
+        is. See :func:`qmcjax.tracing.motion.affine`. It is still by default.
+    material : Material, optional
+        See :func:`qmcjax.tracing.diffuse`; by default grey of reflectance 1/2.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, or a radius not positive.
+
+    Examples
+    --------
+    >>> sphere([[0, 0, 0], [0, 0, 2]], 0.5).count
+    2
+    """
+    center, count = _vectors("center", center)
+    radius = _scalars("radius", radius, count)
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
+    return _object(Sphere(center, radius), motion, material)
+
+
+def box(low: ArrayLike, high: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
+    """Make closed boxes with faces along the axes of coordinates.
+
+    Parameters
+    ----------
+    low, high : float ArrayLike, shape (3,) or (n, 3)
+        Opposite corners, ``low`` below ``high`` in each coordinate.
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, or a box has no volume.
+    """
+    low, count = _vectors("low", low)
+    high, _ = _vectors("high", high, count)
+    _known("high", high, low, lambda h, low: h > low, "above low")
+    return _object(Box(low, high), motion, material)
+
+
+def rectangle(
+    corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, motion: Any = None, material: Any = None
+) -> Object:
+    """Make rectangles, or parallelograms, seen from both sides.
+
+    Parameters
+    ----------
+    corner : float ArrayLike, shape (3,) or (n, 3)
+    edge_u, edge_v : float ArrayLike, shape (3,) or (n, 3)
+        Edges from the corner. The normal is along ``edge_u`` x ``edge_v``.
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, or a rectangle has no area.
+    """
+    corner, count = _vectors("corner", corner)
+    (edge_u, _), (edge_v, _) = _vectors("edge_u", edge_u, count), _vectors("edge_v", edge_v, count)
+    _known("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "such that edge_u x edge_v is an area")
+    return _object(Rectangle(corner, edge_u, edge_v), motion, material)
+
+
+def disc(
+    center: ArrayLike, normal: ArrayLike, radius: ArrayLike, *, motion: Any = None, material: Any = None
+) -> Object:
+    """Make discs, seen from both sides.
+
+    Parameters
+    ----------
+    center : float ArrayLike, shape (3,) or (n, 3)
+    normal : float ArrayLike, shape (3,) or (n, 3)
+        Of any length above 0.
+    radius : float ArrayLike, shape () or (n,)
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, a normal has no length or a radius is not positive.
+    """
+    center, count = _vectors("center", center)
+    normal, _ = _vectors("normal", normal, count)
+    require("normal", normal, _long, "of a length above 0 in float32")
+    radius = _scalars("radius", radius, count)
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
+    return _object(Disc(center, normal, radius), motion, material)
+
+
+def cylinder(
+    base: ArrayLike,
+    axis: ArrayLike,
+    radius: ArrayLike,
+    *,
+    closed: bool = True,
+    motion: Any = None,
+    material: Any = None,
+) -> Object:
+    """Make cylinders: their sides, then the discs at their bases, then those at their other ends.
+
+    Parameters
+    ----------
+    base : float ArrayLike, shape (3,) or (n, 3)
+        The centre of one end.
+    axis : float ArrayLike, shape (3,) or (n, 3)
+        From there to the centre of the other end.
+    radius : float ArrayLike, shape () or (n,)
+    closed : bool, optional
+        Whether there are discs.
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, an axis has no length or a radius is not positive.
+    """
+    start, count = _vectors("base", base)
+    way, _ = _vectors("axis", axis, count)
+    require("axis", way, _long, "of a length above 0 in float32")
+    radius = _scalars("radius", radius, count)
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
+    if not isinstance(closed, bool):
+        raise TypeError(f"closed must be True or False, got {checks.shown(closed)}")
+    shapes: tuple[Shape, ...] = (Cylinder(start, way, radius),)
+    if closed:
+        shapes = (*shapes, Disc(start, -way, radius), Disc(start + way, way, radius))
+    return _object(shapes, motion, material)
+
+
+def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
+    """Make planes without end, seen from both sides.
+
+    Parameters
+    ----------
+    point : float ArrayLike, shape (3,) or (n, 3)
+    normal : float ArrayLike, shape (3,) or (n, 3)
+        Of any length above 0.
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite or a normal has no length.
+    """
+    point, count = _vectors("point", point)
+    normal, _ = _vectors("normal", normal, count)
+    require("normal", normal, _long, "of a length above 0 in float32")
+    return _object(Plane(point, normal), motion, material)
+
+
+def triangles(
+    vertices: ArrayLike, close: ArrayLike | None = None, *, motion: Any = None, material: Any = None
+) -> Object:
+    """Make triangles, seen from both sides: no ray slips between those that share vertices.
+
+    Parameters
+    ----------
+    vertices : float ArrayLike, shape (n, 3, 3)
+        Triangle, vertex, coordinate; when the shutter opens. The normal is along (b - a) x (c - a).
+    close : float ArrayLike, shape (n, 3, 3), optional
+        Vertices when the shutter closes; between, they move on straight lines. By default they are still.
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, a number is not finite, or a triangle has no area: below 1e-6 of its longest
+        edge squared, as much as rounding to float32 leaves unknown.
+
+    Notes
+    -----
+    Vertices are shared if all their numbers are the same.
+
+    Many triangles that are known before tracing get a tree, which rays go through to those that are near. It
+    takes a second for 80,000 triangles, and is walked by compiled loops where numba is installed and the
+    device is a processor. Its integers are leaves of the world: gradients in whole worlds want
+    ``allow_int=True``. Vertices that replace those of a world are hit where they are, but slower
+    if they are far from where they were when the tree was built.
+
+    References
+    ----------
+    .. [1] S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", 2013.
+    """
+    opened = _triangles("vertices", vertices, None)
+    closed = None if close is None else _triangles("close", close, opened.shape[0])
+    known = not isinstance(opened, Tracer) and not isinstance(closed, Tracer)
+    tree = build(opened, closed) if known and opened.shape[0] >= WORTHWHILE else None
+    return _object(Triangles(opened, closed, tree), motion, material)
+
+
+def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
+    """Make one object of several, which move together and share a material.
+
+    Parameters
+    ----------
+    parts : sequence of Object or Shape
+        At least one; objects without a motion or a material of their own.
+    motion, material : optional
+        See :func:`sphere`.
+
+    Returns
+    -------
+    Object
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If there is no part, or one has a motion or a material.
+
+    Examples
+    --------
+    >>> group([sphere([0, 0, 0], 1.0), box([1, 0, 0], [2, 1, 1])]).count
+    2
+    """
+    if not isinstance(parts, tuple | list):
+        raise TypeError(f"parts must be a list or a tuple, got {checks.shown(parts)}")
+    shapes: list[Shape] = []
+    for part in parts:
+        if isinstance(part, Shape):
+            shapes.append(part)
+        elif not isinstance(part, Object):
+            raise TypeError(f"parts must be objects or shapes, got {checks.shown(part)}")
+        elif part.motion is not None or part.material is not None:
+            own = "motion" if part.motion is not None else "material"
+            raise ValueError(f"parts must have no {own} of their own: give it to the group")
+        else:
+            shapes.extend(part.shapes)
+    if not shapes:
+        raise ValueError("parts must be at least one, got none")
+    return _object(tuple(shapes), motion, material)
+
+
+def _object(shapes: Shape | tuple[Shape, ...], motion: Any, material: Any) -> Object:
+    if motion is not None:
+        if not callable(motion):
+            raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
+        motion = held("motion", motion)
+    material = None if material is None else as_material("material", material)
+    return Object(shapes if isinstance(shapes, tuple) else (shapes,), motion, material)
+
+
+def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]:
+    """Return vectors, shape (n, 3), and how many they are; a single one counts for all."""
+    single = axes(value) == 1
+    array = numbers(name, value, (3,) if single else (count, 3))
+    if single:
+        array = (jnp if isinstance(array, Array) else np).broadcast_to(array, (count or 1, 3))
+    return array, array.shape[0]
+
+
+def _scalars(name: str, value: Any, count: int) -> Any:
+    single = axes(value) == 0
+    array = numbers(name, value, () if single else (count,))
+    return (jnp if isinstance(array, Array) else np).broadcast_to(array, (count,)) if single else array
+
+
+def _triangles(name: str, value: Any, count: int | None) -> Any:
+    array = numbers(name, value, (count, 3, 3))
+    if not isinstance(array, Tracer):
+        a, b, c = np.moveaxis(np.asarray(array, np.float64), 1, 0)
+        fat = _fat(b - a, c - a) & _fat(c - b, a - b)
+        if not fat.all():
+            worst = int(np.argmin(fat))
+            raise ValueError(
+                f"{name} must be of triangles with an area, got {np.asarray(array)[worst].tolist()} "
+                f"as triangle {worst}"
+            )
+    return array
+
+
+def _fat(u: Any, v: Any) -> Any:
+    """Tell whether edges span an area that is known in float32."""
+    u, v = np.asarray(u, np.float64), np.asarray(v, np.float64)
+    area = np.linalg.norm(np.cross(u, v), axis=-1)
+    longest = np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1))
+    return area > _THIN * longest
+
+
+def _long(vectors: Any) -> Any:
+    return np.abs(vectors).max(axis=-1) >= _TINY
+
+
+def _known(name: str, value: Any, other: Any, holds: Any, rule: str) -> None:
+    """Raise a ValueError if two arguments are known and do not hold a rule together."""
+    if not isinstance(other, Tracer):
+        require(name, value, lambda v: holds(v, np.asarray(other)), rule)

@@ -1,0 +1,261 @@
+"""Lights: where light comes from, how points of it are sampled, and with which density."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.flat import Rectangle
+from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.round import Sphere
+from qmcjax.tracing._shapes.shape_batches import row
+from qmcjax.tracing._shapes.vectors import (
+    Vector,
+    along,
+    cross,
+    dot,
+    each,
+    length,
+    minus,
+    plus,
+    scaled,
+    times,
+    unit,
+)
+from qmcjax.tracing._world import maps
+
+
+class Sample(NamedTuple):
+    """Light that may reach points, components of shape (n,)."""
+
+    way: Vector
+    """Unit vectors towards it."""
+    distance: Array
+    """Inf for light from infinity."""
+    arriving: Vector
+    """Radiance over density; for points of light the irradiance of a surface across."""
+    density: Array
+    """Per solid angle; inf for points of light."""
+    slope: Array
+    """The cosine at the light, which says how well known the distance is; 1 where it is exact."""
+
+
+class Start(NamedTuple):
+    """Where light sets out, components of shape (n,)."""
+
+    point: Vector
+    way: Vector
+    """Unit vectors."""
+    radiance: Vector
+    """Of points of light the intensity."""
+
+
+class Light(ABC):
+    """Lights of one kind; in numbers that have a first axis, that is the light."""
+
+    coordinates: ClassVar[int]
+    """How many coordinates choose a point of it."""
+
+    def object(self) -> Object | None:
+        """Return what rays hit of it."""
+        return None
+
+    @abstractmethod
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        """Return light of one light for each point."""
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        """Return the density of directions that hit it somewhere; 0 for lights without extent."""
+        return jnp.zeros_like(point[0])
+
+    @abstractmethod
+    def emitted(self, number: Array) -> Vector:
+        """Return radiance: of what rays hit, to the side of its normal."""
+
+
+class Source(Light):
+    """A light at which paths may begin: one with a place."""
+
+    @abstractmethod
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        """Return points of one light for each row, and directions, evenly in area times projected angle."""
+
+    @abstractmethod
+    def extent(self) -> Array:
+        """Return its area times projected solid angle; of points of light the solid angle."""
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class PointLight(Source):
+    """See :func:`point_light`."""
+
+    position: Any
+    intensity: Any
+    coordinates: ClassVar[int] = 0
+    smooth: ClassVar[tuple[str, ...]] = ("intensity",)
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        way = minus(row(self.position, number), point)
+        squared = dot(way, way)
+        # A light at the very point gives none.
+        inverse = jnp.where(squared > 0, 1 / jnp.where(squared > 0, squared, 1), 0)
+        one = jnp.ones_like(squared)
+        intensity = row(self.intensity, number)
+        return Sample(unit(way), jnp.sqrt(squared), times(inverse, intensity), one * np.inf, one)
+
+    def emitted(self, number: Array) -> Vector:
+        return each(jnp.zeros_like, row(self.intensity, number))
+
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        way = maps.cone(way_u, way_v, 2)
+        return Start(row(self.position, number), unit(way), row(self.intensity, number))
+
+    def extent(self) -> Array:
+        return jnp.full(self.position.shape[:-1], 4 * np.pi, self.position.dtype)
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class RectangleLight(Source):
+    """See :func:`rectangle_light`."""
+
+    corner: Any
+    edge_u: Any
+    edge_v: Any
+    radiance: Any
+    coordinates: ClassVar[int] = 2
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def object(self) -> Object:
+        corner, edge_u, edge_v = (part[None] for part in (self.corner, self.edge_u, self.edge_v))
+        return Object((Rectangle(corner, edge_u, edge_v),), None, None)
+
+    def _across(self, number: Any) -> tuple[Vector, Array]:
+        """Return normals of some length, and areas."""
+        scale, (edge_u, edge_v) = scaled(row(self.edge_u, number), row(self.edge_v, number))
+        across = cross(edge_u, edge_v)
+        return across, length(across) / (scale * scale)
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
+        place = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
+        across, area = self._across(number)
+        way = minus(place, point)
+        squared = dot(way, way)
+        squared = jnp.where(squared > 0, squared, jnp.inf)
+        cosine = jnp.maximum(-dot(unit(way), across) / length(across), 0)
+        seen = cosine > 0
+        factor = jnp.where(seen, cosine * area / squared, 0)
+        density = jnp.where(seen, squared / (jnp.where(seen, cosine, 1) * area), 0)
+        return Sample(unit(way), length(way), times(factor, row(self.radiance, number)), density, cosine)
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        across = cross(row(self.edge_u, number), row(self.edge_v, number))
+        cosine = -dot(way, across)
+        between = minus(hit, point)
+        seen = cosine > 0
+        return jnp.where(seen, dot(between, between) / jnp.where(seen, cosine, 1), 0)
+
+    def emitted(self, number: Array) -> Vector:
+        return row(self.radiance, number)
+
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
+        point = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
+        local, _ = maps.hemisphere(way_u, way_v)
+        way = maps.around(local, unit(self._across(number)[0]))
+        return Start(point, unit(way), row(self.radiance, number))
+
+    def extent(self) -> Array:
+        return np.pi * self._across(...)[1]
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class SphereLight(Source):
+    """See :func:`sphere_light`."""
+
+    center: Any
+    radius: Any
+    radiance: Any
+    coordinates: ClassVar[int] = 2
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def object(self) -> Object:
+        return Object((Sphere(self.center[None], self.radius[None]),), None, None)
+
+    def _cone(self, number: Array, point: Vector) -> tuple[Vector, Array, Array, Array]:
+        """Return ways to the centres, squared, and the cones: one minus the cosine, 0 from inside."""
+        between = minus(row(self.center, number), point)
+        squared = dot(between, between)
+        sine = self.radius[number] * self.radius[number] / jnp.where(squared > 0, squared, 1)
+        outside = sine < 1
+        sine = jnp.where(outside, sine, 0.5)
+        return between, squared, jnp.where(outside, sine / (1 + jnp.sqrt(1 - sine)), 0), outside
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        between, squared, lost, outside = self._cone(number, point)
+        axis = unit(between)
+        local = maps.cone(u, v, lost)
+        way = unit(maps.around(local, axis))
+        # How far the ray passes from the centre, squared; then the first of its two crossings.
+        aside = squared * (local[0] * local[0] + local[1] * local[1])
+        chord = self.radius[number] * self.radius[number] - aside
+        chord = jnp.sqrt(jnp.maximum(chord, jnp.finfo(chord.dtype).tiny))
+        distance = jnp.sqrt(squared) * local[2] - chord
+        angle = 2 * np.pi * lost
+        arriving = times(jnp.where(outside, angle, 0), row(self.radiance, number))
+        density = jnp.where(outside, 1 / jnp.where(outside, angle, 1), 0)
+        return Sample(way, distance, arriving, density, chord / self.radius[number])
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        _, _, lost, outside = self._cone(number, point)
+        return jnp.where(outside, 1 / (2 * np.pi * jnp.where(outside, lost, 1)), 0)
+
+    def emitted(self, number: Array) -> Vector:
+        return row(self.radiance, number)
+
+    def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
+        normal = unit(maps.cone(u, v, 2))
+        local, _ = maps.hemisphere(way_u, way_v)
+        point = along(row(self.center, number), self.radius[number], normal)
+        return Start(point, unit(maps.around(local, normal)), row(self.radiance, number))
+
+    def extent(self) -> Array:
+        return 4 * np.pi**2 * self.radius * self.radius
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Environment(Light):
+    """See :func:`environment`."""
+
+    radiance: Any
+    coordinates: ClassVar[int] = 2
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
+        local, cosine = maps.hemisphere(u, v)
+        way = unit(maps.around(local, normal))
+        one = jnp.ones_like(cosine)
+        arriving = times(np.pi / cosine, row(self.radiance, number))
+        return Sample(way, one * np.inf, arriving, cosine / np.pi, one)
+
+    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+        return jnp.maximum(dot(normal, way), 0) / np.pi
+
+    def emitted(self, number: Array) -> Vector:
+        return row(self.radiance, number)
+
+
+def as_light(name: str, value: Any) -> Light:
+    """Return a light, or raise a TypeError that names what came."""
+    if not isinstance(value, Light):
+        raise TypeError(f"{name} must be lights (point_light, ...), got {checks.shown(value)}")
+    return value

@@ -1,0 +1,230 @@
+"""Materials: what a surface does with light at a point."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+from numpy.typing import ArrayLike
+
+from qmcjax.core import checks
+from qmcjax.core.parameters import numbers, require
+from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.vectors import Vector, components
+from qmcjax.tracing._world.textures import color as checked_color
+
+
+class Surface(NamedTuple):
+    """What a material is at points: colours are three components; None is what it never has."""
+
+    diffuse: Vector | None = None
+    """Reflectance of a Lambertian surface."""
+    glossy: Vector | None = None
+    """Reflectance at normal incidence of microfacets [Walter et al. 2007, GGX; Fresnel after Schlick]."""
+    roughness: Any = None
+    """The width alpha of their distribution, in (0, 1]; given with ``glossy``."""
+    mirror: Vector | None = None
+    """Reflectance of a perfect mirror. A surface that has any does nothing else."""
+    emission: Vector | None = None
+    """Radiance that leaves both sides."""
+
+
+class Material(ABC):
+    """A surface's material; any object with the method ``at`` is one."""
+
+    @property
+    def textured(self) -> bool:
+        """Tell whether anything depends on coordinates."""
+        return any(callable(unheld(part)) for part in vars(self).values())
+
+    @property
+    def moving(self) -> bool:
+        """Tell whether anything depends on time."""
+        textures = (unheld(part) for part in vars(self).values() if callable(unheld(part)))
+        return any(getattr(texture, "motion", self) is not None for texture in textures)
+
+    @abstractmethod
+    def at(self, u: Array, v: Array, time: Array) -> Surface:
+        """Return the surface at coordinates of a shape and times, all of shape (n,).
+
+        Components have that shape, or () where they do not depend on coordinates and time.
+        """
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Diffuse(Material):
+    """A Lambertian surface; see :func:`diffuse`."""
+
+    color: Any
+    smooth: ClassVar[tuple[str, ...]] = ("color",)
+
+    def at(self, u: Array, v: Array, time: Array) -> Surface:
+        return Surface(diffuse=_look_up(self.color, u, v, time))
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Mirror(Material):
+    """A mirror; see :func:`mirror`."""
+
+    color: Any
+    smooth: ClassVar[tuple[str, ...]] = ("color",)
+
+    def at(self, u: Array, v: Array, time: Array) -> Surface:
+        return Surface(mirror=_look_up(self.color, u, v, time))
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Glossy(Material):
+    """Microfacets, over a Lambertian surface if there is one; see :func:`glossy`."""
+
+    color: Any
+    roughness: Any
+    diffuse: Any
+    smooth: ClassVar[tuple[str, ...]] = ("color", "roughness", "diffuse")
+
+    def at(self, u: Array, v: Array, time: Array) -> Surface:
+        return Surface(
+            diffuse=None if self.diffuse is None else _look_up(self.diffuse, u, v, time),
+            glossy=_look_up(self.color, u, v, time),
+            roughness=jnp.asarray(self.roughness).astype(time.dtype),
+        )
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class Emitter(Material):
+    """A surface that shines; see :func:`emitter`."""
+
+    radiance: Any
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
+
+    def at(self, u: Array, v: Array, time: Array) -> Surface:
+        return Surface(emission=_look_up(self.radiance, u, v, time))
+
+
+def diffuse(color: ArrayLike | Any) -> Diffuse:
+    """Make the material of a surface that scatters light evenly, on both sides.
+
+    Parameters
+    ----------
+    color : float ArrayLike, shape () or (3,), or texture
+        The part of light that is reflected, in [0, 1]: grey, or linear RGB.
+
+    Returns
+    -------
+    Diffuse
+
+    Raises
+    ------
+    TypeError
+        If it has another type.
+    ValueError
+        If its shape does not fit, or a number is out of range.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> floor = tracing.plane([0, 0, 0], [0, 1, 0], material=diffuse(tracing.checker(0.9, 0.2)))
+    """
+    return Diffuse(checked_color("color", color, 1))
+
+
+def mirror(color: ArrayLike | Any = 1.0) -> Mirror:
+    """Make the material of a perfect mirror.
+
+    Parameters
+    ----------
+    color : float ArrayLike, shape () or (3,), or texture
+        The part of light that is reflected, in [0, 1].
+
+    Returns
+    -------
+    Mirror
+
+    Raises
+    ------
+    TypeError
+        If it has another type.
+    ValueError
+        If its shape does not fit, or a number is out of range.
+    """
+    return Mirror(checked_color("color", color, 1))
+
+
+def glossy(color: ArrayLike | Any, roughness: ArrayLike, diffuse: ArrayLike | Any | None = None) -> Glossy:
+    """Make the material of a rough mirror: microfacets by GGX, masked after Smith [1]_.
+
+    Parameters
+    ----------
+    color : float ArrayLike, shape () or (3,), or texture
+        The part of light that is reflected at normal incidence, in [0, 1]; it grows to 1 at grazing incidence
+        (Schlick).
+    roughness : float
+        The width alpha of the distribution of slopes, in [0.01, 1].
+    diffuse : float ArrayLike, shape () or (3,), or texture, optional
+        A Lambertian part added to it, in [0, 1]. The sum conserves energy only if its user sees to it.
+
+    Returns
+    -------
+    Glossy
+
+    Raises
+    ------
+    TypeError
+        If an argument has another type.
+    ValueError
+        If a shape does not fit, or a number is out of range.
+
+    References
+    ----------
+    .. [1] B. Walter et al., "Microfacet Models for Refraction through Rough Surfaces", 2007.
+    """
+    width = numbers("roughness", roughness)
+    require("roughness", width, lambda a: (a >= 0.01) & (a <= 1), "in [0.01, 1]")
+    base = None if diffuse is None else checked_color("diffuse", diffuse, 1)
+    return Glossy(checked_color("color", color, 1), width, base)
+
+
+def emitter(radiance: ArrayLike | Any) -> Emitter:
+    """Make the material of a surface that shines evenly in all directions, on both sides.
+
+    Only rays that hit it find its light. What is to be sampled is a light, like
+    :func:`qmcjax.tracing.rectangle_light`.
+
+    Parameters
+    ----------
+    radiance : float ArrayLike, shape () or (3,), or texture
+        Not negative.
+
+    Returns
+    -------
+    Emitter
+
+    Raises
+    ------
+    TypeError
+        If it has another type.
+    ValueError
+        If its shape does not fit, or a number is negative.
+    """
+    return Emitter(checked_color("radiance", radiance))
+
+
+def as_material(name: str, value: Any) -> Any:
+    """Return a material as a pytree, or raise a TypeError that names what came."""
+    if isinstance(value, type) or not callable(getattr(value, "at", None)):
+        raise TypeError(f"{name} must be a material (diffuse, mirror, ...), got {checks.shown(value)}")
+    return held(name, value)
+
+
+def _look_up(color: Any, u: Array, v: Array, time: Array) -> Vector:
+    given = unheld(color)
+    if callable(given):
+        texture: Any = given
+        return texture(u, v, time)
+    return components(jnp.asarray(given).astype(time.dtype))

@@ -1,0 +1,103 @@
+"""Worlds: all objects and lights of a scene, with one number for each primitive."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from qmcjax.core import checks
+from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.object import Object, as_object
+from qmcjax.tracing._shapes.shape_batches import Shape
+from qmcjax.tracing._world.lights import Environment, Light, as_light
+
+
+@pytree
+@dataclass(frozen=True, eq=False, repr=False)
+class World:
+    """What rays can hit, and where light comes from."""
+
+    objects: tuple[Object, ...]
+    lights: tuple[Light, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of primitives, in the order of objects, their shapes and these' rows; then lights."""
+        return sum(item.count for item in self.parts)
+
+    @property
+    def parts(self) -> tuple[Object, ...]:
+        """Return all that rays hit: the objects, then one for each light that has an extent."""
+        lights = (light.object() for light in self.lights)
+        return (*self.objects, *(item for item in lights if item is not None))
+
+    def batches(self) -> list[tuple[Shape, int]]:
+        """Return the shapes of all objects with the numbers of their first primitives."""
+        return [
+            (shape, start + before)
+            for item, start in self.numbered()
+            for shape, before in zip(item.shapes, item.starts, strict=True)
+        ]
+
+    def numbered(self) -> Iterator[tuple[Object, int]]:
+        """Return objects with the number of their first primitive."""
+        number = 0
+        for item in self.parts:
+            yield item, number
+            number += item.count
+
+
+def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
+    """Return one shape for all of each kind, and which of the given ones it is made of.
+
+    A program for one batch of many primitives is shorter, and faster, than one for many batches of few.
+    """
+    shapes = [shape.alone() for shape in shapes]
+    kinds: dict[Any, list[int]] = {}
+    for place, shape in enumerate(shapes):
+        kinds.setdefault(jax.tree.structure(shape), []).append(place)
+    return [
+        (jax.tree.map(lambda *a: jnp.concatenate(a), *(shapes[place] for place in places)), places)
+        for places in kinds.values()
+    ]
+
+
+def world(objects: Any, lights: Any = ()) -> World:
+    """Make a world.
+
+    Parameters
+    ----------
+    objects : sequence of Object
+        May be empty: then no ray hits anything.
+    lights : sequence of Light, optional
+        Rays hit those that have an extent.
+
+    Returns
+    -------
+    World
+        A pytree: its numbers may be traced and differentiated. ``world.count`` is the number of primitives.
+
+    Raises
+    ------
+    TypeError
+        If ``objects`` or ``lights`` is no sequence, or one of them has another type.
+    ValueError
+        If there are two environments.
+
+    Examples
+    --------
+    >>> from qmcjax import tracing
+    >>> world([tracing.sphere([0, 0, 0], 1.0), tracing.box([2, 0, 0], [3, 1, 1])]).count
+    2
+    """
+    parts = []
+    for name, value in (("objects", objects), ("lights", lights)):
+        if not isinstance(value, tuple | list):
+            raise TypeError(f"{name} must be a list or a tuple, got {checks.shown(value)}")
+        parts.append(tuple(value))
+    lights = tuple(as_light("lights", item) for item in parts[1])
+    if sum(isinstance(light, Environment) for light in lights) > 1:
+        raise ValueError("lights must have one environment at most: give it the sum of their radiances")
+    return World(tuple(as_object("objects", item) for item in parts[0]), lights)

@@ -1,0 +1,153 @@
+"""Comparisons from the command line: pages, tables, and what is wrong with a sampler or a command."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+from figures.__main__ import main
+from figures.arena._rivals import RIVALS, SCENES
+from figures.making import web_images
+
+OWN = """
+import jax.numpy as jnp
+import numpy as np
+from qmcjax import samplers, sequences
+
+def mine(key):
+    return samplers.independent(sequences.sobol(4), key)
+
+def broken():
+    return samplers.function(lambda x, y, sample: jnp.zeros((*x.shape, 2)) + 0.25, 2)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "some_samplers.py").write_text(OWN, encoding="utf-8")
+    np.save(tmp_path / "own_points.npy", np.random.default_rng(1).random((16, 2)))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+SMALL = ["--spp", "1,4", "--size", "32", "--keys", "2", "--against", "owen"]
+
+
+@pytest.mark.slow
+def test_a_page_and_a_table(folder, capsys):
+    command = [
+        "compare",
+        "some_samplers:mine",
+        "--points",
+        "own_points.npy",
+        *SMALL,
+        "--scenes",
+        "disc",
+        "ball",
+    ]
+    assert main(command) == 0
+    assert capsys.readouterr().out.split() == ["out/compare/index.html"]
+    page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
+    assert "mine, own_points, compared" in page and "--size 32" in page
+    # Each file that the page names is there.
+    named = re.findall(r'(?:src|href)="([^"#][^"]*)"', page)
+    named += [
+        f"{scene}.{file}"
+        for scene in ("disc", "ball")
+        for file in re.findall(r'": "([\w.-]+\.(?:png|webp))"', page)
+    ][:3]
+    assert all((folder / "out/compare" / name).is_file() for name in named if not name.startswith("data:"))
+    images = [json.loads(text) for text in re.findall(r'application/json">(.*?)</script>', page)]
+    assert [{item["name"] for item in each["items"]} for each in images] == [
+        {"reference", "mine", "own_points", "(0,2), Owen"},
+        {"reference", "mine", "(0,2), Owen"},
+    ]
+    assert "it has 2 dimensions, the scene needs 3" in page
+    assert "2 keys: from fewer than 4 there are no intervals, and all ranks are undecided" in page
+    with (folder / "out/compare/compare.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * (3 + 2) and {row["sampler"] for row in rows} == {
+        "mine",
+        "own_points",
+        "(0,2), Owen",
+    }
+    # The same sampler with the same keys, under two names.
+    errors = {row["sampler"]: row["RMS error"] for row in rows if (row["scene"], row["spp"]) == ("disc", "4")}
+    assert errors["mine"] == errors["(0,2), Owen"] != errors["own_points"]
+
+
+def test_a_broken_sampler_is_told_first(folder, capsys):
+    assert main(["compare", "some_samplers:broken", *SMALL, "--scenes", "disc", "--keys", "4"]) == 1
+    told = capsys.readouterr().err
+    assert "broken breaks 1 of a sampler's promises" in told
+    assert "samples 0 and 1 of pixel (0, 0) are the same point" in told
+    page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
+    assert page.index("are the same point") < page.index('id="ranks"')
+    # It has no key, so that nothing is certain of the two.
+    assert "4 keys (1 for broken): samplers with 1 have no interval" in page
+    assert page.count("(1–2), ") == 2 * 2 * 3 and page.count("(no interval)") == 1
+
+
+def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):
+    """Each sampler is compared, by a name whose images have files of their own on any system."""
+    (folder / "more.py").write_text(f"{OWN}\nMine = mine\n", encoding="utf-8")
+    (folder / "mine").mkdir()
+    rng, files = np.random.default_rng(2), ["own_points", "Own-Points", "mine/own_points", "0_2_owen", "MINE"]
+    for file in files:
+        np.save(folder / f"{file}.npy", rng.random((8, 2)))
+    seen = {}
+
+    def compare(named, *given, **options):
+        seen.update(named)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("analysis.compare", compare)
+    points = [f"{file}.npy" for file in files]
+    with pytest.raises(KeyboardInterrupt):
+        main(["compare", "more:mine", "more:Mine", "some_samplers:mine", "--points", *points, *SMALL])
+    names = ["mine", "Mine 2", "mine 3", "own_points", "Own-Points 2", "own_points 3", "0_2_owen 2", "MINE 4"]
+    assert list(seen) == [*names, "(0,2), Owen"]
+    images, _ = web_images.encode({f"{name}, 4 spp": np.zeros((4, 4)) for name in seen})
+    assert len({name.lower() for name in images}) == 1 + 3 * len(names)
+    first = {name: tuple(np.asarray(seen[name](1)(0, 0, 0)).tolist()) for name in names[3:]}
+    assert len(set(first.values())) == 5
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ([], "name a function that makes a sampler"),
+        (["some_samplers"], "samplers are named module:function, got 'some_samplers'"),
+        (["nowhere:mine"], "No module named 'nowhere'"),
+        (["some_samplers:yours"], "some_samplers has no 'yours'"),
+        (["--points", "nowhere.npy"], "nowhere.npy"),
+        (["some_samplers:mine", "--spp", "4,1"], "must be ascending numbers"),
+        (["some_samplers:mine", "--size", "16"], "must be at least 32"),
+        (["some_samplers:mine", "--keys", "0"], "must be an integer of at least 1"),
+        (["some_samplers:mine", "--against", "best"], "invalid choice: 'best'"),
+        (["some_samplers:mine", "--scenes", "helicopter", "--size", "96"], "--size must divide 256"),
+    ],
+)
+def test_wrong_usage(folder, capsys, command, message):
+    with pytest.raises(SystemExit) as ended:
+        main(["compare", *command])
+    assert ended.value.code == 2 and message in capsys.readouterr().err
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RIVALS)
+def test_rivals_are_samplers_of_any_dimension(name):
+    for dims in (2, 5):
+        sampler = RIVALS[name].make(dims, 32, 32, 4, 1)
+        sampler.check(32, 32, 4)
+        assert sampler.dims >= dims or name == "ranked"
+        other = RIVALS[name].make(dims, 32, 32, 4, 2)
+        assert (sampler(3, 5, 1) != other(3, 5, 1)).any()
+
+
+def test_scenes_have_references():
+    assert all(callable(make().reference) for make in SCENES.values())

@@ -1,0 +1,110 @@
+"""What figures find true or false: each finding is in a table, so that one that turns over fails here."""
+
+import ast
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from figures.catalogue import CATALOGUE
+from figures.ledger import PAPERS, claims, findings
+from figures.ledger._ledger import verdict
+from figures.making import store
+
+ROOT = Path(__file__).parents[2]
+TABLE = json.loads((Path(__file__).parents[1] / "claims.json").read_text(encoding="utf-8"))
+TESTED = [claim for claim in claims() if claim.test is not None]
+MADE = [claim for claim in claims() if claim.figure is not None]
+
+
+def booleans(value):
+    """Return all that is true or false in a figure's numbers, without the rest; None if nothing is."""
+    if isinstance(value, bool):
+        return value
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    found = {str(key): booleans(inner) for key, inner in items}
+    return {key: inner for key, inner in found.items() if inner is not None} or None
+
+
+def without_times(figure, found):
+    """Leave out claims about run time, of which the machine decides."""
+    timed = {claim.key for claim in MADE if claim.timed and claim.figure == figure}
+    return {
+        part: kept
+        for part, of in found.items()
+        if (kept := {key: held for key, held in of.items() if part != "claims" or key not in timed})
+    }
+
+
+def test_booleans_are_seen_wherever_they_stand():
+    numbers = {"measured": {"a": True, "b": [1, {"c": False}], "d": {"e": 1}}, "printed": "true", "count": 1}
+    assert booleans(numbers) == {"measured": {"a": True, "b": {"1": {"c": False}}}}
+    assert TABLE.keys() <= CATALOGUE.keys()
+
+
+def test_verdicts():
+    assert [verdict(found) for found in (True, False)] == ["reproduced", "differs"]
+    cases = ({"a": True, "b": True}, {"a": False}, {"a": False, "b": True})
+    assert [verdict(found) for found in cases] == ["reproduced", "differs", "depends"]
+
+
+def test_entries_are_whole_and_unique():
+    """A figure with its key, a test, or neither and why."""
+    assert {claim.paper for claim in claims()} == PAPERS.keys()
+    assert len({(claim.paper, claim.place, claim.claim) for claim in claims()}) == len(claims())
+    for claim in claims():
+        assert claim.place.strip() and claim.claim.strip(), claim
+        assert (claim.figure is None) == (claim.key is None), claim
+        assert claim.figure is None or claim.test is None, claim
+        assert not claim.contrary or claim.test is not None, claim
+        assert claim.measured is None or claim.figure is not None, claim
+        assert not claim.timed or claim.figure is not None, claim
+
+
+def test_figures_and_entries_have_the_same_claims():
+    """Each claim of a figure has one entry, and each entry of a figure its claim."""
+    entries = sorted((claim.figure, claim.key) for claim in MADE if not claim.timed)
+    assert entries == sorted((name, key) for name, of in TABLE.items() for key in of.get("claims", ()))
+    assert {claim.figure for claim in MADE} <= CATALOGUE.keys()
+
+
+def test_what_differs_says_why():
+    rest = {"measured": Anything(), "printed": Anything()}
+    found = findings({name: {"numbers": of | rest} for name, of in TABLE.items()})
+    for claim, result, _, _ in found:
+        if result in ("differs", "depends", "untested", "missing"):
+            assert claim.why, (result, claim)
+
+
+class Anything:
+    """Numbers that are not there."""
+
+    def __getitem__(self, key):
+        return self
+
+    def __format__(self, spec):
+        return "0"
+
+
+@pytest.mark.parametrize("test", sorted({claim.test for claim in TESTED}))
+def test_tests_of_entries_exist(test):
+    path, _, name = test.partition("::")
+    tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+    assert name in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.slow
+def test_drafts_find_what_they_found(drafts):
+    """Claims of drafts; also a new one, of any figure that is there, has to be in the table."""
+    made = sorted(TABLE.keys() | {claim.figure for claim in MADE})
+    subprocess.run([sys.executable, "-m", "figures", *made, "--out", str(drafts)], cwd=ROOT, check=True)
+    entries = {name: entry for name, entry in store.read_numbers(drafts).items() if name in CATALOGUE}
+    assert {entry["quality"] for entry in entries.values()} == {"draft"}
+    found = {name: without_times(name, booleans(entry["numbers"]) or {}) for name, entry in entries.items()}
+    assert {name: those for name, those in found.items() if those} == TABLE
+    for finding in findings(entries):
+        assert finding.verdict != "missing"
+        assert not re.search(r"[{}]|None", finding.measured), finding

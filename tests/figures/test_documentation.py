@@ -1,0 +1,52 @@
+"""The documentation: no public name is left out. That its code runs is checked where it is built."""
+
+import importlib
+import re
+from pathlib import Path
+
+import pytest
+
+from figures.docs.public import MODULES, names
+
+ROOT = Path(__file__).parents[2]
+
+NOT_HANDED_ON = {
+    "analysis.tables": "programs",
+    "figures": "a module a figure",
+    "figures.arena": "for the command line",
+    "figures.docs": "this",
+    "figures.page": "for the runner",
+    "qmcjax.choosing": "handed on by qmcjax",
+    "qmcjax.core": "of no use outside",
+    "qmcjax.rendering": "handed on by qmcjax",
+    "qmcjax.scenes.traced": "handed on by qmcjax.scenes, but for how references are stored",
+}
+"""Packages that the reference does not list, and why."""
+
+
+def test_every_package_is_in_the_reference_or_says_why_not():
+    packages = {
+        ".".join(path.parent.relative_to(ROOT).parts)
+        for root in ("qmcjax", "analysis", "figures")
+        for path in (ROOT / root).rglob("__init__.py")
+    }
+    public = {name for name in packages if not re.search(r"(^|\.)_", name)}
+    assert public == {*MODULES, *NOT_HANDED_ON}
+    listed = (ROOT / "figures" / "docs" / "reference" / "index.rst").read_text(encoding="utf-8").split()
+    assert [word for word in listed if word in public] == list(MODULES)
+
+
+def test_qmcjax_hands_on_all_of_rendering():
+    handed_on = names("qmcjax")
+    for kind, found in names("qmcjax.rendering").items():
+        assert set(found) <= set(handed_on[kind])
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_public_functions_and_classes_have_docstrings(module):
+    of = importlib.import_module(module)
+    kinds = names(module)
+    silent = [name for name in kinds["functions"] + kinds["classes"] if not getattr(of, name).__doc__]
+    # Dataclasses and tuples without one get their signature.
+    silent += [name for name in kinds["classes"] if (getattr(of, name).__doc__ or "").startswith(f"{name}(")]
+    assert not silent

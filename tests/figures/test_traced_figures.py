@@ -1,0 +1,141 @@
+"""What the figures of rendered scenes are made with: images, errors, padded samplers."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import qmcjax as qj
+from figures.ours import ray_speed
+from figures.shared import (
+    error_over_time,
+    mitsuba_scenes,
+    motion_blur,
+    scene_images,
+    traced_images,
+    traced_sweep,
+    z_renderings,
+)
+from qmcjax import samplers, scenes, sequences
+
+NEEDS = ("x", "y", "time", "light_u", "light_v")
+
+
+def colours(point):
+    return jnp.stack([point[..., 0] * point[..., 1], jnp.sin(point[..., 0]), point[..., 1]], axis=-1)
+
+
+@pytest.mark.parametrize("spp", [1, 3, 300])
+def test_an_image_is_that_of_render(spp):
+    """Also with more and fewer samples than fit one call."""
+    scene, sampler = scenes.function(colours, ("x", "y")), samplers.independent(sequences.sobol(2), 3)
+    expected = qj.render(scene, sampler, 8, 8, spp)
+    np.testing.assert_allclose(scene_images.image(scene, sampler, 8, spp), expected, atol=1e-6)
+
+
+def test_the_references_error_is_taken_off_but_never_undercut():
+    exact = traced_images.Reference(np.zeros((4, 4, 3)), 0.3, "")
+    assert traced_images.rms_error(np.full((4, 4, 3), 0.5), exact) == pytest.approx(0.4)
+    assert traced_images.rms_error(np.zeros((4, 4, 3)), exact) == 0.3
+
+
+def test_jittered_points_have_one_in_each_cell_in_each_pixel():
+    points = np.asarray(motion_blur.make_sampler("jittered grid", 4, 27)(1, 2, jnp.arange(27), (0, 1, 2)))
+    other = np.asarray(motion_blur.make_sampler("jittered grid", 4, 27)(2, 2, jnp.arange(27), (0, 1, 2)))
+    assert len(np.unique(np.floor(points * 3), axis=0)) == 27
+    assert not np.isin(points, other).any()
+
+
+@pytest.mark.parametrize("name", motion_blur.COMPARED)
+def test_all_samplers_have_a_time_of_their_own_for_each_of_eight_samples(name):
+    times = np.asarray(motion_blur.make_sampler(name, 8, 8)(3, 5, jnp.arange(8), (2,)))
+    assert len(np.unique(times)) == 8
+
+
+def test_what_belongs_together():
+    assert z_renderings.constituents(NEEDS) == (2, 1, 2)
+    assert z_renderings.constituents(("x", "y", "light", "light_u", "light_v", "roulette1")) == (2, 1, 2, 1)
+
+
+@pytest.mark.parametrize("name", ["(0,2)-sequence", "Heitz", "Z"])
+def test_pairs_are_nets_and_single_coordinates_stratified(name):
+    """Each has one of four samples in each elementary interval, in an order of its own."""
+    sampler = z_renderings.make_samplers(NEEDS, 8)[name]
+    points = np.asarray(sampler(5, 2, jnp.arange(4), tuple(range(5))))
+    assert np.isin(np.floor(points * 4), np.arange(4)).all()
+    for column in points.T:
+        assert len(np.unique(np.floor(column * 4))) == 4
+    for pair in (points[:, :2], points[:, 3:]):
+        assert len(np.unique(np.floor(pair * 2), axis=0)) == 4
+
+
+def test_orders_of_pairs_differ():
+    """Else all pairs of a pixel would be copies but for an xor."""
+    for name, pixels in (("(0,2)-sequence", 64), ("Heitz", 64)):
+        sampler = z_renderings.make_samplers(NEEDS, 8)[name]
+        x, y = (jnp.arange(pixels).reshape(-1, 1) % 8, jnp.arange(pixels).reshape(-1, 1) // 8)
+        half = np.floor(np.asarray(sampler(x, y, jnp.arange(4), (0, 1, 2, 3, 4))) * 4) // 2
+        differ = half[:, :, 0] != half[:, :, 3]
+        assert 0 < differ.mean() < 1
+
+
+@pytest.mark.parametrize(("side", "spp"), [(64, 8), (128, 3)])
+def test_what_is_timed_is_the_image_of_render(side, spp):
+    """With several samples of each pixel in a call, and with one."""
+    scene, sampler = scenes.function(colours, ("x", "y")), samplers.independent(sequences.sobol(2), 3)
+    image, seconds = traced_sweep.rendered(scene, sampler, side, spp)
+    np.testing.assert_allclose(image, qj.render(scene, sampler, side, side, spp), atol=1e-6)
+    assert seconds > 0
+    with pytest.raises(ValueError, match="fill calls of 16384, got 2 of 64 x 64"):
+        traced_sweep.rendered(scene, sampler, 64, 2)
+
+
+def test_the_time_for_an_error_and_what_is_best():
+    """On a power law exactly, also beyond its ends."""
+    rows = [{"spp": n, "seconds": 0.1 * n, "rms error": n**-0.5, "sampler": "a"} for n in (4, 16, 64)]
+    for error in (1.0, 0.3, 0.125, 0.01):
+        assert error_over_time.time_for(rows, error) == pytest.approx(0.1 * error**-2)
+    slow = {"spp": 16, "seconds": 2.0, "rms error": 0.3, "sampler": "b"}
+    assert [row["spp"] for row in error_over_time.best([slow, *rows], "sampler")] == [4, 16, 64]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not mitsuba_scenes.installed(), reason="Mitsuba is not installed")
+def test_mitsubas_samplers_have_the_samples_that_they_say():
+    """The best of them make less error than independent ones, from counts that some round up."""
+    box = scenes.cornell_box(0.0, ball=False, mirror=False, blocks=True, light=0.5).estimator
+    runs = [mitsuba_scenes.Run(name, 16, seed) for name in traced_sweep.MITSUBAS for seed in (0, 1)]
+    images, seconds, counts = mitsuba_scenes.run(box, 16, 16, runs)
+    assert dict(zip((run.sampler for run in runs), counts, strict=True)) == {
+        "independent": 16,
+        "stratified": 16,
+        "multijitter": 16,
+        "orthogonal": 25,
+        "ldsampler": 16,
+    }
+    assert min(seconds) > 0
+    noise = abs(images[::2] - images[1::2]).mean(axis=(1, 2, 3))
+    assert (noise[1:] < 0.7 * noise[0]).all() and noise[0] > 0
+
+
+@pytest.mark.parametrize("count", [32, 512])
+def test_bodies_are_closed(count):
+    """Each edge of the triangles is there once in each direction."""
+    vertices = ray_speed.body(count)
+    assert vertices.shape == (count, 3, 3)
+    edges = {(tuple(face[j]), tuple(face[j - 1])) for face in vertices.tolist() for j in range(3)}
+    assert len(edges) == 3 * count and all(edge[::-1] in edges for edge in edges)
+
+
+def test_coherent_rays_go_through_all_pixels_in_squares():
+    _, direction = ray_speed.coherent(64 * 64)
+    pixels = np.round((direction[:, :2] + 1) * 32 - 0.5).astype(int)
+    assert len(np.unique(pixels, axis=0)) == 64 * 64
+    for square in pixels.reshape(-1, 256, 2):
+        assert np.all(square.max(axis=0) - square.min(axis=0) == 15)
+
+
+def test_all_ways_are_timed_by_turns():
+    calls = []
+    ways = {name: lambda name=name: calls.append(name) for name in "ab"}
+    measured = ray_speed._measured(ways, 100, 3)
+    assert calls == list("abababab") and all(entry["per second"] > 0 for entry in measured.values())

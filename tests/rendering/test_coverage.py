@@ -1,0 +1,177 @@
+"""Intervals and bounds of errors, over many keys: they hold the truth as often as they say."""
+
+import math
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import stats
+
+import qmcjax as qj
+from figures.shared import coverage
+from qmcjax import samplers, scenes, sequences
+
+SIGMAS = 5
+
+
+def slack(level, trials):
+    """Return how far the part of intervals that hold the truth may be from their level."""
+    return SIGMAS * math.sqrt(level * (1 - level) / trials)
+
+
+HARD = {
+    # exp(-x - y) is smooth: errors are below the epsilon of float32.
+    "smooth": (lambda p: jnp.exp(-p[:, 0] - p[:, 1]), (1 - math.exp(-1)) ** 2),
+    # Values are multiples of 2**-14.
+    "large mean": (lambda p: 1000 + p[:, 0] * p[:, 1] / 100, 1000.0025),
+    # 0.7 * 2**18 is a natural number and 0.8: means take two values, and 4 are often equal.
+    "step": (lambda p: p[:, 0] < 0.7, 0.7),
+}
+
+
+def below(points, edge):
+    return points[:, 0] < edge
+
+
+def hard(points):
+    return {name: function(points) for name, (function, _) in HARD.items()}
+
+
+def test_intervals_in_float32_hold_the_integral():
+    """Where rounding, or the resolution of a count, is all that there is to the error."""
+    trials, held = 25, dict.fromkeys(HARD, 0)
+    for key in range(trials):
+        found = qj.integrate(hard, sequences.sobol(2), 2**18, replicates=4, key=key)
+        low, high = found.interval(0.95)
+        for name, (_, exact) in HARD.items():
+            assert low[name].dtype == high[name].dtype == found.integral[name].dtype == jnp.float64
+            held[name] += float(low[name]) <= exact <= float(high[name])
+            assert float(high[name] - low[name]) < 1e-4 * exact
+    assert min(held.values()) / trials >= 0.95 - slack(0.95, trials)
+
+
+def test_replicates_in_float32_are_as_good_as_their_values():
+    """The mean of 8 replicates of exp(-x-y): its error is that of sampling, ten times below an epsilon."""
+    errors, standard_errors = [], []
+    for key in range(20):
+        found = qj.integrate(HARD["smooth"][0], sequences.sobol(2), 2**18, replicates=8, key=key)
+        errors.append(float(found.integral) - HARD["smooth"][1])
+        standard_errors.append(float(found.standard_error))
+        assert 2.0**-23 * 0.39 < float(found.rounding) < 2.0**-23
+    assert abs(np.mean(errors)) < 1e-9
+    assert 0.5 < np.std(errors) / math.sqrt(np.mean(np.square(standard_errors))) < 2
+    assert np.std(errors) < 2.0**-23 / 50
+
+
+SHORT = [
+    ("Sobol'", "float32", 2**10, 4, 40),
+    ("Halton", "float64", 2**8, 8, 40),
+    ("lattice", "float32", 2**8, 4, 40),
+    ("Sobol'", "float64", 2**16, 4, 40),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cell", SHORT, ids=str)
+def test_intervals_hold_integrals_as_often_as_they_say(cell):
+    """Fourteen integrands; not more often either, unless rounding or equal means widen the interval."""
+    found = [each for each in coverage.cells(*cell) if each.integrand != coverage.SKEWED]
+    assert len(found) == 14
+    for each in found:
+        for level, held in zip(coverage.LEVELS, each.held, strict=True):
+            assert held / each.trials >= level - slack(level, each.trials), each
+            if not each.wider:
+                assert held / each.trials <= level + slack(level, each.trials), each
+
+
+def test_a_constant_has_no_standard_error():
+    found = qj.integrate(lambda p: 0 * p[:, 0] + 3, sequences.sobol(1), 16, replicates=4, key=1)
+    assert float(found.standard_error) == 0
+    low, high = map(float, found.interval())
+    assert (low, high) == (3 - 3 * 2.0**-23, 3 + 3 * 2.0**-23)
+
+
+def test_counts_that_agree_by_chance():
+    """Each of 16 replicates is 100 / 256 with a probability of 0.95, else 101 / 256."""
+    exact, trials = 100.05 / 256, 60
+    step = partial(below, edge=exact)
+    found = [qj.integrate(step, sequences.sobol(1), 256, replicates=16, key=key) for key in range(trials)]
+    for level in (0.9, 0.95):
+        intervals = [map(float, each.interval(level)) for each in found]
+        held = np.mean([low <= exact <= high for low, high in intervals])
+        assert held >= level - slack(level, trials)
+        assert float(found[0].standard_error) < 1 / 256
+
+
+def test_parts_of_trees_have_their_own_rounding():
+    """Of float16 its epsilon, of float32 another; complex numbers have one for each part."""
+
+    def values(points):
+        x = points[:, 0] + 1
+        return {"short": x.astype(jnp.float16), "long": x, "complex": jax.lax.complex(x, 100 * x)}
+
+    rounding = qj.integrate(values, sequences.sobol(1), 2**12, replicates=2, key=1).rounding
+    assert float(rounding["short"]) == pytest.approx(2 * 2.0**-10, rel=1e-3)
+    assert float(rounding["long"]) == pytest.approx(2 * 2.0**-23, rel=1e-3)
+    assert complex(rounding["complex"]) == pytest.approx((2 + 200j) * 2.0**-23, rel=1e-3)
+
+
+def test_replicates_have_derivatives_outside_of_float64():
+    """Compiled, in reverse and forward, in float32 and float64: of a / 3, to a block and a rest of points."""
+
+    def mean(a, dtype):
+        def function(points):
+            return a.astype(points.dtype) * points[:, 0] ** 2
+
+        how = dict(replicates=2, key=1, dtype=dtype)
+        return qj.integrate(function, sequences.sobol(1), 4097, 1, **how).integral
+
+    for dtype, derivative in ((jnp.float32, jax.grad), (jnp.float64, jax.grad), (jnp.float32, jax.jacfwd)):
+        slope = jax.jit(derivative(partial(mean, dtype=dtype)))
+        assert float(slope(jnp.float32(1))) == pytest.approx(1 / 3, abs=1e-4)
+
+
+BUMP = scenes.function(lambda p: jnp.exp(-p[..., 0] - p[..., 1]), ("x", "y"))
+
+
+def check_student(ratios, freedom):
+    """Errors in standard errors are in Student's intervals as often as these say."""
+    for level in (0.5, 0.95):
+        held = np.mean(np.abs(ratios) <= stats.t.ppf((1 + level) / 2, freedom))
+        assert abs(held - level) <= slack(level, len(ratios))
+
+
+def test_bounds_of_references_count_standard_errors():
+    """Of an image of one value, a fifth of the bound is that of the mean of 16 replicates."""
+    found = [qj.estimated_reference(BUMP, 1, 1, 16 * 64, key) for key in range(40)]
+    check_student([(image.item() - HARD["smooth"][1]) / (bound / 5) for image, bound in found], 15)
+
+
+def test_the_bound_of_a_reference_is_that_of_its_replicates():
+    """Five standard errors of the mean of 16 images, each rendered with a key of its own."""
+    image, bound = qj.estimated_reference(BUMP, 3, 2, 16 * 32, 1)
+    images = []
+    for key in jax.random.split(jax.random.key(1), 16):
+        sampler = samplers.independent(sequences.sobol(2), key)
+        images.append(np.asarray(qj.render(BUMP, sampler, 3, 2, 32, dtype=jnp.float64)))
+    np.testing.assert_allclose(image, np.mean(images, axis=0), rtol=1e-15)
+    assert bound == pytest.approx(5 * stats.sem(images, axis=0, ddof=1).max(), rel=1e-10)
+
+
+def passes_of(key, spp):
+    sampler = samplers.randomized(lambda key: samplers.independent(sequences.sobol(2), key), key, spp)
+    return qj.render_passes(BUMP, sampler, 1, 1, passes=4)
+
+
+def test_the_error_of_passes_counts_what_rounding_adds():
+    """In float32, passes of 2**18 samples per pixel are equal, and not the integral."""
+    found = passes_of(1, 2**18)
+    assert float(found.variance.max()) < 1e-16
+    assert 0 < abs(float(found.image[0, 0]) - HARD["smooth"][1]) < float(found.error) < 2.0**-22
+
+
+def test_errors_of_passes_are_standard_errors():
+    found = [passes_of(key, 16) for key in range(100)]
+    check_student([(float(p.image[0, 0]) - HARD["smooth"][1]) / float(p.error) for p in found], 3)

@@ -1,0 +1,338 @@
+"""The way from scene and sampler to image."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import SAMPLERS, SIDE, SPP, first, some
+
+import qmcjax as qj
+from figures.shared.peak_memory import peak_of
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.rendering import _render, _task
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Plane:
+    """A plug-in scene, linear in the pixel and in time, in three channels."""
+
+    slope: jax.Array
+    needs = ("x", "y", "time")
+
+    def __call__(self, point):
+        x, y, time = point[..., 0], point[..., 1], point[..., 2]
+        return jnp.stack([self.slope * x, y, time], axis=-1)
+
+
+PLANE = Plane(jnp.float32(0.5))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Tenth:
+    """A value that no binary fraction sums exactly."""
+
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return jnp.full(point.shape[:-1], 0.1, point.dtype)
+
+
+draw = jax.jit(lambda sampler, *where, dims: sampler(*where, dims), static_argnames="dims")
+evaluate = jax.jit(lambda scene, points: scene(points))
+
+
+def brute_force(scene, sampler, width, height, spp):
+    """Return the mean over the samples, in float64, point by point as in the design."""
+    y, x, sample = np.meshgrid(first(height), first(width), first(spp), indexing="ij")
+    x, y, sample = (jnp.asarray(a) for a in (x, y, sample))
+    drawn = np.array(draw(sampler, x, y, sample, dims=tuple(range(len(scene.needs)))), np.float32)
+    drawn[..., 0] = (np.asarray(x) + drawn[..., 0]) * np.float32(1 / width)
+    drawn[..., 1] = (np.asarray(y) + drawn[..., 1]) * np.float32(1 / height)
+    return np.asarray(evaluate(scene, drawn), np.float64).mean(axis=2)
+
+
+@some(
+    "sampler",
+    SAMPLERS,
+    "full_screen, permutation",
+    "shifted, hilbert, lattice",
+    "z, hash",
+)
+def test_image_is_the_mean_of_the_samples(sampler):
+    scene = qj.scenes.zone_plate(10.0)
+    image = qj.render(scene, sampler, SIDE, SIDE, SPP)
+    assert image.shape == (SIDE, SIDE)
+    assert image.dtype == jnp.float32
+    np.testing.assert_allclose(image, brute_force(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("size", "spp"),
+    [((20, 9), 6), ((1, 7), 3)]
+    + [pytest.param((32, 32), spp, marks=pytest.mark.slow) for spp in (1, 3, 4, 6, 16)]
+    + [pytest.param((20, 9), spp, marks=pytest.mark.slow) for spp in (1, 3, 4, 16)]
+    + [pytest.param((1, 7), spp, marks=pytest.mark.slow) for spp in (1, 4, 6, 16)],
+)
+def test_colours_more_dimensions_and_any_size_and_count(size, spp):
+    width, height = size
+    sampler = samplers.contiguous(orders.hilbert(width, height), sequences.halton(5), spp)
+    image = qj.render(PLANE, sampler, width, height, spp)
+    assert image.shape == (height, width, 3)
+    np.testing.assert_allclose(image, brute_force(PLANE, sampler, width, height, spp), rtol=0, atol=1e-6)
+
+
+def test_image_y_x_is_pixel_x_y():
+    sampler = samplers.contiguous(orders.raster(8, 4), sequences.halton(3), 64)
+    image = np.asarray(qj.render(PLANE, sampler, 8, 4, 64))
+    np.testing.assert_allclose(image[0, :, 0], 0.5 * (np.arange(8) + 0.5) / 8, atol=8e-3)
+    np.testing.assert_allclose(image[:, 0, 1], (np.arange(4) + 0.5) / 4, atol=1e-2)
+
+
+def test_sums_are_compensated():
+    """2**17 additions of 0.1: plain float32 sums lose four digits."""
+    spp = 2**17
+    sampler = samplers.independent(sequences.sobol(2), key=0)
+    image = np.asarray(qj.render(Tenth(), sampler, 2, 1, spp))
+    np.testing.assert_array_max_ulp(image, np.full((1, 2), 0.1, np.float32), maxulp=1)
+    naive = np.float32(0)
+    for partial in np.full(spp, 0.1, np.float32):
+        naive += partial
+    assert abs(naive / spp - 0.1) > 1e-5
+
+
+def test_float64_on_request():
+    scene = qj.scenes.zone_plate()
+    sampler = SAMPLERS["contiguous, hilbert, sobol"]
+    double = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=jnp.float64)
+    assert double.dtype == jnp.float64
+    assert not jax.config.jax_enable_x64
+    single = qj.render(scene, sampler, SIDE, SIDE, SPP)
+    assert 0 < np.max(np.abs(np.asarray(single) - np.asarray(double))) < 1e-3
+
+
+def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
+    from importlib import import_module
+
+    scene, sampler, parts = qj.scenes.zone_plate(), samplers.independent(sequences.sobol(2), key=0), []
+    whole = qj.render(scene, sampler, 16, 16, 48)
+    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 32)
+    split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
+    assert parts == [32 / 48, 1.0], "the second call has half as many samples"
+    assert np.array_equal(whole, split)
+
+
+def test_one_trace_per_shape():
+    """New keys, new scene parameters and more samples with the same divisors do not compile again."""
+    traces = []
+
+    @jax.tree_util.register_dataclass
+    @dataclass(frozen=True)
+    class Counted:
+        level: jax.Array
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            traces.append(1)
+            return point[..., 0] * self.level
+
+    def run(key, level, spp):
+        qj.render(Counted(jnp.float32(level)), samplers.independent(sequences.sobol(2), key), 8, 8, spp)
+
+    run(0, 1.0, 8)
+    once = len(traces)
+    run(1, 2.0, 8)
+    run(2, 3.0, 64)
+    assert len(traces) == once
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class LastCorner:
+    """A plug-in sampler without a base class: the largest offset there is."""
+
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return jnp.full((*x.shape, len(dims)), 1 - jnp.finfo(dtype).epsneg, dtype)
+
+    def check(self, width, height, spp):
+        pass
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Outside:
+    """One where a point is not in the half-open square."""
+
+    needs = ("x", "y")
+
+    def __call__(self, point):
+        return jnp.any((point < 0) | (point >= 1), axis=-1).astype(point.dtype)
+
+
+@pytest.mark.parametrize("width", [*(pytest.param(w, marks=pytest.mark.slow) for w in (1, 512)), 3, 65536])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_points_stay_in_the_half_open_square(width, dtype):
+    """The last pixel plus its largest offset rounds up to the width, which would be 1."""
+    assert not np.any(qj.render(Outside(), LastCorner(), width, 1, 1, dtype=dtype))
+
+
+@pytest.mark.parametrize("spp", [*(pytest.param(spp, marks=pytest.mark.slow) for spp in (1, 4)), 24])
+def test_gradient_through_scene_parameters(spp):
+    """Against the closed form of a linear scene, and against finite differences of the zone plate."""
+    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(3), spp)
+    red = jax.jit(lambda a: qj.render(Plane(a), sampler, 8, 8, spp)[..., 0].sum())
+    slope = jax.grad(red)(jnp.float32(0.5))
+    assert float(slope) == pytest.approx(
+        brute_force(Plane(jnp.float32(1)), sampler, 8, 8, spp)[..., 0].sum(), rel=1e-5
+    )
+
+    @jax.jit
+    def brightness(frequency):
+        return (qj.render(qj.scenes.zone_plate(frequency), sampler, 8, 8, spp, dtype=jnp.float64) ** 2).sum()
+
+    with jax.enable_x64(True):
+        f, h = jnp.float64(40), 1e-5
+        expected = (brightness(f + h) - brightness(f - h)) / (2 * h)
+        assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(16,\) and float32"),
+        (lambda p: p[..., 0] < 0.5, r"float64, got \(16,\) and bool"),
+        (lambda p: p[0, 0], r"got \(\) and float64"),
+        (lambda p: p[..., None], r"got \(16, 2, 1\) and float64"),
+    ],
+)
+def test_values_have_the_dtype_and_shape_of_the_points(values, message):
+    @jax.tree_util.register_dataclass
+    @dataclass(frozen=True)
+    class Wrong:
+        needs = ("x", "y")
+
+        def __call__(self, point):
+            return values(point)
+
+    sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)
+    with pytest.raises(ValueError, match=message):
+        qj.render(Wrong(), sampler, 4, 4, 4, dtype=jnp.float64)
+
+
+def test_only_derivatives_that_are_wanted_are_taken():
+    """An edge refuses its own derivative, and nothing else's."""
+    sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)
+
+    def total(difficulty, shift):
+        return qj.render(qj.scenes.genz("discontinuous", 2, difficulty, shift), sampler, 4, 4, 4).sum()
+
+    slope = jax.grad(total)(jnp.float32(1), 0.5)
+    difference = (total(jnp.float32(1.01), 0.5) - total(jnp.float32(0.99), 0.5)) / 0.02
+    assert float(slope) == pytest.approx(float(difference), rel=1e-3)
+    with pytest.raises(ValueError, match=r"Genz\.shift moves an edge"):
+        jax.grad(total, argnums=1)(1.0, jnp.float32(0.5))
+
+
+@pytest.mark.slow
+def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
+    from importlib import import_module
+
+    sampler = samplers.independent(sequences.sobol(2), key=0)
+    slope = jax.grad(lambda f: (qj.render(qj.scenes.zone_plate(f), sampler, 16, 16, 48) ** 2).sum())
+    whole = slope(jnp.float32(20))
+    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 16)
+    assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
+
+
+def test_gradient_takes_no_memory_for_samples():
+    """The compiled backward pass of 64 times as many samples needs no more."""
+
+    def temporary(spp):
+        sampler = samplers.independent(sequences.sobol(2), key=0)
+        loss = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 32, 32, spp).sum()  # noqa: E731
+        return jax.jit(jax.grad(loss)).lower(jnp.float32(40)).compile().memory_analysis().temp_size_in_bytes
+
+    assert temporary(1024) == temporary(16)
+
+
+def test_vmap_over_scene_parameters_equals_a_loop():
+    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
+    image = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 8, 8, 4)  # noqa: E731
+    frequencies = jnp.array([10.0, 20.0, 30.0], jnp.float32)
+    np.testing.assert_allclose(
+        jax.vmap(image)(frequencies), [image(f) for f in frequencies], rtol=0, atol=1e-6
+    )
+
+
+SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]
+SCENE = qj.scenes.zone_plate()
+
+
+POLE = qj.scenes.function(lambda p: 1 / abs(jnp.floor(32 * p[..., 1]) - 5), ("x", "y"))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: qj.render(SCENE, SAMPLER, 0, 32, 4), r"width must be an integer in \[1, 65536\], got 0"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, -2, 4), "height .* got -2"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 0), "spp must be an integer .* got 0"),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 5), "spp must be at most 4 .* got 5"),
+        (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the order's 32 x 32, got 16 x 16"),
+        (lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
+        (
+            lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 16, 4),
+            "must be the net's 32 x 32, got 32 x 16",
+        ),
+        (
+            lambda: qj.render(PLANE, SAMPLER, 32, 32, 4),
+            r"must have the 3 dimensions .* got 2: \('time',\) are missing",
+        ),
+        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 4, dtype=jnp.float16), "dtype must be .* got .*float16"),
+        (lambda: qj.render(POLE, SAMPLER, 32, 32, 4), r"finite values, got inf in pixel \(0, 5\), sample 0"),
+        (
+            lambda: qj.render(SCENE, samplers.independent(sequences.hammersley_net(3), 0), 4, 4, 9),
+            "spp must be at most 8 for this sequence, got 9",
+        ),
+    ],
+)
+def test_bad_values_are_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_the_first_value_that_is_not_finite_is_named(monkeypatch):
+    """By column, row and number, in an image that is no square; searched for in a few samples at a time."""
+    monkeypatch.setattr(_task, "_SEARCHED", 2)
+
+    def in_order(x, y, sample):
+        return jnp.stack([jnp.full(sample.shape, 0.5), (sample.astype(jnp.float32) + 0.5) / 8], axis=-1)
+
+    def value(point):
+        late = (jnp.floor(5 * point[..., 0]) == 3) & (jnp.floor(24 * point[..., 1]) >= 8 + 5)
+        return jnp.where(late, jnp.nan, 1.0).astype(point.dtype)
+
+    scene = qj.scenes.function(value, ("x", "y"))
+    with pytest.raises(ValueError, match=r"finite values, got nan in pixel \(3, 1\), sample 5, point"):
+        qj.render(scene, samplers.function(in_order, 2), 5, 3, 8)
+
+
+@pytest.mark.slow
+def test_a_large_image_is_kept_once(monkeypatch):
+    """However many parts it is made of."""
+    monkeypatch.setattr(_render, "_CALL", 2**16)
+    sampler = samplers.z(4096, 4096, 1, 1)
+
+    def make(scene):
+        return qj.render(scene, sampler, 4096, 4096, 1)
+
+    image = make(scenes.disc())
+    size = image.nbytes
+    del image  # its program is compiled
+    peak = peak_of(make, scenes.disc())
+    assert peak is None or peak < 1.5 * size

@@ -1,0 +1,247 @@
+"""Images on two devices are those of one, bit by bit."""
+
+import os
+import subprocess
+import sys
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.sharding import AxisType, Mesh, NamedSharding
+from jax.sharding import PartitionSpec as P
+from tables import slow, some
+
+import analysis
+import qmcjax as qj
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.rendering import _accumulation
+
+SIDE, SPP = 8, 4
+SOBOL = sequences.sobol(2)
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return jax.make_mesh((2,), ("device",), axis_types=(AxisType.Auto,))
+
+
+def along(sequence):
+    return samplers.contiguous(orders.hilbert(SIDE, SIDE), sequence, SPP)
+
+
+def image(scene, key):
+    return qj.render(scene, along(sequences.owen(SOBOL, key)), SIDE, SIDE, SPP)
+
+
+def plate(frequency):
+    return qj.render(scenes.zone_plate(frequency), along(SOBOL), SIDE, SIDE, SPP)
+
+
+def gradient(frequency):
+    return jax.grad(lambda f: (plate(f) ** 2).sum())(frequency)
+
+
+SAMPLERS = {
+    "independent": lambda key: samplers.independent(SOBOL, key),
+    "z": lambda key: samplers.z(SIDE, SIDE, SPP, key),
+    "optimized": lambda key: samplers.optimized(SIDE, SIDE, SPP, key),
+    "ranked": lambda key: samplers.ranked(2, key),
+    "z, tree": lambda key: samplers.z(SIDE, SIDE, SPP, key, "tree"),
+    "owen, base b": lambda key: along(sequences.owen(sequences.halton(2), key)),
+    "owen_exact, base b": lambda key: along(sequences.owen_exact(sequences.faure(2), key)),
+    "passes": lambda key: samplers.randomized(lambda key: along(sequences.owen(SOBOL, key)), key),
+}
+
+
+def check(mesh, function, mapped):
+    """Compare two devices with one, eagerly over each device's part and vmapped within it."""
+    on_two = jax.jit(
+        jax.shard_map(jax.vmap(function), mesh=mesh, in_specs=P("device"), out_specs=P("device"))
+    )
+    np.testing.assert_array_equal(on_two(mapped), jax.jit(jax.vmap(function))(mapped))
+
+
+@some("scene", {"smooth": scenes.zone_plate(10.0), "edges": scenes.checkerboard()}, "edges")
+def test_keys_over_devices(mesh, scene):
+    check(mesh, partial(image, scene), jax.random.split(jax.random.key(1), 4))
+
+
+@some("make", SAMPLERS, "z")
+def test_samplers_over_devices(mesh, make):
+    render = lambda key: qj.render(scenes.step(), make(key), SIDE, SIDE, SPP)  # noqa: E731
+    check(mesh, render, jax.random.split(jax.random.key(1), 2))
+
+
+@pytest.mark.parametrize("function", [*slow(plate), gradient])
+def test_scenes_over_devices(mesh, function):
+    check(mesh, function, jnp.array([10.0, 20.0, 30.0, 40.0], jnp.float32))
+
+
+def test_rows_over_devices(mesh):
+    """Each device makes its rows: a program for the whole image, told where its result is to be."""
+    rows = NamedSharding(mesh, P("device"))
+    made = jax.jit(plate, out_shardings=rows)(jnp.float32(20))
+    assert len(made.sharding.device_set) == 2
+    np.testing.assert_array_equal(made, jax.jit(plate)(jnp.float32(20)))
+
+
+def test_samples_over_devices(mesh):
+    """Halves of the samples on two devices, each a pass of a randomised sampler, and their mean."""
+    passes = samplers.randomized(lambda key: along(sequences.owen(SOBOL, key)), 1)
+    scene = scenes.zone_plate(10.0)
+    of_pass = lambda number: qj.render(scene, passes.of_pass(number), SIDE, SIDE, SPP)  # noqa: E731
+    numbers = jnp.arange(2, dtype=jnp.uint32)
+
+    def averaged(number):
+        return jax.lax.pmean(of_pass(number[0]), "device")
+
+    on_two = jax.jit(jax.shard_map(averaged, mesh=mesh, in_specs=P("device"), out_specs=P()))(numbers)
+    first, second = (jax.jit(of_pass)(number) for number in numbers)
+    np.testing.assert_array_equal(on_two, (first + second) / 2)
+
+
+def test_one_parameter_for_all_devices(mesh):
+    """The gradient with respect to a parameter that all devices share is the sum of theirs."""
+    keys = jax.random.split(jax.random.key(1), 2)
+
+    def total(frequency, keys):
+        return jax.vmap(lambda key: image(scenes.zone_plate(frequency), key))(keys).sum()
+
+    def on_two(frequency, keys):
+        part = lambda f, k: jax.lax.psum(total(f, k), "device")  # noqa: E731
+        return jax.shard_map(part, mesh=mesh, in_specs=(P(), P("device")), out_specs=P())(frequency, keys)
+
+    made, plain = (jax.jit(jax.grad(f))(jnp.float32(20), keys) for f in (on_two, total))
+    assert float(made) == pytest.approx(float(plain), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_means_and_edges_over_devices(mesh):
+    keys = jax.random.split(jax.random.key(1), 2)
+    check(mesh, lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 5000), keys)
+
+    def edges(key):
+        sequence = sequences.owen(sequences.van_der_corput(), key)
+        return qj.boundary_gradient(scenes.disc(), sequence, SIDE, SIDE, 256).radius
+
+    check(mesh, edges, keys)
+    many = lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 2**21)  # noqa: E731
+    check(mesh, many, keys)
+
+
+FRESH = samplers.randomized(lambda key: samplers.z(24, 17, SPP, key), 1)
+SPREAD = {
+    "render": lambda mesh: qj.render(
+        scenes.checkerboard(), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
+    ),
+    "one pixel": lambda mesh: qj.render(scenes.disc(), samplers.independent(SOBOL, 1), 1, 1, SPP, mesh=mesh),
+    "render_adaptive": lambda mesh: qj.render_adaptive(
+        scenes.disc(), samplers.independent(SOBOL, 1), 24, 17, SPP, mesh=mesh
+    ),
+    "tolerance": lambda mesh: qj.render_adaptive(
+        scenes.disc(), FRESH, 24, 17, 8 * SPP, tolerance=0.05, mesh=mesh
+    ),
+    "render_passes": lambda mesh: qj.render_passes(
+        scenes.disc(), FRESH, 24, 17, 5, tolerance=0.05, mesh=mesh
+    ),
+    "estimated_reference": lambda mesh: qj.estimated_reference(scenes.zone_plate(), 24, 17, 64, 1, mesh=mesh),
+    "integrate": lambda mesh: qj.integrate(lambda p: {"y": p[:, 1], "2": p**2}, SOBOL, 2**21 + 77, mesh=mesh),
+    "replicates": lambda mesh: qj.integrate(jnp.cos, SOBOL, 1000, replicates=3, key=1, mesh=mesh),
+    "boundary_gradient": lambda mesh: qj.boundary_gradient(
+        scenes.disc(), sequences.van_der_corput(), 24, 17, 2**13, mesh=mesh
+    ),
+    "convergence": lambda mesh: (
+        analysis.convergence(
+            scenes.disc(),
+            {"Owen": samplers.independent(SOBOL, 1)},
+            [4],
+            width=24,
+            height=17,
+            repeats=1,
+            mesh=mesh,
+        )
+        .rows[0]
+        .errors
+    ),
+    "pixel_means": lambda mesh: analysis.pixel_means(
+        lambda p: p[..., 0] * p[..., 1], samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
+    ),
+}
+
+
+def derivatives(function, *at):
+    """Return those forward and in reverse."""
+    at = [jnp.float32(x) for x in at]
+    every = tuple(range(len(at)))
+    return jax.jacfwd(function, every)(*at), jax.grad(function, every)(*at), jax.jit(jax.grad(function))(*at)
+
+
+def bump(x, width):
+    """Return a function whose closure holds what derivatives are wanted of."""
+    return lambda p: jnp.exp(-width * jnp.sum((p - x) ** 2, axis=-1))
+
+
+PLATE = partial(samplers.independent, sequences.owen(SOBOL, 1))
+DIFFERENTIATED = {
+    "render": lambda mesh: derivatives(
+        lambda f: (qj.render(scenes.zone_plate(f), PLATE(1), 150, 133, SPP, mesh=mesh) ** 2).sum(), 20
+    ),
+    "integrate": lambda mesh: derivatives(
+        lambda x, width: qj.integrate(bump(x, width), SOBOL, 2**21 + 77, mesh=mesh), 0.3, 5
+    ),
+    "pixel_means": lambda mesh: derivatives(
+        lambda x, width: (
+            analysis.pixel_means(bump(x, width), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh) ** 2
+        ).sum(),
+        0.3,
+        5,
+    ),
+}
+
+
+def check_meshes(make, counts):
+    plain = jax.tree.leaves(make(None))
+    for count in counts:
+        made = jax.tree.leaves(make(Mesh(np.array(jax.devices()[-count:]).reshape(-1, 1), ("a", "b"))))
+        for one, other in zip(made, plain, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+@some("make", SPREAD, "render", "pixel_means")
+def test_a_mesh_changes_no_bit(make):
+    check_meshes(make, (1, 2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", DIFFERENTIATED.values(), ids=DIFFERENTIATED)
+def test_a_mesh_changes_no_bit_of_derivatives(make):
+    check_meshes(make, (1, 2))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("table", "counts"), [("SPREAD", (4, 8)), ("DIFFERENTIATED", (4, 8))])
+def test_a_mesh_of_eight_changes_no_bit(table, counts):
+    """In a process that has so many."""
+    program = f"import test_sharding as t\nfor make in t.{table}.values(): t.check_meshes(make, {counts})"
+    devices = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8"}
+    paths = {"PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-c", program], env=os.environ | devices | paths, check=True, timeout=300)
+
+
+@pytest.mark.slow
+def test_tiles_of_any_size_change_no_bit(monkeypatch):
+    plain = SPREAD["render"](None)
+    for size in (1, 7, 64, 1000):
+        monkeypatch.setitem(_accumulation.TILE, "cpu", size)
+        np.testing.assert_array_equal(SPREAD["render"](None), plain)
+
+
+def test_a_mesh_is_a_mesh_of_our_devices():
+    for wrong in (2, jax.devices(), "cpu"):
+        with pytest.raises(TypeError, match=r"mesh must be a jax\.sharding\.Mesh"):
+            SPREAD["render"](wrong)
+    strangers = jax.sharding.AbstractMesh((2,), ("device",))
+    with pytest.raises(TypeError, match="mesh must be a"):
+        SPREAD["integrate"](strangers)

@@ -1,0 +1,117 @@
+"""Direction numbers in Joe and Kuo's format: there and back, and errors that name the line."""
+
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from qmcjax import sequences
+
+FILE = Path(__file__).parents[1] / "direction_numbers.txt"
+
+
+def joe_kuo(dims: int) -> list[tuple[int, list[int]]]:
+    """Return pairs for the dimensions from 2 on, off the packed table."""
+    source = resources.files("qmcjax.sequences") / "_data" / "joe_kuo.npz"
+    with source.open("rb") as stream, np.load(stream) as table:
+        rows = zip(table["polynomials"][: dims - 1].tolist(), table["initial"].tolist(), strict=False)
+        return [(polynomial, initial[: polynomial.bit_length() - 1]) for polynomial, initial in rows]
+
+
+def test_a_file_that_is_known():
+    """Typed in: dimension 5 is x**3 + x**2 + 1, a = 10 in binary digits."""
+    numbers = sequences.read_direction_numbers(FILE)
+    assert numbers == ((0b11, (1,)), (0b111, (1, 3)), (0b1011, (1, 3, 1)), (0b1101, (1, 1, 1)))
+    assert numbers[2].polynomial == 0b1011
+    assert numbers[2].initial == (1, 3, 1)
+    assert np.array_equal(sequences.sobol_of(numbers).matrices, sequences.sobol(5).matrices)
+
+
+@pytest.mark.parametrize("dims", [600, pytest.param(21201, marks=pytest.mark.slow)])
+def test_there_and_back(dims, tmp_path):
+    """The table of Joe and Kuo through a file is the sequence that is built in."""
+    (tmp_path / "a.txt").write_text(sequences.direction_numbers_text(joe_kuo(dims)))
+    numbers = sequences.read_direction_numbers(str(tmp_path / "a.txt"))
+    assert np.array_equal(sequences.sobol_of(numbers).matrices, sequences.sobol(dims).matrices)
+    assert sequences.direction_numbers_text(numbers) == (tmp_path / "a.txt").read_text()
+
+
+@pytest.mark.parametrize(
+    "sequence", [sequences.sobol(200), sequences.one_two(20), sequences.sobol_of([(0b11111, [1, 3, 5, 7])])]
+)
+def test_numbers_are_found_in_matrices(sequence):
+    """They make the same matrices; of Joe and Kuo's they are those of the table."""
+    numbers = sequences.direction_numbers(sequence)
+    assert np.array_equal(sequences.sobol_of(numbers).matrices, sequence.matrices)
+    if sequence.dims == 200:
+        assert [(p, list(initial)) for p, initial in numbers] == joe_kuo(200)
+
+
+def test_other_matrices_have_no_numbers():
+    random = np.random.default_rng(1).integers(0, 2**32, 32, np.uint32)
+    upper = np.array([(column | 1) << (31 - k) & 2**32 - 1 for k, column in enumerate(random.tolist())])
+    matrices = np.stack([sequences.sobol(1).matrices[0], upper.astype(np.uint32)])
+    with pytest.raises(ValueError, match="got another matrix in dimension 2"):
+        sequences.direction_numbers(sequences.digital(matrices))
+    with pytest.raises(ValueError, match="sequence must begin with the component of van der Corput's"):
+        sequences.direction_numbers(sequences.digital(matrices[::-1]))
+    with pytest.raises(TypeError, match="sequence must be a digital sequence in base 2"):
+        sequences.direction_numbers(sequences.halton(2))
+
+
+def test_heading_and_empty_lines_may_be_missing_or_there(tmp_path):
+    (tmp_path / "a.txt").write_text("2 1 0 1\n\n3\t2 1   1 3\n")
+    assert sequences.read_direction_numbers(tmp_path / "a.txt") == ((0b11, (1,)), (0b111, (1, 3)))
+
+
+def test_irreducible_polynomials_that_are_not_primitive_do():
+    """x**4 + x**3 + x**2 + x + 1: each coordinate alone is still a (0,1)-sequence."""
+    words = np.asarray(sequences.sobol_of([(0b11111, [1, 3, 5, 7])]).matrices)[1]
+    assert np.array_equal(words & -words.astype(np.int64), 1 << np.arange(31, -1, -1))
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (["d s a m_i", "2 1 0 1", "3 2 1 1"], r"line 3 of .*a.txt: initial must be 2 integers"),
+        (["2 1 0 1", "", "3 2 1 1 2"], r"line 3 of .*a.txt: initial must be odd .* m_2=2"),
+        (["2 1 0 1", "4 2 1 1 3"], "line 2 of .*: d must be 3, got 4"),
+        (["d s a m_i", "1 1 0 1"], "line 2 of .*: d must be 2, got 1"),
+        (["2 2 0 1 3"], "line 1 of .*: polynomial must be irreducible .* got 0b101"),
+        (["2 1 1 1"], "line 1 of .*: s must be in .* got s=1, a=1"),
+        (["2 33 1 1"], "line 1 of .*: s must be in .* got s=33, a=1"),
+        (["2 1 0 1", "here", "3 2 1 1 3"], "line 2 of .*: must be d, s, a, m_1, ..., m_s, got 'here'"),
+        (["2 1 0"], "line 1 of .*: must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
+        (["2 1 0 -1"], "line 1 of .*: must be d, s, a"),
+        (["d s a m_i"], "path must be that of .* there are none in .*a.txt"),
+    ],
+)
+def test_errors_name_the_line(lines, message, tmp_path):
+    (tmp_path / "a.txt").write_text("\n".join(lines))
+    with pytest.raises(ValueError, match=message):
+        sequences.read_direction_numbers(tmp_path / "a.txt")
+
+
+def test_what_is_no_text(tmp_path):
+    (tmp_path / "a.txt").write_bytes(bytes(range(256)))
+    with pytest.raises(ValueError, match="path must be that of a file of direction numbers"):
+        sequences.read_direction_numbers(tmp_path / "a.txt")
+    with pytest.raises(TypeError, match="path must be a path or a string, got 3"):
+        sequences.read_direction_numbers(3)
+
+
+@pytest.mark.parametrize("make", [sequences.sobol_of, sequences.direction_numbers_text])
+@pytest.mark.parametrize(
+    ("numbers", "error", "message"),
+    [
+        ([], ValueError, "numbers must be pairs of .*, got none"),
+        (7, TypeError, "numbers must be pairs of .*, got 7"),
+        ([7], TypeError, "numbers must be pairs of"),
+        ([(3, [1]), (5, [1, 1])], ValueError, "numbers .* number 1: polynomial must be irreducible"),
+        ([(3, [1.0])], TypeError, "numbers .* number 0: initial must be 1 integers"),
+    ],
+)
+def test_bad_numbers(make, numbers, error, message):
+    with pytest.raises(error, match=message):
+        make(numbers)

@@ -1,0 +1,268 @@
+"""Faure's sequences and Theorem 2: brute force over F_q, and elementary intervals in base b."""
+
+import math
+from fractions import Fraction
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first
+
+from qmcjax import sequences
+from qmcjax.core import finite_field
+from qmcjax.sequences._digital.faure import faure, faure_matrices
+from qmcjax.sequences._digital.replacement import replace_component
+
+
+@jax.jit
+def double(seq, index):
+    return seq(index, dtype=jnp.float64)
+
+
+def count(base):
+    """Return the number of digits of an index."""
+    return next(k for k in range(33) if base**k >= 2**32)
+
+
+def numerators(seq, base, index):
+    """Return the exact integers of which the points are fractions, with all digits of an index."""
+    with jax.enable_x64(True):
+        points = np.asarray(double(seq, jnp.asarray(index)))
+    return np.rint(points * float(base ** count(base))).astype(np.int64)
+
+
+def compositions(total, parts):
+    if parts == 1:
+        return [(total,)]
+    return [(d, *rest) for d in range(total + 1) for rest in compositions(total - d, parts - 1)]
+
+
+def is_net(points, base, digits):
+    """Tell whether each elementary interval of volume base**-m holds one of base**m numerators."""
+    m = round(math.log(len(points), base))
+    assert len(points) == base**m
+    for split in compositions(m, points.shape[1]):
+        cells = points // [base ** (digits - d) for d in split]
+        if len(np.unique(cells, axis=0)) < len(points):
+            return False
+    return True
+
+
+def ones(size):
+    return np.triu(np.ones((size, size), int))
+
+
+@pytest.mark.parametrize("base", [2, 3, 5, 7, 31, 83, 97, 1021, 8191])
+@pytest.mark.parametrize("modified", [None, 0, 1])
+def test_points_are_matrices_times_digits(base, modified):
+    """In Python integers, up to the last index; float64 is the exact fraction rounded once."""
+    dims, size = 2, count(base)
+    matrices = [
+        [[math.comb(r, j) * i ** (r - j) if j <= r else 0 for r in range(size)] for j in range(size)]
+        for i in range(dims)
+    ]
+    if modified is not None:
+        # C_k C_j^-1 is the matrix for a_k - a_j; times the ones, a row's prefix sums.
+        matrices = [
+            [
+                list(
+                    np.cumsum(
+                        [math.comb(r, j) * (i - modified) ** (r - j) if j <= r else 0 for r in range(size)]
+                    )
+                )
+                for j in range(size)
+            ]
+            for i in range(dims)
+        ]
+    index = np.concatenate(
+        [first(60), np.random.default_rng(base).integers(0, 2**32, 40, np.uint32), [2**32 - 1]]
+    )
+    index = index.astype(np.uint32)
+    exact = []
+    for i in map(int, index):
+        digits = [i // base**k % base for k in range(size)]
+        rows = [
+            [sum(int(c) * d for c, d in zip(row, digits, strict=True)) % base for row in m] for m in matrices
+        ]
+        exact.append([float(sum(Fraction(d, base ** (j + 1)) for j, d in enumerate(row))) for row in rows])
+    seq = faure(dims, base, modified)
+    assert seq(jnp.asarray(index), dtype=jnp.float64).tolist() == exact
+    assert np.max(np.abs(np.asarray(seq(jnp.asarray(index))) - np.array(exact))) <= 2.0**-24
+
+
+@pytest.mark.parametrize(
+    ("base", "dims", "m"),
+    [(2, 1, 6), (2, 2, 8), (3, 2, 5), (3, 3, 5), (5, 3, 3), (5, 5, 3), (7, 4, 3), (7, 7, 2), (11, 11, 1)],
+)
+@pytest.mark.parametrize("modified", [None, 0, -1])
+def test_t_is_zero(base, dims, m, modified):
+    """Aligned blocks are (0,m,s)-nets, and (0,m,s+1)-nets with n / base**m as one more coordinate."""
+    seq = faure(dims, base, None if modified is None else modified % dims)
+    last = 2**32 // base**m - 1
+    starts = [block * base**m for block in (0, 1, base + 1, last)]
+    index = np.concatenate([start + np.arange(base**m) for start in starts]).astype(np.uint32)
+    for points in np.split(numerators(seq, base, index), len(starts)):
+        for k in range(1, m + 1):
+            for block in {0, base ** (m - k) - 1}:
+                net = points[block * base**k :][: base**k]
+                more = np.arange(base**k) * base ** (count(base) - k)
+                assert is_net(net, base, count(base))
+                assert is_net(np.column_stack([net, more]), base, count(base))
+
+
+def test_the_count_notices_what_is_no_net():
+    """Identity and ones do not go together in base 3 (thesis, "Limitations"), nor do unaligned blocks."""
+    vdc, lp = numerators(faure(1, 3), 3, first(27)), numerators(faure(1, 3, 0), 3, first(27))
+    assert is_net(vdc, 3, 21)
+    assert is_net(lp, 3, 21)
+    assert not is_net(np.column_stack([vdc, lp]), 3, 21)
+    assert not is_net(numerators(faure(3), 3, first(27) + np.uint32(5)), 3, 21)
+
+
+@pytest.mark.parametrize(("base", "dims"), [(2, 2), (3, 3), (5, 4), (7, 7)])
+def test_a_modified_sequence_renumbers_the_nets(base, dims):
+    """Remark 1: the same first base**m points in another order; the forced component is the same for all."""
+    index = first(base**3)
+    plain = numerators(faure(dims, base), base, index)
+    forced = numerators(faure(1, base, 0), base, index)[:, 0]
+    for j in range(dims):
+        changed = numerators(faure(dims, base, j), base, index)
+        assert np.array_equal(changed[:, j], forced)
+        for m in (1, 2, 3):
+            assert set(map(tuple, changed[: base**m])) == set(map(tuple, plain[: base**m]))
+        assert not np.array_equal(changed, plain)
+
+
+def test_base_2_is_sobol_and_larcher_pillichshammer():
+    index = jnp.asarray(np.random.default_rng(0).integers(0, 2**32, 100, np.uint32))
+    assert np.array_equal(faure(2).bits(index), sequences.sobol(2).bits(index))
+    assert np.array_equal(faure(1).bits(index), sequences.sobol(1).bits(index))
+    assert np.array_equal(faure(2, modified=0).bits(index), sequences.larcher_pillichshammer().bits(index))
+    swapped = sequences.larcher_pillichshammer().bits(index, (1, 0))
+    assert np.array_equal(faure(2, modified=1).bits(index), swapped)  # Remark 2
+
+
+@pytest.mark.parametrize("size", [1, 2, 7, 32])
+def test_theorem_2_gives_the_matrices_in_print(size):
+    """Eq. 5.19 for q = 2, from either component of the Sobol' sequence (Remark 2)."""
+    first_matrix, second_matrix = np.eye(size, dtype=int), faure_matrices(2, 2, size)[1]
+    printed = [[math.comb(j + 1, i + 1) % 2 for j in range(size)] for i in range(size)]
+    changed = replace_component([first_matrix, second_matrix], 0, ones(size), q=2)
+    assert changed[0].tolist() == ones(size).tolist()
+    assert changed[1].tolist() == printed
+    swapped = replace_component([first_matrix, second_matrix], 1, ones(size), q=2)
+    assert swapped[::-1].tolist() == changed.tolist()
+
+
+@pytest.mark.parametrize("q", [2, 3, 5, 7])
+def test_inverses_of_faure_matrices(q):
+    """The printed C_i^-1 = C_(s-i) holds for s = q, a_i = i, not for i from 1 with a_i = i - 1."""
+    matrices = faure_matrices(q, q, 12)
+    for i in range(q):
+        assert np.array_equal(finite_field.inverse(matrices[i], q), matrices[-i % q])
+    from_one = {i: matrices[i - 1] for i in range(1, q + 1)}
+    for i in range(2, q + 1):
+        assert np.array_equal(finite_field.inverse(from_one[i], q), from_one[q + 2 - i])
+    assert q == 2 or any(
+        not np.array_equal(finite_field.inverse(from_one[i], q), from_one[q - i]) for i in range(1, q)
+    )
+
+
+def generates_net(matrices, m, q):
+    """Tell whether the upper left m x m parts fulfil Theorem 1 for this m."""
+    return all(
+        finite_field.rank(np.concatenate([c[:d, :m] for c, d in zip(matrices, split, strict=True)]), q) == m
+        for split in compositions(m, len(matrices))
+    )
+
+
+@pytest.mark.parametrize(("q", "s"), [(2, 2), (3, 3), (5, 4)])
+def test_theorem_2_and_its_limit(q, s):
+    """Any upper triangular replacement gives a (0,s)-sequence; another one a net of full size only."""
+    size, rng = 5, np.random.default_rng(q)
+    matrices = faure_matrices(s, q, size)
+    for _ in range(5):
+        upper = np.triu(rng.integers(0, q, (size, size)), 1) + np.diag(rng.integers(1, q, size))
+        for j in range(s):
+            changed = replace_component(matrices, j, upper, q)
+            assert np.array_equal(changed[j], upper)
+            assert all(generates_net(changed, m, q) for m in range(1, size + 1))
+    smaller = []
+    for _ in range(5):
+        lower = np.tril(rng.integers(0, q, (size, size)), -1) + np.eye(size, dtype=int)
+        changed = replace_component(matrices, 0, lower @ upper, q)
+        assert generates_net(changed, size, q)
+        smaller += [generates_net(changed, m, q) for m in range(1, size)]
+    assert not all(smaller)
+
+
+def test_default_base_is_the_smallest_prime():
+    assert [getattr(faure(dims), "base", 2) for dims in (1, 2, 3, 4, 5, 6, 8, 100)] == [
+        2,
+        2,
+        3,
+        5,
+        5,
+        7,
+        11,
+        101,
+    ]
+
+
+def test_many_coordinates_together_equal_single_ones():
+    seq = faure(12, 101)
+    index = jnp.asarray(np.random.default_rng(0).integers(0, 2**32, 50, np.uint32))
+    points = jax.jit(lambda seq, index, dims: seq(index, dims), static_argnames="dims")
+    together, dims = np.asarray(points(seq, index, None)), (3, 0, 11)
+    assert np.array_equal(together[:, dims], points(seq, index, dims))
+    assert np.array_equal(together[0], points(seq, index[0], None))
+
+
+@pytest.mark.slow
+def test_1024_dimensions():
+    seq = faure(1024)
+    points = numerators(seq, 1031, first(1031))
+    cells = points // 1031 ** (count(1031) - 1)
+    assert np.array_equal(np.sort(cells, axis=0), np.broadcast_to(np.arange(1031)[:, None], (1031, 1024)))
+
+
+MATRICES = faure_matrices(2, 3, 4)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: faure(0), r"dims must be an integer in \[1, 1024\], got 0"),
+        (lambda: faure(1025), "dims .* got 1025"),
+        (lambda: faure(3, 4), "base must be prime, got 4"),
+        (lambda: faure(3, 2), r"base must be an integer in \[3, 8191\], got 2"),
+        (lambda: faure(1, 1), "base .* got 1"),
+        (lambda: faure(2, 8209), "base .* got 8209"),
+        (lambda: faure(3, modified=3), r"modified must be an integer in \[0, 2\], got 3"),
+        (lambda: replace_component(MATRICES, 0, ones(4), 9), "q must be prime, got 9"),
+        (lambda: replace_component(MATRICES[0], 0, ones(4), 3), r"matrices .* got \(4, 4\)"),
+        (lambda: replace_component(MATRICES[:, :3], 0, ones(4), 3), r"matrices .* got \(2, 3, 4\)"),
+        (lambda: replace_component(MATRICES, 0, ones(5), 3), r"replacement .* \(4, 4\), got \(5, 5\)"),
+        (lambda: replace_component(MATRICES, 2, ones(4), 3), r"component must be .* \[0, 1\], got 2"),
+        (lambda: replace_component(MATRICES * 0, 0, ones(4), 3), r"matrices\[0\] must be regular .* rank 0"),
+        (lambda: replace_component(MATRICES, 0, ones(4)[::-1], 3), "replacement .* singular 1 x 1 part"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: replace_component(MATRICES / 2, 0, ones(4), 3),
+            "matrices must be integers .* got an array of float64",
+        ),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()

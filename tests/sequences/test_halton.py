@@ -1,0 +1,261 @@
+"""The Halton sequence with permuted digits against exact fractions."""
+
+from fractions import Fraction
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first
+
+from qmcjax import sequences
+from qmcjax.sequences._halton import halton
+
+BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
+FACTORS = (1, 1, 3, 3, 4, 9, 7, 5, 9, 18)
+# Faure 1992: the permutations of the bases 5 and 7; those of 11, ..., by the rule.
+PRINTED = {
+    2: [0, 1],
+    3: [0, 1, 2],
+    4: [0, 2, 1, 3],
+    5: [0, 3, 2, 1, 4],
+    6: [0, 2, 4, 1, 3, 5],
+    7: [0, 2, 5, 3, 1, 4, 6],
+    8: [0, 4, 2, 6, 1, 5, 3, 7],
+}
+
+
+def faure(b):
+    """Return the permutation by the rule for single entries: where does a go."""
+
+    def entry(b, a):
+        if b == 2:
+            return a
+        if b % 2 == 0:
+            return 2 * entry(b // 2, a % (b // 2)) + a // (b // 2)
+        c = b // 2
+        if a == c:
+            return c
+        value = entry(b - 1, a - (a > c))
+        return value + (value >= c)
+
+    return [entry(b, a) for a in range(b)]
+
+
+PERMUTED = {
+    "zaremba": lambda j, k, a: (a + k) % BASES[j],
+    "faure": lambda j, k, a: faure(BASES[j])[a],
+    "faure_lemieux": lambda j, k, a: FACTORS[j] * a % BASES[j],
+}
+KEYED = {**dict.fromkeys(PERMUTED), "random": 5}
+each_permutation = pytest.mark.parametrize("permutation", KEYED)
+
+
+def double(seq, index, dims=None):
+    """Return float64 coordinates of any indices, compiled."""
+    with jax.enable_x64(True):
+        return np.asarray(_double(seq, jnp.asarray(index), dims))
+
+
+@partial(jax.jit, static_argnames="dims")
+def _double(seq, index, dims):
+    return seq(index, dims, jnp.float64)
+
+
+def count(base):
+    """Return the number of digits of an index."""
+    return next(k for k in range(33) if base**k >= 2**32)
+
+
+def numerators(points, bases):
+    """Return the exact integers of which float64 points are fractions, with all digits of an index."""
+    scaled = points * np.array([float(b ** count(b)) for b in bases])
+    return np.rint(scaled).astype(np.int64)
+
+
+def some_indices(n):
+    return np.concatenate(
+        [first(n), np.random.default_rng(3).integers(0, 2**32, n, np.uint32), np.uint32(2**32 - 1) - first(n)]
+    )
+
+
+@pytest.mark.parametrize("permutation", PERMUTED)
+def test_values_are_the_exact_fractions_rounded_once(permutation):
+    seq = sequences.halton(len(BASES), permutation)
+    index = some_indices(100)
+    exact = [
+        [
+            sum(
+                Fraction(PERMUTED[permutation](j, k, int(i) // b**k % b), b ** (k + 1))
+                for k in range(count(b))
+            )
+            for j, b in enumerate(BASES)
+        ]
+        for i in index
+    ]
+    values = double(seq, index)
+    assert values.tolist() == [[float(v) for v in row] for row in exact]
+    single = np.asarray(seq(jnp.asarray(index)))
+    # In base 2, float32 keeps the upper 24 bits.
+    assert np.array_equal(single[:, 1:], np.minimum(values[:, 1:].astype(np.float32), 1 - 2.0**-24))
+    assert np.array_equal(single[:, 0], np.floor(values[:, 0] * 2**24) / 2**24)
+
+
+def test_faure_permutations_are_those_in_print():
+    for b, printed in PRINTED.items():
+        assert faure(b) == printed
+    for b in (2, 3, 5, 7):
+        seq = sequences.halton(4, "faure")
+        digits = double(seq, first(7))[:b, BASES.index(b)] * b
+        assert np.rint(digits).tolist() == PRINTED[b]
+
+
+def test_zaremba_leaves_out_one_constant_of_the_infinite_sum():
+    """The zeros beyond an index's digits become k mod b as well: less than b**-K, the same for all."""
+    points = double(sequences.halton(10, "zaremba"), some_indices(20))
+    for j, b in enumerate(BASES):
+        tail = sum(Fraction(k % b, b ** (k + 1)) for k in range(count(b), 200))
+        assert 0 < tail < Fraction(1, b ** count(b)) <= Fraction(1, 2**32)
+        infinite = [
+            sum(Fraction((int(i) // b**k % b + k) % b, b ** (k + 1)) for k in range(200))
+            for i in some_indices(20)
+        ]
+        assert [float(v - tail) for v in infinite] == points[:, j].tolist()
+
+
+@each_permutation
+def test_every_box_of_a_period_holds_one_point(permutation):
+    """Of 2**4 3**3 consecutive points, one lies in each box 2**-4 x 3**-3; so for other bases and shapes."""
+    seq = sequences.halton(10, permutation, key=KEYED[permutation])
+    starts = (0, 12345, 2**32 - 1000)
+    index = np.concatenate([np.arange(start, start + 1000) for start in starts]).astype(np.uint32)
+    values = double(seq, index)
+    shapes = [((0, 4), (1, 3)), ((0, 7), (2, 1)), ((1, 2), (2, 2)), ((3, 2), (7, 1)), ((1, 5), (4, 0))]
+    for (i, a), (j, b) in shapes:
+        bases = BASES[i], BASES[j]
+        period = bases[0] ** a * bases[1] ** b
+        for block in np.split(numerators(values[:, (i, j)], bases), len(starts)):
+            cells = block[:period] // [bases[0] ** (count(bases[0]) - a), bases[1] ** (count(bases[1]) - b)]
+            assert len(np.unique(cells, axis=0)) == period
+
+
+@pytest.mark.parametrize("permutation", [None, *KEYED])
+def test_values_are_distinct_and_below_one(permutation):
+    """Among them those of the largest digits, which float32 would round up to 1."""
+    seq = sequences.halton(10, permutation, key=KEYED.get(permutation))
+    index = np.union1d(some_indices(2000), [b**k - 1 for b in BASES for k in range(1, count(b))])
+    index = index.astype(np.uint32)
+    points = double(seq, index)
+    assert all(len(np.unique(column)) == len(column) for column in points.T)
+    assert points.min() >= 0
+    assert points.max() < 1
+    assert np.asarray(jax.jit(lambda s, i: s(i))(seq, jnp.asarray(index))).max() < 1
+
+
+@pytest.mark.parametrize(
+    "permutation", [None, *(pytest.param(name, marks=pytest.mark.slow) for name in KEYED)]
+)
+def test_many_coordinates_together_equal_single_ones(permutation):
+    """Large bases share a program, with quotients by another way."""
+    seq = sequences.halton(200, permutation, key=KEYED.get(permutation))
+    # Of the multiples of 103 and 107, some products with the rounded reciprocal are below the quotient.
+    index = np.concatenate([some_indices(100), first(100) * np.uint32(103), first(100) * np.uint32(107)])
+    backwards = double(seq, index, tuple(range(seq.dims))[::-1])
+    assert seq.dims >= halton.MANY
+    dims = (0, 23, 24, 26, 27, 53, 54, 55, 100, 199)
+    assert np.array_equal(backwards[:, ::-1][:, dims], double(seq, index, dims))
+    if permutation is None:
+        assert np.array_equal(backwards[:, ::-1], double(seq, index))
+
+
+def test_faure_lemieux_multiplies_in_all_360_bases():
+    seq = sequences.halton(360, "faure_lemieux")
+    points = double(seq, first(2500))
+    factors = np.rint(points[1] * np.array(seq.bases)).astype(int)
+    assert factors[:10].tolist() == list(FACTORS)
+    assert factors[-3:].tolist() == [923, 872, 1860]
+    assert np.all((factors > 0) & (factors < np.array(seq.bases)))
+    for j in (50, 200, 359):
+        b = seq.bases[j]
+        assert np.array_equal(np.rint(points[:b, j] * b), factors[j] * np.arange(b) % b)
+
+
+@pytest.mark.slow
+def test_random_permutations_are_uniform_and_independent():
+    """All 6 x 6 pairs of the permutations of two digits, and of two components, are equally frequent."""
+    keys = jax.random.split(jax.random.key(1), 3600)
+
+    def values(key):
+        return sequences.halton(3, "random", key)(jnp.array([0, 1, 2, 3, 6], jnp.uint32))
+
+    three, five = np.moveaxis(np.asarray(jax.jit(jax.vmap(values))(keys), np.float64), 2, 0)[1:]
+    first_digit = np.floor(three * 3)
+    second_digit = np.floor(three * 9) % 3
+
+    def number(digits):
+        """Tell permutations of three digits apart by comparisons."""
+        pairs = [digits[:, i] < digits[:, j] for i, j in ((0, 1), (0, 2), (1, 2))]
+        return np.unique(pairs[0] * 4 + pairs[1] * 2 + pairs[2], return_inverse=True)[1]
+
+    of_first, of_second = number(first_digit[:, :3]), number(second_digit[:, [0, 3, 4]])
+    of_five = number(np.floor(five[:, :3] * 5))
+    for other in (of_second, of_five):
+        table = np.bincount(of_first * 6 + other, minlength=36)
+        assert table.shape == (36,)
+        assert np.all(np.abs(table - 100) < 5 * 10)
+        chi2 = ((table - 100) ** 2 / 100).sum()
+        assert abs(chi2 - 35) < 5 * np.sqrt(2 * 35)
+
+
+def test_a_new_key_compiles_nothing_anew():
+    traces = []
+
+    @jax.jit
+    def points(seq):
+        traces.append(1)
+        return seq(jnp.asarray(first(64)))
+
+    a = points(sequences.halton(5, "random", key=0))
+    b = points(sequences.halton(5, "random", key=jax.random.key(1)))
+    assert len(traces) == 1
+    assert np.mean(a == b) < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("permutation", [None, "zaremba", "faure", "random"])
+def test_all_1024_dimensions(permutation):
+    seq = sequences.halton(1024, permutation, key=1 if permutation == "random" else None)
+    assert seq.bases[-1] == 8161
+    points = np.asarray(seq.points(8161, dtype=jnp.float64))
+    cells = np.floor(numerators(points, seq.bases) // [b ** (count(b) - 1) for b in seq.bases])
+    for j in (0, 24, 500, 1023):
+        b = seq.bases[j]
+        assert np.array_equal(np.sort(cells[:b, j]), np.arange(b))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.halton(361, "faure_lemieux"), r"dims must be an integer in \[1, 360\], got 361"),
+        (lambda: sequences.halton(1025, "zaremba"), r"dims must be an integer in \[1, 1024\], got 1025"),
+        (lambda: sequences.halton(2, "braaten"), "permutation must be one of .* got 'braaten'"),
+        (lambda: sequences.halton(2, "random"), "key must be given for permutation='random' .* got None"),
+        (lambda: sequences.halton(2, "faure", key=0), "key must be given for permutation='random' .* got 0"),
+        (lambda: sequences.halton(2, "random", key=-1), "key must be an integer .* got -1"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.halton(2, "random", key="x"), "key must be one jax.random.key.* got 'x'"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()

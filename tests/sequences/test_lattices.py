@@ -1,0 +1,206 @@
+"""Rank-1 lattices: exact arithmetic, the group, and the largest minimum distance by brute force."""
+
+import itertools
+from fractions import Fraction
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first
+
+from analysis import min_distance, squared_min_distance
+from qmcjax import sequences
+from qmcjax.core import maximin_lattices
+from qmcjax.sequences._lattices.rank1_lattice import Rank1Lattice
+
+LATTICES = {
+    "lattice(5)": (sequences.lattice(5), 256),
+    "korobov(256)": (sequences.korobov(256, 4, 76), 256),
+    "korobov(210)": (sequences.korobov(210, 4, 47), 210),
+    "korobov(1)": (sequences.korobov(1, 2, 0), 1),
+    "rank1_lattice(128)": (sequences.rank1_lattice(128), 128),
+    "rank1_lattice(101)": (sequences.rank1_lattice(101), 101),
+    "rank1_lattice(64, 3)": (sequences.rank1_lattice(64, 3), 64),
+    "rank1_lattice(90, 3)": (sequences.rank1_lattice(90, 3), 90),
+}
+each_lattice = pytest.mark.parametrize(("seq", "n"), LATTICES.values(), ids=LATTICES.keys())
+
+
+def numerators(seq, n, start=0):
+    """Return n times the points start .. start + n - 1, which must be integers but for float64's rounding."""
+    scaled = np.asarray(seq.points(n, start, dtype=jnp.float64)) * n
+    assert np.max(np.abs(scaled - scaled.round())) < 1e-12
+    return scaled.round().astype(int)
+
+
+def as_set(points):
+    return set(map(tuple, points.tolist()))
+
+
+@each_lattice
+def test_points_are_a_group_modulo_1(seq, n):
+    """As many points as numbers, with all their sums and differences."""
+    points = numerators(seq, n)
+    assert len(as_set(points)) == n
+    for shift in points[:: max(n // 13, 1)]:
+        assert as_set((points + shift) % n) == as_set((points - shift) % n) == as_set(points)
+
+
+@pytest.mark.parametrize("block", [1, 2, 7])
+def test_blocks_of_the_sequence_are_shifted_copies_of_the_first(block):
+    seq = sequences.lattice(6)
+    start = np.asarray(seq.bits(jnp.asarray(first(64))))
+    later = np.asarray(seq.bits(jnp.asarray(first(64) + np.uint32(64 * block))))
+    assert not np.array_equal(later, start)
+    assert as_set(later - later[0]) == as_set(start)
+
+
+def test_a_longer_lattice_contains_the_shorter():
+    seq = sequences.lattice(250)
+    assert np.array_equal(seq.points(32), seq.points(64)[:32])
+    assert np.all(np.asarray(seq.bits(jnp.asarray(first(64)))) % 2**26 == 0)
+
+
+def test_the_vector_of_cools_kuo_and_nuyens():
+    """In print: 250 components, odd and below 2**20, of which the first ten."""
+    vector = np.asarray(sequences.lattice(250).vector)
+    known = [1, 182667, 469891, 498753, 110745, 446247, 250185, 118627, 245333, 283199]
+    assert vector[:10].tolist() == known
+    assert vector.shape == (250,)
+    assert np.all(vector % 2 == 1)
+    assert vector.max() < 2**20
+
+
+@pytest.mark.parametrize("dims", [3, 250])
+def test_lattice_sequence_against_python_integers(dims):
+    """In all 32 bits, up to the last index."""
+    seq = sequences.lattice(dims)
+    index = np.concatenate([first(20), np.random.default_rng(1).integers(0, 2**32, 20, dtype=np.uint32)])
+    index = np.append(index, np.uint32(2**32 - 1))
+    reversed_index = [int(f"{i:032b}"[::-1], 2) for i in index]
+    expected = [[r * int(z) % 2**32 for z in np.asarray(seq.vector)] for r in reversed_index]
+    assert np.asarray(seq.bits(jnp.asarray(index))).tolist() == expected
+    assert np.array_equal(seq.bits(jnp.asarray(index), (2, 0)), np.asarray(expected)[:, [2, 0]])
+
+
+@pytest.mark.parametrize("n", [1, 3, 10, 49, 65536, 65537, 1_000_003, 2**24, 2**32 - 5, 2**32])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_korobov_lattices_are_exact_fractions_rounded_once(n, dtype):
+    """Float64 is right to the last bit, float32 within one unit in the last place, and below 1."""
+    a = n // 3
+    seq = sequences.korobov(n, 3, a)
+    index = np.random.default_rng(2).integers(0, n, 200, dtype=np.uint32)
+    index = np.concatenate([index, [0, n - 1]]).astype(np.uint32)
+    values = np.asarray(jax.jit(lambda s, i: s(i, dtype=dtype))(seq, jnp.asarray(index)))
+    exact = [[Fraction(int(i) * a**j % n, n) for j in range(3)] for i in index]
+    if dtype == jnp.float64:
+        assert values.tolist() == [[float(v) for v in point] for point in exact]
+    else:
+        flat = itertools.chain(*exact)
+        error = [abs(Fraction(float(v)) - e) for v, e in zip(values.ravel(), flat, strict=True)]
+        assert max(error) <= Fraction(1, 2**24)
+    assert values.max() < 1
+
+
+@pytest.mark.parametrize("n", [1, 2, 64, 2**20, 2**32])
+def test_powers_of_two_take_the_general_path_to_the_same_points(n):
+    binary = sequences.korobov(n, 3, 3 % n)
+    general = Rank1Lattice(n, jnp.asarray(np.array([pow(3, j, n) for j in range(3)], np.uint32)))
+    index = jnp.asarray(np.random.default_rng(3).integers(0, n, 100, dtype=np.uint32))
+    assert isinstance(binary, sequences.BinarySequence)
+    assert np.array_equal(binary(index, dtype=jnp.float64), general(index, dtype=jnp.float64))
+
+
+def integer_lattice(n, *vector):
+    return np.arange(n)[:, None] * np.array(vector) % n
+
+
+@pytest.mark.parametrize("n", [*range(2, 25), 36, 64, 89])
+def test_no_generator_in_two_dimensions_is_better(n):
+    """All a, each lattice measured point by point."""
+    best = max(squared_min_distance(integer_lattice(n, 1, a), n) for a in range(n))
+    assert squared_min_distance(numerators(sequences.rank1_lattice(n), n), n) == best
+
+
+@pytest.mark.parametrize("n", [*range(2, 12), 16, 18])
+def test_no_generator_in_three_dimensions_is_better(n):
+    pairs = itertools.combinations_with_replacement(range(n), 2)
+    best = max(squared_min_distance(integer_lattice(n, 1, a, b), n) for a, b in pairs)
+    assert squared_min_distance(numerators(sequences.rank1_lattice(n, 3), n), n) == best
+
+
+def test_lattice_reduction_finds_the_minimum_distance_of_every_planar_lattice():
+    n = 360
+    squares = maximin_lattices.shortest_squares(n, np.arange(n))
+    assert squares.tolist() == [squared_min_distance(integer_lattice(n, 1, a), n) for a in range(n)]
+
+
+@pytest.mark.parametrize("n", [1000, 4096, 65521, 2**16, 2**18])
+def test_large_planar_lattices_are_almost_hexagonal(n):
+    """Measured point by point; a hexagonal lattice of the same density has 2 / sqrt(3) n."""
+    seq = sequences.rank1_lattice(n)
+    distance = min_distance(np.asarray(seq.points(n, dtype=jnp.float64)))
+    assert (n * distance) ** 2 == pytest.approx(maximin_lattices.best_planar(n)[1], rel=1e-9)
+    assert 0.95 < (n * distance) ** 2 / (2 / 3**0.5 * n) <= 1
+
+
+def table():
+    source = resources.files("qmcjax.sequences") / "_data" / "rank1_lattices.txt"
+    return np.loadtxt(source.read_text().splitlines(), np.int64)
+
+
+def test_the_table_is_complete():
+    assert table()[:, 0].tolist() == [2**m for m in range(1, 17)]
+
+
+@pytest.mark.parametrize(
+    "m", [*range(1, 14), *(pytest.param(m, marks=pytest.mark.slow) for m in (14, 15, 16))]
+)
+def test_the_table_s_distances_are_those_of_its_lattices(m):
+    """And none is beyond the face-centred cubic lattice of the same density."""
+    n, _, _, square = table()[m - 1].tolist()
+    bits = np.asarray(sequences.rank1_lattice(n, 3).bits(jnp.asarray(first(n))))
+    assert squared_min_distance(bits >> np.uint32(32 - m), n) == square
+    assert square <= 2 ** (1 / 3) * n ** (4 / 3) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    "m", [*range(1, 11), *(pytest.param(m, marks=pytest.mark.slow) for m in (11, 12, 13))]
+)
+def test_the_table_is_what_the_search_finds(m):
+    assert table()[m - 1].tolist() == [2**m, *maximin_lattices.best_spatial(2**m)]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.lattice(0), r"dims must be an integer in \[1, 250\], got 0"),
+        (lambda: sequences.lattice(251), "dims .* got 251"),
+        (lambda: sequences.korobov(0, 2, 0), "n .* got 0"),
+        (lambda: sequences.korobov(2**32 + 1, 2, 1), "n .* got 4294967297"),
+        (lambda: sequences.korobov(10, 0, 3), "dims .* got 0"),
+        (lambda: sequences.korobov(10, 2, 10), r"a must be an integer in \[0, 9\], got 10"),
+        (lambda: sequences.rank1_lattice(10, 4), r"dims must be an integer in \[2, 3\], got 4"),
+        (lambda: sequences.rank1_lattice(0), "n .* got 0"),
+        (lambda: sequences.rank1_lattice(2**22 + 1), "n .* got 4194305"),
+        (lambda: sequences.rank1_lattice(2**17, 3), "n .* got 131072"),
+        (lambda: sequences.rank1_lattice(10_000, 3), "n must be at most 8192 or a power of two .* got 10000"),
+        (lambda: sequences.korobov(10, 2, 3)(10), "index .* got 10"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.korobov(10, 2, 3.0), "a .* got 3.0"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()

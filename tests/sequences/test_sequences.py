@@ -1,0 +1,330 @@
+"""Every sequence: the interface, random access, and an independent definition."""
+
+from fractions import Fraction
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import qmc
+from tables import KINDS, SEQUENCES, each, first, is_net, some
+
+from qmcjax import sequences
+from qmcjax.core import digits
+
+BASE_B = {
+    "van_der_corput(7)",
+    "van_der_corput(65536)",
+    "halton(3)",
+    "halton(12)",
+    "halton, zaremba",
+    "halton, faure_lemieux",
+    "halton, random",
+    "faure(10)",
+    "faure(5, modified)",
+    "quad_optimized(6)",
+    "rotate(halton(12))",
+    "korobov(2000)",
+    "rank1_lattice(1700, 3)",
+    "owen(halton(3))",
+    "owen_exact(faure(3))",
+    "digit_scramble(halton(3))",
+}
+KEYED = {
+    "uniform": lambda key: sequences.uniform(2, key),
+    "jittered": lambda key: sequences.jittered(64, 2, key),
+    "owen": lambda key: sequences.owen(sequences.sobol(2), key),
+    "owen_exact": lambda key: sequences.owen_exact(sequences.sobol(2), key),
+    "xor": lambda key: sequences.digital_shift(sequences.sobol(2), key),
+    "matousek": lambda key: sequences.linear_matrix_scramble(sequences.sobol(2), key),
+    "owen, 9": lambda key: sequences.owen(sequences.sobol(9), key),
+}
+each_keyed = pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
+SMALLEST = 1600  # points of the smallest net in the table
+N = 1200
+SHUFFLED = np.random.default_rng(1).permutation(first(N))
+
+
+@pytest.mark.slow
+def test_the_lists_of_kinds_are_right():
+    """What a test would otherwise make all sequences for, only to choose a few."""
+
+    def kind(seq):
+        return type(seq), type(getattr(seq, "sequence", None)), seq.dims > 8
+
+    assert len(KINDS) == len({kind(seq) for seq in SEQUENCES.values()})
+    assert {kind(SEQUENCES[name]) for name in KINDS} == {kind(seq) for seq in SEQUENCES.values()}
+    assert {
+        name for name, seq in SEQUENCES.items() if not isinstance(seq, sequences.BinarySequence)
+    } == BASE_B
+
+
+@some("seq", SEQUENCES, *KINDS[::2])
+def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
+    single, double = (np.asarray(seq.points(N, dtype=dtype)) for dtype in (jnp.float32, jnp.float64))
+    for points, dtype in ((single, np.float32), (double, np.float64)):
+        assert points.shape == (N, seq.dims)
+        assert points.dtype == dtype
+        assert points.min() >= 0
+        assert points.max() < 1
+    assert np.max(np.abs(single.astype(np.float64) - double)) < 2.0**-24
+    start = SMALLEST - N
+    assert np.array_equal(np.asarray(seq.points(N, start))[:-start], single[start:])
+
+
+@some("seq", SEQUENCES, *KINDS[::4])
+def test_last_indices_stay_below_one(seq):
+    points = np.asarray(seq(jnp.asarray(np.uint32(seq.limit - 1) - first(N))))
+    assert points.min() >= 0
+    assert points.max() < 1
+
+
+@jax.jit
+def backwards(seq, index):
+    """Return points with their coordinates backwards, table by table."""
+    wanted = tuple(range(seq.dims))[::-1]
+    return jax.vmap(lambda table: seq(table, wanted))(index)
+
+
+@some("seq", SEQUENCES, *KINDS[1::2])
+def test_random_access_equals_points(seq):
+    """In any order, in any shape, any coordinates; compiled, mapped and neither."""
+    expected = np.asarray(seq.points(N))[SHUFFLED]
+    assert np.array_equal(seq(jnp.asarray(SHUFFLED)), expected)
+    assert np.array_equal(seq(int(SHUFFLED[77])), expected[77])
+    tables = backwards(seq, SHUFFLED.reshape(3, 4, -1))
+    assert np.array_equal(tables, expected[:, ::-1].reshape(3, 4, -1, seq.dims))
+
+
+@pytest.mark.slow
+def test_many_points_by_tables_equal_few_by_columns():
+    index = np.random.default_rng(2).integers(0, 2**32, 5000, dtype=np.uint32)
+    seq = sequences.sobol(20)
+    few = np.concatenate([seq.bits(jnp.asarray(part)) for part in np.split(index, 5)])
+    assert np.array_equal(seq.bits(jnp.asarray(index)), few)
+
+
+@each("seq", SEQUENCES.without(BASE_B))
+def test_bits_are_the_points(seq):
+    index = jnp.asarray(first(N))
+    words = np.asarray(seq.bits(index))
+    assert np.array_equal(words / 2.0**32, seq.points(N, dtype=jnp.float64))
+    reversed_bits = np.asarray(seq.bit_reversed(index, 0))
+    assert [int(f"{w:032b}"[::-1], 2) for w in reversed_bits] == words[:, 0].tolist()
+
+
+@each_keyed
+def test_a_new_key_gives_new_points_without_a_new_trace(make):
+    traces = []
+
+    @jax.jit
+    def points(seq):
+        traces.append(1)
+        return seq(jnp.asarray(first(64)))
+
+    a, b = points(make(0)), points(make(jax.random.key(1)))
+    assert len(traces) == 1
+    assert np.mean(a == b) < 0.1
+
+
+@some("make", KEYED, "uniform", "owen", "xor")
+def test_points_over_keys(make):
+    """One seed for all coordinates, a biased digit, or neighbours that move together would show."""
+    index = jnp.array([5, 10, 11], jnp.uint32)
+    keys = jax.random.split(jax.random.key(9), 2000)
+    over_keys = np.asarray(jax.jit(jax.vmap(lambda key: make(key)(index)))(keys))
+    assert np.array_equal(over_keys[:3], np.stack([make(key)(index) for key in keys[:3]]))
+
+    points = over_keys[..., :2].astype(np.float64)
+    alone = points[:, 0] * 64 % 1 if make is KEYED["jittered"] else points[:, 0]
+    assert np.all(np.abs(alone.mean(axis=0) - 0.5) < 5 / np.sqrt(12 * len(keys)))
+    assert abs(np.corrcoef(alone.T)[0, 1]) < 5 / np.sqrt(len(keys))
+
+    neighbours = points[:, 1:, 0]
+    if make in (KEYED["jittered"], KEYED["uniform"]):
+        neighbours = neighbours * 64 % 1
+        assert abs(np.corrcoef(neighbours.T)[0, 1]) < 5 / np.sqrt(len(keys))
+    else:
+        # Consecutive points of a scrambled sequence lie in opposite halves, with any key.
+        assert np.all((neighbours[:, 0] < 0.5) != (neighbours[:, 1] < 0.5))
+
+
+@pytest.mark.parametrize("dims", [1, 2, 9, 300])
+def test_sobol_equals_scipy_as_sets(dims):
+    """In scipy, the sequence runs through each block of 2**k points in Gray code order."""
+    ours = np.asarray(sequences.sobol(dims).points(2**10, dtype=jnp.float64))
+    gray = first(2**10) ^ (first(2**10) >> 1)
+    assert np.array_equal(ours[gray], qmc.Sobol(dims, scramble=False, bits=32).random_base2(10))
+
+
+@pytest.mark.slow
+def test_sobol_equals_scipy_in_all_dimensions():
+    index = 0x15555  # Its Gray code has all of 17 bits: the sum of as many columns.
+    theirs = qmc.Sobol(21201, scramble=False, bits=32)
+    theirs.fast_forward(index)
+    seq = sequences.sobol(21201)
+    assert np.array_equal(seq(index ^ index >> 1, dtype=jnp.float64), theirs.random(1)[0])
+    # 32-bit columns: the recurrence, beyond what the table holds, in some components.
+    theirs = qmc.Sobol(40, scramble=False, bits=32)
+    theirs.fast_forward(3 * 10**8)
+    gray = 3 * 10**8 ^ 3 * 10**8 >> 1
+    assert np.array_equal(sequences.sobol(40)(gray, dtype=jnp.float64), theirs.random(1)[0])
+
+
+@pytest.mark.parametrize("dims", [1, 2, 25])
+def test_halton_equals_scipy(dims):
+    ours = sequences.halton(dims).points(3000, dtype=jnp.float64)
+    np.testing.assert_allclose(ours, qmc.Halton(dims, scramble=False).random(3000), rtol=0, atol=1e-14)
+
+
+def reflected(index: int, base: int) -> Fraction:
+    value, scale = Fraction(0), Fraction(1)
+    while index:
+        index, digit = divmod(index, base)
+        scale /= base
+        value += digit * scale
+    return value
+
+
+@pytest.mark.parametrize("base", [2, 3, 5, 7, 10, 31, 8161, 65536])
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_radical_inverse_is_the_exact_fraction_rounded_once(base, dtype):
+    """Up to the last index; float32 within one unit in the last place, and below 1."""
+    index = np.concatenate([first(300), np.random.default_rng(3).integers(0, 2**32, 300, dtype=np.uint32)])
+    index = np.concatenate([index, np.uint32(2**32 - 1) - first(10), [base**k - 1 for k in range(1, 3)]])
+    values = np.asarray(digits.radical_inverse(jnp.asarray(index.astype(np.uint32)), base, dtype))
+    exact = [reflected(int(i), base) for i in index]
+    if dtype == jnp.float64:
+        assert values.tolist() == [float(v) for v in exact]
+    else:
+        assert all(
+            abs(Fraction(float(v)) - e) <= Fraction(1, 2**24) for v, e in zip(values, exact, strict=True)
+        )
+    assert values.max() < 1
+
+
+@pytest.mark.parametrize("name", ["sobol(2)", "larcher_pillichshammer", "owen(sobol(2))"])
+@pytest.mark.parametrize("m", [1, 5, 9, 12])
+@pytest.mark.parametrize("block", [0, 1, 6])
+def test_blocks_of_a_02_sequence_are_nets(name, m, block):
+    index = first(2**12) + np.uint32(block * 2**m)
+    assert is_net(np.asarray(SEQUENCES[name].bits(jnp.asarray(index)))[: 2**m], m)
+
+
+def test_sobol_components_0_and_2_are_no_02_sequence():
+    """The limit of the theorem: the count would notice."""
+    assert not is_net(np.asarray(sequences.sobol(3).bits(jnp.asarray(first(2**6)), (0, 2))), 6)
+
+
+@pytest.mark.slow
+def test_owen_scrambling_lowers_the_variance_of_a_smooth_mean_like_n_to_the_minus_3():
+    keys = jax.random.split(jax.random.key(11), 64)
+
+    def error(key, n):
+        points = sequences.owen(sequences.sobol(2), key)(jnp.arange(n, dtype=jnp.uint32), dtype=jnp.float64)
+        return jnp.mean(jnp.exp(points[:, 0] + points[:, 1])) - (jnp.e - 1) ** 2
+
+    sizes = [2**k for k in range(4, 15, 2)]
+    with jax.enable_x64(True):
+        variances = [float(jnp.mean(jax.vmap(lambda k, n=n: error(k, n))(keys) ** 2)) for n in sizes]
+    slope = np.polyfit(np.log(sizes), np.log(variances), 1)[0]
+    assert slope == pytest.approx(-3, abs=0.2)
+
+
+def test_jittered_puts_one_point_into_each_cell_of_any_grid():
+    points = np.asarray(sequences.jittered(40, 2, key=0).points(1600, dtype=jnp.float64))
+    cells = np.floor(points * 40).astype(int)
+    assert np.array_equal(cells[:, 0] + 40 * cells[:, 1], np.arange(1600))
+    within = points * 40 - cells
+    assert np.all(np.abs(within.mean(axis=0) - 0.5) < 5 / np.sqrt(12 * 1600))
+    assert within.std() == pytest.approx(12**-0.5, rel=0.05)
+
+
+def test_jittered_divides_exactly():
+    """(cell 2**32 + fraction) // side, against Python integers."""
+    from qmcjax.sequences._stochastic.random import _divided
+
+    rng = np.random.default_rng(4)
+    for side in (1, 2, 3, 40, 4097, 65535, 65536):
+        cell = np.append(rng.integers(0, side, 50), side - 1).astype(np.uint32)
+        fraction = np.append(rng.integers(0, 2**32, 50), 2**32 - 1).astype(np.uint32)
+        expected = [(int(c) * 2**32 + int(f)) // side for c, f in zip(cell, fraction, strict=True)]
+        assert _divided(jnp.asarray(cell), jnp.asarray(fraction), side).tolist() == expected
+
+
+def test_uniform_is_uniform():
+    points = np.asarray(sequences.uniform(2, key=5).points(2**16, dtype=jnp.float64))
+    counts = np.histogram2d(*points.T, bins=16, range=[[0, 1], [0, 1]])[0]
+    chi2 = ((counts - 256) ** 2 / 256).sum()
+    assert abs(chi2 - 255) < 5 * np.sqrt(2 * 255)
+
+
+def test_uniform_coordinates_are_no_shuffled_copies_of_each_other():
+    """Hashing index ^ seed once would give the same column, its indices shifted by the xor of two seeds."""
+    seq = sequences.uniform(2, key=5)
+    index = jnp.asarray(first(1000))
+    shifted = index ^ seq.seeds[0, 0] ^ seq.seeds[1, 0]
+    assert not np.any(seq.word(index, 0) == seq.word(shifted, 1))
+
+
+SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.sobol(0), r"dims must be an integer in \[1, 21201\], got 0"),
+        (lambda: sequences.sobol(21202), "dims .* got 21202"),
+        (lambda: sequences.halton(1025), "dims .* got 1025"),
+        (lambda: sequences.van_der_corput(1), "base .* got 1"),
+        (lambda: sequences.van_der_corput(-3), "base .* got -3"),
+        (lambda: sequences.digital(np.zeros((2, 31), np.uint32)), r"matrices must be uint32 .* \(2, 31\)"),
+        (lambda: sequences.uniform(0, 1), "dims .* got 0"),
+        (lambda: sequences.uniform(2, 2**40), "key must be an integer .* got 1099511627776"),
+        (lambda: sequences.uniform(2, -1), "key must be an integer .* got -1"),
+        (lambda: sequences.jittered(0, 2, 0), "side .* got 0"),
+        (
+            lambda: sequences.jittered(65536, 3, 0),
+            r"side\*\*dims must be at most 2\*\*32, got side=65536, dims=3",
+        ),
+        (lambda: sequences.hammersley_net(33), "m .* got 33"),
+        (lambda: sequences.larcher_pillichshammer_net(-1), "m .* got -1"),
+        (lambda: sequences.permutation_net(0), "m .* got 0"),
+        (lambda: SOBOL(-1), r"index must be integers in \[0, 4294967295\], got -1"),
+        (lambda: SOBOL(2**32), "index must be integers .* got 4294967296"),
+        (lambda: NET(32), r"index must be integers in \[0, 31\], got 32"),
+        (lambda: NET(first(40)), r"index must be integers in \[0, 31\], got 39"),
+        (lambda: NET.bits(first(40)), r"index must be integers in \[0, 31\], got 39"),
+        (lambda: NET.points(33), "n must be an integer .* got 33"),
+        (lambda: NET.points(30, start=5), r"start \+ n must be at most 32, got 5 \+ 30"),
+        (lambda: SOBOL.points(0), "n must be an integer .* got 0"),
+        (lambda: SOBOL.points(4, dtype=jnp.int32), "dtype must be float32 or float64, got .*int32"),
+        (lambda: SOBOL(0, dims=(0, 3)), r"dims must be an integer in \[0, 2\], got 3"),
+        (lambda: SOBOL(0, dims=(-1,)), "dims must be .* got -1"),
+        (lambda: SOBOL(0, dims=()), "dims must name at least one"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: sequences.sobol(2.0), "dims must be an integer .* got 2.0"),
+        (lambda: sequences.digital(np.zeros((2, 32))), "matrices must be uint32 .* float64"),
+        (lambda: sequences.uniform(2, "seed"), "key must be one jax.random.key.* got 'seed'"),
+        (lambda: sequences.owen(SOBOL, jax.random.split(jax.random.key(0))), "key must be one"),
+        (
+            lambda: sequences.owen(sequences.rotate(sequences.halton(2), [0.5, 0.5]), 0),
+            "sequence must be a sequence with digits, .* got rotate",
+        ),
+        (lambda: SOBOL(np.arange(4.0)), r"index must be integers in \[0, 4294967295\], got float64"),
+        (lambda: SOBOL(0.5), "index must be integers .* got 0.5"),
+        (lambda: SOBOL(True), "index must be integers .* got True"),
+    ],
+)
+def test_wrong_types_are_named(call, message):
+    with pytest.raises(TypeError, match=message):
+        call()

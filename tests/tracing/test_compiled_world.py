@@ -1,0 +1,211 @@
+"""The compiled search of whole worlds against programs of JAX that test all primitives one by one."""
+
+from dataclasses import replace
+from importlib.util import find_spec
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_trees import blob, looped, mesh, same, searched
+
+from qmcjax import tracing
+from qmcjax.tracing import motion, ways
+from qmcjax.tracing._search import compiled_world, search, threads
+
+pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+WAY = compiled_world.search
+
+SPIN = motion.affine(
+    lambda time: motion.quaternion([1.0, 2, 3], 5 * time), lambda time: jnp.stack([time, time**2, -time], -1)
+)
+FLAT = motion.affine(np.diag([1, 2, 0.5]), [0, 0, 1.0])
+
+
+def all_kinds(key, count):
+    """Return primitives of all kinds, some far out of the middle, triangles that move, and two meshes."""
+    rng = np.random.default_rng(key)
+
+    def vectors(scale=1.0):
+        return scale * rng.uniform(-1, 1, (count, 3))
+
+    low = vectors(2)
+    return [
+        tracing.plane([0, 0, -2.5], [0, 0.1, 1]),
+        tracing.rectangle(vectors(2), vectors(), vectors()),
+        tracing.disc(vectors(2), vectors(), rng.uniform(0.1, 1, count)),
+        tracing.box(low, low + rng.uniform(0.05, 0.5, (count, 3))),
+        tracing.sphere(vectors(2), rng.uniform(0.05, 0.4, count)),
+        tracing.cylinder(vectors(2), vectors(), rng.uniform(0.02, 0.2, count)),
+        tracing.triangles(rng.uniform(-1, 1, (count, 3, 3))),
+        tracing.triangles(rng.uniform(-1, 1, (count, 3, 3)), rng.uniform(-1, 1, (count, 3, 3))),
+        mesh(blob(12, 9)),
+        mesh(blob(8, 7) * 0.6 + [1, 1, 0], blob(8, 7) * 0.5 - [0, 1, 0]),
+    ]
+
+
+WORLD = tracing.world(
+    [
+        *all_kinds(0, 5),
+        tracing.group(all_kinds(1, 3), motion=SPIN),
+        tracing.group(all_kinds(2, 2)[1:8], motion=FLAT),
+    ],
+    [
+        tracing.rectangle_light([0, 0, 3], [1, 0, 0], [0, 1, 0], 1.0),
+        tracing.sphere_light([3, 0, 0], 0.5, 1.0),
+    ],
+)
+
+
+def given(count, dtype):
+    """Return rays; the first along axes and in planes of faces, dead, or of no numbers."""
+    rng = np.random.default_rng(3)
+    origin, direction = rng.normal(size=(count, 3)) * 1.5, rng.normal(size=(count, 3))
+    time, limit = rng.uniform(size=count), rng.choice([np.inf, 0.0, 0.3, 1.0, 2.0], count)
+    direction[:200, 0] = 0
+    direction[100:200, 1] = -0.0
+    direction[200:210] = 0
+    origin[210:213, 1] = np.nan, np.inf, -np.inf
+    direction[213:215] = np.array([np.nan, np.inf])[:, None]
+    return [jnp.asarray(a, dtype) for a in (origin, direction, time, limit)]
+
+
+@pytest.mark.parametrize(
+    "dtype",
+    [pytest.param("float32", marks=pytest.mark.slow), pytest.param("float64", marks=pytest.mark.slow)],
+)
+def test_all_kinds(dtype):
+    """Nearest and any hits, before limits and again from what is hit; dead rays and NaN hit nothing."""
+    with jax.enable_x64(dtype == "float64"):
+        rays = given(20000, dtype)
+        for any_hit in (False, True):
+            found, wanted = searched(WORLD, *rays, any_hit, WAY), looped(WORLD, *rays, any_hit)
+            same(found, wanted, any_hit)
+            assert np.all(np.asarray(found[1])[200:215] == -1)
+        hit = (np.asarray(wanted[1]) >= 0) & (np.arange(20000) > 215)
+        assert 0.2 < hit.mean() < 0.9
+        distance = np.asarray(looped(WORLD, *rays, False)[0])
+        origin, direction, time = (np.asarray(a) for a in rays[:3])
+        # Rays that hit nothing are dead the second time, so that programs of the first time serve again.
+        point = np.zeros_like(origin)
+        point[hit] = origin[hit] + distance[hit, None] * direction[hit]
+        other = np.random.default_rng(4).normal(size=point.shape)
+        again = [jnp.asarray(a, dtype) for a in (point, other, time, np.where(hit, np.inf, 0))]
+        same(searched(WORLD, *again, False, WAY), looped(WORLD, *again, False))
+
+
+ONE_OF_EACH = {
+    "plane": tracing.plane([0, 0, -1], [0, 0, 2.0]),
+    "rectangle": tracing.rectangle([-1, -1, 0], [2, 0, 0.5], [0.5, 2, 0]),
+    "disc": tracing.disc([0, 0, 0], [1, 1, 1], 1.0),
+    "box": tracing.box([-1, -1, -1], [1, 0.5, 1]),
+    "sphere": tracing.sphere([0, 0, 0], 1.0),
+    "cylinder": tracing.cylinder([0, 0, -1], [0, 0.5, 2], 0.6, closed=False),
+    "triangle": tracing.triangles([[[-1, -1, 0], [2, -1, 0], [-1, 2, 0.5]]]),
+    "moving": tracing.triangles(
+        [[[-1, -1, 0], [2, -1, 0], [-1, 2, 0.5]]], [[[-1, -1, 2], [2, -1, 1], [-1, 2, 0.5]]]
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ONE_OF_EACH)
+def test_each_kind_alone(name):
+    """What is hit is the same, and so are distances; also in a space that moves."""
+    rays = given(4000, "float32")
+    for motion_ in (None, SPIN):
+        world = tracing.world([tracing.group([ONE_OF_EACH[name]], motion=motion_)])
+        found, wanted = searched(world, *rays, False, WAY), looped(world, *rays)
+        same(found, wanted)
+        assert 0.01 < np.mean(np.asarray(found[1]) >= 0) < 0.9
+
+
+@pytest.mark.slow
+def test_few_of_all_kinds():
+    """A small world of boxes, spheres, rectangles and a mesh, still and moving."""
+    world = tracing.world([ONE_OF_EACH["box"], ONE_OF_EACH["plane"], mesh(blob(4, 4)), ONE_OF_EACH["sphere"]])
+    rays = given(2000, "float32")
+    same(searched(world, *rays, False, WAY), looped(world, *rays))
+
+
+@pytest.mark.slow
+def test_mapped_over_worlds_with_frames():
+    """Worlds of objects that move are searched one after the other."""
+    rays = [a.reshape(2, 500, *a.shape[1:]) for a in given(1000, "float32")]
+    worlds = [tracing.world([tracing.group(all_kinds(key, 2), motion=SPIN)]) for key in (0, 1)]
+    both = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(b) for b in a]), *worlds)
+
+    def find(world, *given):
+        return searched(world, *given, any_hit=False, way=WAY)[1]
+
+    each = [find(w, *(a[i] for a in rays)) for i, w in enumerate(worlds)]
+    assert np.array_equal(jax.vmap(find)(both, *rays), each)
+    one = [find(worlds[0], *(a[i] for a in rays)) for i in range(2)]
+    in_frames = jax.vmap(lambda *a: find(worlds[0], *a))(*rays)
+    assert np.array_equal(in_frames, one)
+
+
+def test_the_way_is_chosen_by_count():
+    """Few primitives, and shapes that nobody knows, are tested by programs."""
+
+    class Other(tracing.Sphere):
+        pass
+
+    if jax.default_backend() != "cpu":
+        return
+    few = tracing.world([tracing.sphere([0, 0, 0], 1.0)])
+    many = tracing.world([tracing.sphere(np.random.default_rng(0).normal(size=(100, 3)), 0.1)])
+    shape = many.objects[0].shapes[0]
+    strange = tracing.world([tracing.Object((Other(shape.center, shape.radius),), None, None)])
+    ways = [search._fastest(world)[1] for world in (few, many, strange)]
+    assert ways == [search.by_program, WAY, search.by_program]
+
+
+def test_all_pieces_are_done_once_and_errors_are_told():
+    done = []
+    threads.shared(done.append, range(100))
+    assert sorted(done) == list(range(100))
+    threads.shared(done.append, [])
+    with pytest.raises(ZeroDivisionError):
+        threads.shared(lambda piece: 1 // piece, [2, 0, 1])
+
+
+@pytest.mark.slow
+def test_trees_are_taken_over_only_by_the_same_numbers():
+    """In one program; also with vertices of NaN, which hit nothing."""
+    rng = np.random.default_rng(8)
+    start, target = rng.normal(size=(200, 3)), rng.uniform(-0.6, 0.6, (200, 3))
+    start *= 5 / np.linalg.norm(start, axis=1, keepdims=True)
+    origin, direction = (jnp.asarray(a, jnp.float32) for a in (start, target - start))
+    ends = jnp.zeros(200), jnp.full(200, jnp.inf)
+    shape = mesh(blob(8, 7)).shapes[0]
+    vertices = np.asarray(shape.vertices, np.float32)
+
+    @jax.jit
+    def find(vertices):
+        world = tracing.world([tracing.Object((replace(shape, vertices=vertices),), None, None)])
+        return ways.compiled(world, origin, direction, *ends, False)
+
+    first, again = find(vertices), find(vertices)
+    far, none, last = find(2 * vertices), find(np.nan * vertices), find(vertices)
+    for a, b, c in zip(first, again, last, strict=True):
+        assert np.array_equal(a, b) and np.array_equal(a, c)
+    hit = np.asarray(first[1]) >= 0
+    assert hit.sum() > 50 and np.all(np.asarray(far[0])[hit] < np.asarray(first[0])[hit])
+    assert np.all(np.asarray(none[1]) == -1)
+
+
+@pytest.mark.slow
+def test_ways_one_by_one_find_what_nearest_hit_finds():
+    rng = np.random.default_rng(7)
+    world = tracing.world([mesh(blob(12, 9)), tracing.sphere([1, 1, 0], 0.4)])
+    origin = jnp.asarray(3 * rng.normal(size=(500, 3)), jnp.float32)
+    direction = jnp.asarray(rng.uniform(-0.6, 0.6, (500, 3)), jnp.float32) - origin
+    zero, far = jnp.zeros(500), jnp.full(500, jnp.inf)
+    hit = tracing.nearest_hit(world, origin, direction, zero)
+    assert 100 < (hit.shape >= 0).sum() < 500
+    for way in (ways.loops, ways.trees, ways.compiled):
+        distance, number = way(world, origin, direction, zero, far, False)
+        np.testing.assert_array_equal(number, hit.shape)
+        np.testing.assert_allclose(distance, hit.distance, rtol=1e-5)
+        assert ((way(world, origin, direction, zero, far, True)[1] >= 0) == (hit.shape >= 0)).all()

@@ -1,0 +1,298 @@
+"""Predicted images: shifts and brute force as truth, the recursion, and what samples correct."""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import tracing
+from qmcjax.tracing import motion
+from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer
+from qmcjax.tracing._estimators.predictor import _steps
+from qmcjax.tracing._estimators.rasterized import rasterized
+
+WIDTH, HEIGHT = 16, 12
+AHEAD = {"fov": 2 * np.degrees(np.arctan(0.5)), "aspect": WIDTH / HEIGHT}
+"""At the distance 1 the image is 1 high."""
+
+
+@dataclass(frozen=True)
+class Waves:
+    """A texture of u and v alone."""
+
+    motion = None
+
+    def __call__(self, u, v, time):
+        grey = 0.5 + 0.2 * jnp.sin(25 * u + 1) + 0.2 * jnp.sin(20 * v)
+        return grey, 0.5 * grey, 1 - grey
+
+
+@dataclass(frozen=True)
+class Flash:
+    """A texture that is white around half time."""
+
+    def __call__(self, u, v, time):
+        white = (abs(time - 0.5) < 0.16666).astype(u.dtype)
+        return white, white, white
+
+
+def wall(texture, path=None):
+    """Return a shining wall at the distance 1, larger than the image."""
+    moves = None if path is None else motion.affine(None, motion.linear_segments([0, 1], path))
+    return tracing.rectangle(
+        [-3.0, -3.0, -1.0], [6, 0, 0], [0, 6, 0], motion=moves, material=tracing.emitter(texture)
+    )
+
+
+def scene(*objects, **of_camera):
+    camera = tracing.camera([0, 0, 0], [0, 0, -1], **AHEAD | of_camera)
+    return tracing.direct_light(tracing.world(list(objects)), camera)
+
+
+def predicted(of, samples=(0,), fail=4, **other):
+    return tracing.predictor_corrector(of, WIDTH, HEIGHT, samples, fail, 3, **other)
+
+
+@pytest.mark.parametrize("shutter", [(0.0, 1.0), pytest.param(0.5, marks=pytest.mark.slow)])
+def test_what_stands_still_is_predicted_exactly(shutter):
+    found = predicted(scene(wall(Waves()), shutter=shutter), (0, 0))
+    first, second, third, fourth, last = found.images
+    assert abs(first - last).max() > 1e-3
+    np.testing.assert_allclose(third, 0.5 * (first + last), atol=1e-6)
+    np.testing.assert_allclose(second, 0.75 * first + 0.25 * last, atol=1e-6)
+    np.testing.assert_allclose(fourth, 0.25 * first + 0.75 * last, atol=1e-6)
+    np.testing.assert_allclose(found.image, found.images.mean(axis=0), atol=1e-6)
+    assert found.image.dtype == np.float32 and (found.samples[1:4] == 0).all()
+
+
+@pytest.mark.parametrize("by_camera", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_translation_is_a_shift(by_camera):
+    """By 2 1/2 pixels from the first image to the middle one, and back from the last: means of neighbours."""
+    pixels = 2.5
+    way = 3 * pixels / HEIGHT
+    path = np.array([[0.0, 0, 0], [way, 0, 0]])
+    if by_camera:
+        of = scene(wall(Waves()), motion=motion.affine(None, motion.linear_segments([0, 1], -path)))
+    else:
+        of = scene(wall(Waves(), path))
+    found = predicted(of)
+    first, middle, last = found.images.astype(np.float64)
+    for x in range(3, WIDTH - 3):
+        from_first = 0.5 * (first[:, x - 3] + first[:, x - 2])
+        from_last = 0.5 * (last[:, x + 2] + last[:, x + 3])
+        np.testing.assert_allclose(middle[:, x], 0.5 * (from_first + from_last), atol=2e-5)
+    # At the borders only one of them is drawn.
+    np.testing.assert_allclose(middle[:, 0], 0.5 * (last[:, 2] + last[:, 3]), atol=2e-5)
+    assert (found.samples[1] == 0).all()
+
+
+@pytest.mark.slow
+def test_rotation_and_depth_are_predicted():
+    """A wall that turns and comes near: what is known exactly, up to interpolation and noise."""
+    turn = motion.rotation_spline(
+        [0, 1], [motion.quaternion([0, 0, 1], 0.0), motion.quaternion([0, 0, 1], 0.9)]
+    )
+    path = motion.linear_segments([0, 1], [[0, 0, 0], [0, 0, 0.15]])
+    tile = tracing.rectangle(
+        [-3.0, -3.0, -1.0],
+        [6, 0, 0],
+        [0, 6, 0],
+        motion=motion.affine(turn, path),
+        material=tracing.emitter(Waves()),
+    )
+    found = predicted(scene(tile), fail=64)
+    sampled = predicted(scene(tile), (64,), fail=64, contrast=0.0)
+    error = abs(found.images[1] - sampled.images[1])
+    apart = abs(0.5 * (found.images[0] + found.images[2]) - sampled.images[1])
+    assert error.max() < 0.05 and np.sqrt(np.mean(apart**2)) > 3 * np.sqrt(np.mean(error**2))
+
+
+def test_projection_inverts_rays():
+    turn = motion.rotation_spline([0, 1], [[0, 0, 0, 1.0], motion.quaternion([1, 1, 0], 0.8)])
+    moves = motion.affine(turn, motion.linear_segments([0, 1], [[0, 1, 0], [2, 0, 1]]))
+    camera = tracing.camera([1, 2, 3], [0, 0, 0], fov=50, aspect=1.5, motion=moves)
+    rng = np.random.default_rng(1)
+    x, y, time, away = (jnp.asarray(a) for a in rng.random((4, 50), np.float32))
+
+    @jax.jit
+    def there_and_back(x, y, time, away):
+        sight = camera.rays(x, y, time, ())
+        point = tuple(o + (1 + away) * d for o, d in zip(sight.origin, sight.direction, strict=True))
+        behind = tuple(o - (1 + away) * d for o, d in zip(sight.origin, sight.direction, strict=True))
+        one = jnp.ones_like(time)
+        return (
+            camera.projected(point, one, time),
+            camera.projected(sight.direction, 0 * one, time),
+            camera.projected(behind, one, time),
+        )
+
+    for got, sign in zip(there_and_back(x, y, time, away), (1, 1, -1), strict=True):
+        np.testing.assert_allclose(got[:2], [x, y], atol=3e-6)
+        assert (sign * got[2] > 0).all()
+
+
+@pytest.mark.parametrize("levels", range(1, 7))
+def test_the_recursion_visits_every_interval_once(levels):
+    known = {0, 2**levels}
+    for step in _steps(levels):
+        assert {step.left, step.right} <= known and step.middle not in known
+        assert 2 * step.middle == step.left + step.right and step.right - step.left == 2 ** (
+            levels - step.level + 1
+        )
+        known.add(step.middle)
+    assert known == set(range(2**levels + 1))
+
+
+def test_what_cannot_be_averaged_alternates():
+    """Colours are means; of the rest, pixels whose x xor y is odd have that of the second image."""
+    rng = np.random.default_rng(1)
+    of = scene(wall(Waves()))
+    render = Renderer(of, WIDTH, HEIGHT, 3, None)
+    count = WIDTH * HEIGHT
+    one, other = (
+        DeepImage(
+            rng.random((count, 3), np.float32),
+            np.ones(count, np.float32),
+            np.concatenate([rng.random((count, 2)), -np.ones((count, 1))], axis=1, dtype=np.float32),
+            rng.random(count, np.float32),
+            np.zeros(count, np.int32),
+        )
+        for _ in range(2)
+    )
+    got, covered = render.predicted(one, other, tracing.Step(0, 1, 2, 1))
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    second = (x.ravel() ^ y.ravel()) % 2 == 1
+    assert covered.all() and 0.4 < second.mean() < 0.6
+    np.testing.assert_allclose(got.color, 0.5 * (one.color + other.color), atol=1e-6)
+    np.testing.assert_array_equal(got.inside, np.where(second[:, None], other.inside, one.inside))
+    np.testing.assert_allclose(got.time, np.where(second, other.time - 1 / 3, one.time + 1 / 3), atol=1e-6)
+
+
+def test_triangles_are_drawn_as_one_by_one():
+    """Random vertices, some unseen, against a loop over pixels and triangles by signed areas."""
+    rng = np.random.default_rng(2)
+    height, width = 5, 6
+    y, x = np.mgrid[:height, :width] + rng.normal(size=(2, height, width)) * 1.5
+    depth, seen = rng.random((height, width)), rng.random((height, width)) < 0.9
+    got = rasterized(x, y, depth, seen)
+    pixel = np.arange(height * width).reshape(height, width)
+    quads = [
+        (pixel[i, j], pixel[i, j + 1], pixel[i + 1, j], pixel[i + 1, j + 1])
+        for i in range(height - 1)
+        for j in range(width - 1)
+    ]
+    triangles = [t for a, b, c, d in quads for t in ((a, b, c), (b, c, d)) if seen.ravel()[list(t)].all()]
+    place = np.stack([x.ravel(), y.ravel()], axis=-1)
+    for i in range(height):
+        for j in range(width):
+            best, which = np.inf, None
+            for t in triangles:
+                matrix = np.concatenate([place[list(t)].T, np.ones((1, 3))])
+                weights = np.linalg.solve(matrix, [j, i, 1])
+                if (weights >= 0).all() and weights @ depth.ravel()[list(t)] < best:
+                    best, which = weights @ depth.ravel()[list(t)], (t, weights)
+            assert got.covered[i, j] == (which is not None)
+            if which is not None:
+                order = np.argsort(got.vertices[i, j])
+                assert tuple(got.vertices[i, j][order]) == tuple(sorted(which[0]))
+                np.testing.assert_allclose(got.weights[i, j][order], which[1], atol=1e-9)
+                np.testing.assert_allclose(got.depth[i, j], best)
+    assert 0 < got.covered.sum() < got.covered.size
+
+
+def test_samples_correct_what_is_not_predicted():
+    """A flash at half time: without samples it is missed, with one of each pixel seen."""
+    of = scene(wall(Flash()))
+    for count, seen, taken in ((0, 0.0, 0), (1, 1.0, 5), (5, 1.0, 5)):
+        found = predicted(of, (count,), 5)
+        np.testing.assert_allclose(found.images[1], seen, atol=1e-6)
+        np.testing.assert_allclose(found.image, seen / 3, atol=1e-6)
+        assert (found.samples[1] == taken).all() and (found.samples[[0, 2]] == 5).all()
+    # Nothing is above a contrast of 1.
+    found = predicted(of, (3,), 5, contrast=1.0)
+    assert (found.images[1] == 0).all() and (found.samples[1] == 3).all()
+
+
+def test_samples_are_those_of_other_numbers_everywhere():
+    """Of pixels, of blocks of them, of intervals, and of the samples that are added to some."""
+    of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
+    render = Renderer(of, 4, 4, 3, jax.random.key(1))
+    pixels = np.tile(np.arange(16), 4)
+    drawn = [render.sampled(interval, pixels, 1, first).time for interval, first in ((0, 0), (0, 1), (1, 0))]
+    within = np.concatenate([drawn[0], drawn[1], drawn[2] - np.float32(1 / 3)])
+    assert len(np.unique(within.round(6))) == 3 * 64
+
+
+def test_all_samples_of_a_pixel_count_alike():
+    """Those that check it and those that are added, where the prediction of one colour is wrong."""
+    of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
+    render = Renderer(of, 4, 4, 3, jax.random.key(1))
+    step, every = tracing.Step(0, 1, 2, 1), np.arange(16)
+    checked, added = render.sampled(1, every, 2, 0).color, render.sampled(1, every[5:6], 6, 1).color
+    wrong = render.sampled(1, every, 2, 0)
+    wrong.color[5, 2] *= 3
+    found, taken = render.corrected(wrong, every >= 0, step, 2, 8, 0.3)
+    assert taken.tolist() == [8 if pixel == 5 else 2 for pixel in every]
+    np.testing.assert_allclose(found.color[5], (2 * checked[5] + 6 * added[0]) / 8, rtol=1e-6)
+    np.testing.assert_array_equal(found.color[every != 5], checked[every != 5])
+
+
+@pytest.mark.slow
+def test_borders_where_nothing_is_drawn_are_sampled():
+    """A wall that slides by more than the image, away and back: nothing of the ends is in the middle."""
+    way = 40 / HEIGHT
+    path = motion.linear_segments([0, 0.5, 1], [[0.0, -way, 0], [0, 0, 0], [0, -way, 0]])
+    moving = tracing.rectangle(
+        [-3.0, -9.0, -1.0],
+        [6, 0, 0],
+        [0, 18, 0],
+        motion=motion.affine(None, path),
+        material=tracing.emitter(0.5),
+    )
+    found = predicted(scene(moving), (1, 0), 4)
+    assert (found.samples[2] == 4).any() and 0 in found.samples[[1, 3]]
+    np.testing.assert_allclose(found.images, 0.5, atol=1e-6)
+
+
+def test_keys_and_counts():
+    of = scene(wall(Waves(), [[0.0, 0, 0], [0.2, 0.1, 0]]))
+    one, same = predicted(of, (2, 1)), predicted(of, [2, 1])
+    np.testing.assert_array_equal(one.image, same.image)
+    other = tracing.predictor_corrector(of, WIDTH, HEIGHT, (2, 1), 4, 4)
+    assert abs(one.image - other.image).max() > 1e-4
+    assert set(np.unique(one.samples[2])) <= {2, 4} and set(np.unique(one.samples[[1, 3]])) <= {1, 4}
+
+
+@pytest.mark.slow
+def test_a_single_pixel_is_sampled():
+    small = tracing.predictor_corrector(scene(wall(Waves())), 1, 1, (1,), 2, 1)
+    assert small.image.shape == (1, 1, 3) and (small.samples == 2).all()
+
+
+def test_wrong_arguments():
+    of = scene(wall(Waves()))
+    lens = replace(of, camera=tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.1))
+    corners = np.array([[[0.0, 0, -1], [1, 0, -1], [0, 1, -1]]])
+    bends = scene(tracing.triangles(corners, corners + 1))
+    cases = [
+        (TypeError, "scene must be made by", {"scene": of.world}),
+        (ValueError, "scene must have a camera without a lens", {"scene": lens}),
+        (TypeError, "scene must move by motions", {"scene": bends}),
+        (TypeError, "width must be an integer", {"width": 2.5}),
+        (ValueError, "height must be an integer", {"height": 0}),
+        (TypeError, "samples must be a tuple", {"samples": 3}),
+        (TypeError, "samples must be a tuple", {"samples": ()}),
+        (ValueError, "samples must be an integer", {"samples": (5,)}),
+        (TypeError, "samples must be an integer", {"samples": (0.5,)}),
+        (ValueError, "fail must be an integer", {"fail": 0}),
+        (TypeError, "key must be", {"key": "seed"}),
+        (ValueError, "contrast must be in", {"contrast": -0.1}),
+        (TypeError, "contrast must be", {"contrast": "high"}),
+        (ValueError, "contrast must be finite", {"contrast": np.nan}),
+    ]
+    right = {"scene": of, "width": 2, "height": 2, "samples": (1,), "fail": 4, "key": 1}
+    for kind, message, wrong in cases:
+        with pytest.raises(kind, match=message):
+            tracing.predictor_corrector(**right | wrong)

@@ -1,0 +1,146 @@
+"""Bodies, lights, normals and directions of all sizes: powers of two change no digit of what is seen."""
+
+from functools import partial
+from importlib.util import find_spec
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import few, slow
+from test_trees import blob, mesh, searched, without_trees
+
+from qmcjax import tracing
+from qmcjax.tracing._search import compiled_world, search
+
+SIZES = [2.0**k for k in (-31, -20, 17, 29)]
+"""Edges and radii are between 0.3 and 2 of these."""
+
+SMALL = np.random.default_rng(1).uniform(-1, 1, (5, 3, 3))
+
+
+def bodies(size, normal=1.0):
+    """Return one body of each kind."""
+    corners = size * SMALL
+    return {
+        "plane": tracing.plane(size * np.array([0, 0, -2]), [0, 0.1 * normal, normal]),
+        "rectangle": tracing.rectangle(corners[0], corners[1], corners[2]),
+        "disc": tracing.disc(corners[3, 0], normal * SMALL[3, 1], 0.7 * size),
+        "box": tracing.box(corners[3, 2] - 0.4 * size, corners[3, 2] + 0.3 * size),
+        "sphere": tracing.sphere(corners[4, 0], 0.5 * size),
+        "cylinder": tracing.cylinder(corners[4, 1], corners[4, 2], 0.4 * size),
+        "triangle": tracing.triangles(corners[:1]),
+        "moving triangle": tracing.triangles(corners[1:2], corners[2:3]),
+        "mesh": mesh(size * (blob(5, 4) * 0.8 + 0.5)),
+    }
+
+
+def rays(count):
+    """Return rays from around the bodies to them."""
+    rng = np.random.default_rng(2)
+    origin = rng.normal(size=(count, 3))
+    return origin.astype(np.float32), (rng.uniform(-1, 1, (count, 3)) - origin).astype(np.float32)
+
+
+ORIGIN, WAY = rays(4096)
+TIME = np.linspace(0, 1, len(ORIGIN), dtype=np.float32)
+
+FINDERS = {
+    "loops": lambda world, *given: searched(without_trees(world), *given, way=search.by_program),
+    "trees": lambda world, *given: searched(world, *given, way=search.by_program),
+    "compiled": lambda world, *given: searched(world, *given, way=compiled_world.search),
+}
+
+
+@pytest.mark.parametrize("finder", ["compiled", *slow("loops", "trees")])
+def test_bodies_of_all_sizes_are_hit(finder):
+    if finder == "compiled" and find_spec("numba") is None:
+        pytest.skip("numba is not installed")
+    find = jax.jit(FINDERS[finder])
+
+    def found(size):
+        world = tracing.world(list(bodies(size).values()))
+        given = jax.tree.map(lambda leaf: jnp.asarray(leaf), world)
+        distance, number = find(given, size * ORIGIN, WAY, TIME, np.full_like(TIME, np.inf))
+        return np.asarray(distance) / np.float32(size), np.asarray(number)
+
+    distance, number = found(1.0)
+    assert np.unique(number).size > 40 and set(range(8)) <= set(number.tolist())
+    for size in SIZES:
+        again = found(size)
+        assert np.array_equal(again[1], number), size
+        assert np.array_equal(again[0], distance), size
+
+
+@pytest.mark.parametrize("normal", [2.0**-100, 2.0**-66, 2.0**66, 2.0**100])
+def test_hits_do_not_depend_on_lengths_of_normals_and_directions(normal):
+    """Those of planes and discs, and of rays."""
+    world, again = (
+        tracing.world([of[name] for name in ("plane", "disc", "sphere")])
+        for of in (bodies(1.0), bodies(1.0, normal))
+    )
+    wanted, limit = tracing.nearest_hit(world, ORIGIN, WAY), np.float32(0.7)
+    assert set(np.unique(wanted.shape)) == {-1, 0, 1, 2}
+    found = tracing.nearest_hit(again, ORIGIN, WAY * np.float32(normal))
+    assert np.array_equal(found.distance, wanted.distance / np.float32(normal))
+    for name in ("shape", "normal", "point"):
+        assert np.array_equal(getattr(found, name), getattr(wanted, name)), name
+    before = tracing.any_hit(again, ORIGIN, WAY * np.float32(normal), 0.0, limit / np.float32(normal))
+    assert np.array_equal(before, tracing.any_hit(world, ORIGIN, WAY, 0.0, limit))
+
+
+LIGHTS = {
+    "rectangle": lambda size: tracing.rectangle_light(
+        [-size, 2 * size, 0], [2 * size, 0, 0], [0, 0, size], 3.0
+    ),
+    "sphere": lambda size: tracing.sphere_light([0, 2 * size, 0], 0.4 * size, 9.0),
+    "point": lambda size: tracing.point_light([0, 2 * size, 0], 9.0 * size**2),
+    "environment": lambda size: tracing.environment(3.0),
+}
+ESTIMATORS = {
+    "direct": tracing.direct_light,
+    "paths": partial(tracing.path_tracing, bounces=2),
+    "bidirectional": partial(tracing.bidirectional, bounces=1, light_bounces=1),
+}
+
+
+@jax.jit
+def seen(scene, points):
+    return scene(points)
+
+
+CASES = [(light, estimator) for light in LIGHTS for estimator in ESTIMATORS]
+
+
+@pytest.mark.parametrize("case", few(CASES, ("rectangle", "direct")), ids=" ".join)
+def test_lights_of_all_sizes_shine(case):
+    """Pictures of worlds that differ in size alone are the same."""
+    light, estimator = case
+
+    def scene(size):
+        floor = tracing.plane([0, -size, 0], [0, 1, 0], material=tracing.diffuse(0.7))
+        some = [bodies(size)[name] for name in ("rectangle", "disc", "sphere", "triangle")]
+        world = tracing.world([floor, *some], [LIGHTS[light](size)])
+        camera = tracing.camera([0, size, 3 * size], [0, 0, 0], fov=60)
+        return jax.tree.map(jnp.asarray, ESTIMATORS[estimator](world, camera))
+
+    wanted = scene(1.0)
+    points = np.random.default_rng(3).random((2048, len(wanted.needs)), np.float32)
+    picture = np.asarray(seen(wanted, points))
+    assert picture.mean() > 0.03
+    for size in SIZES:
+        assert np.array_equal(seen(scene(size), points), picture), size
+
+
+@pytest.mark.parametrize("estimator", ["direct", *slow("paths", "bidirectional")])
+def test_sphere_lights_shine_outwards_only(estimator):
+    """A camera and a floor in one see nothing, those outside do."""
+    floor = tracing.rectangle([-1, 0, -1], [0, 0, 2], [2, 0, 0])
+    camera = tracing.camera([0, 1, 1], [0, 0, 0])
+    means = []
+    for center in ([0, 0, 0], [0, 6, 0]):
+        world = tracing.world([floor], [tracing.sphere_light(center, 4.0, 1.0)])
+        scene = jax.tree.map(jnp.asarray, ESTIMATORS[estimator](world, camera))
+        points = np.random.default_rng(3).random((1024, len(scene.needs)), np.float32)
+        means.append(float(seen(scene, points).mean()))
+    assert means[0] == 0 and means[1] > 0.1

@@ -15,7 +15,7 @@ CELLS = GOOD.replace(
     """
     import time
     from functools import partial
-    from figures import finished_cells
+    from figures.making import finished_cells
 
     def computed(name):
         with Path("cells").open("a") as file:

@@ -344,7 +344,7 @@ def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypa
         return []
 
     monkeypatch.setattr(command_line, "update", update)
-    monkeypatch.setattr(command_line._programs, "keep", lambda warn: None)
+    monkeypatch.setattr(command_line.compiled_programs, "keep", lambda warn: None)
     monkeypatch.setattr(command_line.os, "cpu_count", lambda: 8)
     out = ["--out", str(tmp_path / "out")]
     for options in ([], ["--quality", "paper"], ["--jobs", "3"], ["--quality", "paper", "--jobs", "4"]):
@@ -667,5 +667,6 @@ def test_numbers_as_they_should_be():
 
 def test_catalogue_names_figures_of_this_package():
     for name, entry in CATALOGUE.items():
-        assert entry.module == "figures." + re.sub(r"[-.]", "_", name)
+        room = re.match(r"(hilbert|z|thesis)-(?:\d|table)", name)
+        assert entry.module == f"figures.{room[1] if room else 'ours'}." + re.sub(r"[-.]", "_", name)
         assert entry.title == entry.title.strip() and "\n" not in entry.title

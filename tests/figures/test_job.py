@@ -16,7 +16,7 @@ from figures.making.job import Where, explained
 
 SHORT = COMMAND.replace(
     "status =",
-    "from figures import _job, _update\n_job.WAIT, _job.HEARTBEAT, _update.SEEN = 3, 4, 1\nstatus =",
+    "from figures.making import job, updating\njob.WAIT, job.HEARTBEAT, updating.SEEN = 3, 4, 1\nstatus =",
 )
 """Impatient."""
 MEETING = GOOD.replace(
@@ -38,7 +38,7 @@ import os, time
 from functools import partial
 from pathlib import Path
 from matplotlib.figure import Figure
-from figures import _cells
+from figures.making import finished_cells
 
 def make(quality, progress):
     here = os.getpid()
@@ -55,8 +55,8 @@ def make(quality, progress):
             time.sleep(0.02)
         return [ord(name), 0.1]
 
-    found = _cells.shared("first", {name: partial(computed, name) for name in "abcd"}, progress)
-    again = _cells.shared("then", {name: partial(computed, name) for name in "ef"})
+    found = finished_cells.shared("first", {name: partial(computed, name) for name in "abcd"}, progress)
+    again = finished_cells.shared("then", {name: partial(computed, name) for name in "ef"})
     return Figure(figsize=(1, 1)), {"measured": {n: cell.tolist() for n, cell in (found | again).items()}}
 """
 """A figure of which processes share the cells."""

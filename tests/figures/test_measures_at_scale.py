@@ -252,7 +252,7 @@ def test_the_figure_says_what_takes_more(monkeypatch):
         "c": rows | {"bytes": [None] * 4},
         "d": rows | {"n": [2, 4, 8, 16], "bytes": [own] * 4},
     }
-    monkeypatch.setattr(measures_at_scale._process, "measured", lambda module, quality: some)
+    monkeypatch.setattr(measures_at_scale.own_process, "measured", lambda module, quality: some)
     _, numbers = measures_at_scale.make("draft", lambda fraction: None)
     assert (
         "1 of 2 measures take at most 3 times the points' memory at their largest n; more take b (4.0"

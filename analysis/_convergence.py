@@ -1,5 +1,7 @@
 """Error and run time of samplers against the number of samples."""
 
+from __future__ import annotations
+
 import json
 import math
 import os

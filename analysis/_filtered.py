@@ -1,5 +1,7 @@
 """What is left of an image's error to an eye that does not tell pixels apart."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

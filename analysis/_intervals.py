@@ -1,5 +1,7 @@
 """Elementary intervals: how many points lie in each, and in each of n intervals of one coordinate."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The distances of points to their nearest neighbours."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """The quality parameter t of nets, by counting points in elementary intervals or by ranks of matrices."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from itertools import combinations
 from typing import Any, Protocol

@@ -1,5 +1,7 @@
 """How the error of an image, or the power of a point set, is distributed over frequencies."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable
 from typing import Any
 

@@ -14,37 +14,61 @@ Four nouns, each a pure function at random access and a JAX pytree:
 import importlib
 import typing
 
-from qmcjax import orders as orders
-from qmcjax import samplers as samplers
-from qmcjax import scenes as scenes
-from qmcjax import sequences as sequences
-from qmcjax.choosing import ErrorRatio as ErrorRatio
-from qmcjax.choosing import Recommendation as Recommendation
-from qmcjax.choosing import recommend as recommend
-from qmcjax.core.checkpoints import Checkpoint as Checkpoint
-from qmcjax.core.pytrees import pytree as pytree
-from qmcjax.integrate import Estimate as Estimate
-from qmcjax.integrate import integrate as integrate
-from qmcjax.rendering import AdaptiveImage as AdaptiveImage
-from qmcjax.rendering import Passes as Passes
-from qmcjax.rendering import boundary_gradient as boundary_gradient
-from qmcjax.rendering import estimated_reference as estimated_reference
-from qmcjax.rendering import progress_bar as progress_bar
-from qmcjax.rendering import render as render
-from qmcjax.rendering import render_adaptive as render_adaptive
-from qmcjax.rendering import render_layers as render_layers
-from qmcjax.rendering import render_passes as render_passes
-from qmcjax.rendering import sliding_means as sliding_means
-
 if typing.TYPE_CHECKING:
+    from qmcjax import orders as orders
+    from qmcjax import samplers as samplers
+    from qmcjax import scenes as scenes
+    from qmcjax import sequences as sequences
     from qmcjax import tracing as tracing
+    from qmcjax._integrate import Estimate as Estimate
+    from qmcjax._integrate import integrate as integrate
+    from qmcjax.choosing import ErrorRatio as ErrorRatio
+    from qmcjax.choosing import Recommendation as Recommendation
+    from qmcjax.choosing import recommend as recommend
+    from qmcjax.core.checkpoints import Checkpoint as Checkpoint
+    from qmcjax.core.pytrees import pytree as pytree
+    from qmcjax.rendering import AdaptiveImage as AdaptiveImage
+    from qmcjax.rendering import Passes as Passes
+    from qmcjax.rendering import boundary_gradient as boundary_gradient
+    from qmcjax.rendering import estimated_reference as estimated_reference
+    from qmcjax.rendering import progress_bar as progress_bar
+    from qmcjax.rendering import render as render
+    from qmcjax.rendering import render_adaptive as render_adaptive
+    from qmcjax.rendering import render_layers as render_layers
+    from qmcjax.rendering import render_passes as render_passes
+    from qmcjax.rendering import sliding_means as sliding_means
 else:
+    _HOMES = {
+        "qmcjax._integrate": ("Estimate", "integrate"),
+        "qmcjax.choosing": ("ErrorRatio", "Recommendation", "recommend"),
+        "qmcjax.core.checkpoints": ("Checkpoint",),
+        "qmcjax.core.pytrees": ("pytree",),
+        "qmcjax.rendering": (
+            "AdaptiveImage",
+            "Passes",
+            "boundary_gradient",
+            "estimated_reference",
+            "progress_bar",
+            "render",
+            "render_adaptive",
+            "render_layers",
+            "render_passes",
+            "sliding_means",
+        ),
+    }
+    _LAZY = {name: home for home, names in _HOMES.items() for name in names}
+    _PACKAGES = ("orders", "samplers", "scenes", "sequences", "tracing")
 
     def __getattr__(name: str) -> typing.Any:
-        """Import what traces rays when it is asked for: half of the library, which few scenes need."""
-        if name != "tracing":
+        """Import a package, or what hands a name on, when it is asked for: few scripts need them all."""
+        if name in _PACKAGES:
+            return importlib.import_module(f"qmcjax.{name}")
+        if name not in _LAZY:
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-        return importlib.import_module("qmcjax.tracing")
+        return globals().setdefault(name, getattr(importlib.import_module(_LAZY[name]), name))
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *_PACKAGES, *_LAZY})
 
 
 __version__ = "0.2.0"

@@ -14,19 +14,23 @@ ROOT = Path(__file__).parents[1]
 def test_imports_stay_light():
     """What takes long, or is half of the library, comes when it is asked for; modules count, not seconds."""
     code = """import sys
+import qmcjax
+print(*sys.modules)
 import jax
 print(*sys.modules)
-for package in ("qmcjax", "analysis"):
-    __import__(package)
-    print(*sys.modules)
+from qmcjax import orders, render, samplers, scenes, sequences
+print(*sys.modules)
+import analysis
+print(*sys.modules)
 """
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    of_jax, of_qmcjax, of_analysis = (set(line.split()) for line in loaded.splitlines())
+    alone, of_jax, of_qmcjax, of_analysis = (set(line.split()) for line in loaded.splitlines())
+    assert {name for name in alone if name.startswith("qmcjax.")} == set() and "numpy" not in alone
     more = of_qmcjax - of_jax
-    assert not {"scipy", "matplotlib", "numba", "jax._src.pallas", "qmcjax.tracing"} & of_qmcjax
+    assert not {"scipy", "matplotlib", "PIL", "tqdm", "numba", "jax._src.pallas", "qmcjax.tracing"} & of_qmcjax
     assert {name for name in more if name.split(".")[0] not in ("qmcjax", "jax", "numpy")} <= {"fractions"}
     assert 100 < len(more) < 250, len(more)
-    assert "analysis" in of_analysis and "matplotlib" not in of_analysis
+    assert "analysis" in of_analysis and not {"matplotlib", "PIL", "tqdm"} & of_analysis
 
 
 def test_what_traces_rays_is_there_when_it_is_asked_for():

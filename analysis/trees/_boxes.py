@@ -1,5 +1,7 @@
 """Boxes with sides along the axes: still, with times from and to, or moving; and how many rays meet them."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

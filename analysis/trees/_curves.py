@@ -1,5 +1,7 @@
 """Trees along curves that fill space: one order of the boxes, in which nodes are split."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

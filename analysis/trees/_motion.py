@@ -1,5 +1,7 @@
 """Boxes of what moves: over parts of the shutter, and split in time."""
 
+from __future__ import annotations
+
 from itertools import pairwise
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Trees by the quadratic split of R-trees."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

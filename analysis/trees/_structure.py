@@ -1,5 +1,7 @@
 """Binary trees of boxes: their nodes, and what is measured of them."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,5 +1,7 @@
 """Splits where the surface area heuristic is least, of all in one or several orders of the boxes."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

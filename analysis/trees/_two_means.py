@@ -1,5 +1,7 @@
 """Trees by clustering: two means below each node."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

@@ -1,5 +1,7 @@
 """The nodes of a tree that rays visit, all rays at once."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Errors over numbers of samples, each curve with its name at its end."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from typing import Any
 

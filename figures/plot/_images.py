@@ -1,5 +1,7 @@
 """Images at whole zoom: a pixel is as many pixels wide as high, and none is resampled."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Points in the unit square, and orders of pixels."""
 
+from __future__ import annotations
+
 import math
 from typing import Any
 

@@ -1,5 +1,7 @@
 """Power spectra, in the plane and by their radial means."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Estimates of exact images, for scenes without a closed form."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from typing import Any

@@ -1,5 +1,7 @@
 """Independent passes of an image, their mean and its variance."""
 
+from __future__ import annotations
+
 import os
 import time
 from collections.abc import Callable

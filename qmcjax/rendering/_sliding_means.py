@@ -1,5 +1,7 @@
 """Frames of an animation from the images of those before: a ring buffer (thesis, Sect. 3.1.3)."""
 
+from __future__ import annotations
+
 from collections import deque
 from collections.abc import Iterable, Iterator
 from typing import Any

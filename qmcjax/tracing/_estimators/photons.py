@@ -1,5 +1,7 @@
 """Photons that know when they arrive: at one time each, or all through an interval (thesis, Sect. 3.1.5)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple

@@ -1,5 +1,7 @@
 """The nearest hit of rays, differentiable, and whether there is any."""
 
+from __future__ import annotations
+
 from typing import Any, NamedTuple
 
 import jax

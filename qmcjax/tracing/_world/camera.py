@@ -1,5 +1,7 @@
 """Cameras: from the screen, the shutter and the lens to rays."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple

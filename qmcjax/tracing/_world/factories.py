@@ -1,5 +1,7 @@
 """Objects of one kind of shape, and groups of them, from checked numbers."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import jax.numpy as jnp

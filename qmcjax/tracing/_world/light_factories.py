@@ -1,5 +1,7 @@
 """Lights from checked numbers."""
 
+from __future__ import annotations
+
 from typing import Any
 
 from numpy.typing import ArrayLike

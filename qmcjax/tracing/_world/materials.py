@@ -1,5 +1,7 @@
 """Materials: what a surface does with light at a point."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple

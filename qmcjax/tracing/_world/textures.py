@@ -1,5 +1,7 @@
 """Textures: colours that depend on a shape's coordinates, and patterns of them that move."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,5 +1,7 @@
 """Motions of objects, from a part that is linear and one that is not."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,5 +1,7 @@
 """Curves as linear segments, with ends where the direction jumps."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,5 +1,7 @@
 """Boxes of points that turn about an axis."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import jax.numpy as jnp

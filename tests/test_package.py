@@ -27,7 +27,9 @@ print(*sys.modules)
     alone, of_jax, of_qmcjax, of_analysis = (set(line.split()) for line in loaded.splitlines())
     assert {name for name in alone if name.startswith("qmcjax.")} == set() and "numpy" not in alone
     more = of_qmcjax - of_jax
-    assert not {"scipy", "matplotlib", "PIL", "tqdm", "numba", "jax._src.pallas", "qmcjax.tracing"} & of_qmcjax
+    assert (
+        not {"scipy", "matplotlib", "PIL", "tqdm", "numba", "jax._src.pallas", "qmcjax.tracing"} & of_qmcjax
+    )
     assert {name for name in more if name.split(".")[0] not in ("qmcjax", "jax", "numpy")} <= {"fractions"}
     assert 100 < len(more) < 250, len(more)
     assert "analysis" in of_analysis and not {"matplotlib", "PIL", "tqdm"} & of_analysis

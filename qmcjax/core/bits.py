@@ -14,6 +14,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 __all__ = [
+    "below_one",
     "gray_decode",
     "gray_encode",
     "hash_pair",
@@ -24,6 +25,11 @@ __all__ = [
     "reverse",
     "to_unit",
 ]
+
+
+def below_one(dtype: DTypeLike) -> np.ndarray:
+    """Return the largest number below 1 of a floating dtype."""
+    return np.nextafter(np.ones((), dtype), np.zeros((), dtype))
 
 
 def _word(value: int) -> np.uint32:

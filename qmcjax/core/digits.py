@@ -17,10 +17,9 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.bits import reverse, to_unit
+from qmcjax.core.bits import below_one, reverse, to_unit
 
 __all__ = [
-    "BELOW_ONE",
     "Base",
     "alike",
     "base_of",
@@ -34,8 +33,6 @@ __all__ = [
     "span_numbers",
     "word",
 ]
-
-BELOW_ONE = np.float32(1 - 2.0**-24)
 
 _TABLE_SIZE = 8192
 """Digits are permuted together as long as their table has no more entries: it stays in a near cache."""
@@ -112,7 +109,7 @@ def exact_fraction(
         value = exact / (exact * 0.0 + np.float64(base ** digit_count(base)))
         if dtype == jnp.float64:
             return value
-        return jnp.minimum(value.astype(jnp.float32), BELOW_ONE)
+        return jnp.minimum(value.astype(jnp.float32), below_one(np.float32))
 
 
 def cell_fraction(

@@ -6,8 +6,8 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.bits import reverse, to_unit
-from qmcjax.core.digits import BELOW_ONE, digit_count, digit_reversed, radical_inverse
+from qmcjax.core.bits import below_one, reverse, to_unit
+from qmcjax.core.digits import digit_count, digit_reversed, radical_inverse
 
 __all__ = ["limit_64", "radical_inverse_64"]
 
@@ -46,4 +46,4 @@ def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jn
         value = (digit_reversed(first, base, count).astype(jnp.float64) + tail) * np.float64(1 / base**count)
         if dtype == jnp.float64:
             return jnp.minimum(value, np.float64(1 - 2.0**-53))
-        return jnp.minimum(value.astype(jnp.float32), BELOW_ONE)
+        return jnp.minimum(value.astype(jnp.float32), below_one(np.float32))

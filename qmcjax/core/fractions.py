@@ -10,8 +10,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-
-_BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0**-53}
+from qmcjax.core.bits import below_one
 
 
 def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
@@ -83,4 +82,4 @@ def plus_modulo_1(value: Array, offset: Array, dtype: DTypeLike) -> Array:
     fraction = offset.astype(jnp.float64) * np.float64(2.0**-32)
     complement = np.float64(1) - fraction
     total = jnp.where(value < complement, value + fraction, value - complement).astype(dtype)
-    return jnp.minimum(total, jnp.asarray(_BELOW_ONE[np.dtype(dtype)], dtype))
+    return jnp.minimum(total, below_one(dtype))

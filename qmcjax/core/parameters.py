@@ -83,6 +83,13 @@ def require(name: str, value: Any, holds: Callable[[NDArray], Any], rule: str) -
         raise ValueError(f"{name} must be {rule}, got {checks.shown(given)}")
 
 
+def positive(name: str, value: Any) -> Any:
+    """Return a positive number as `numbers` does, or raise."""
+    number = numbers(name, value)
+    require(name, number, lambda v: v > 0, "positive")
+    return number
+
+
 def cast(parameters: Any, dtype: DTypeLike) -> Any:
     """Return a pytree with all its numbers in ``dtype``."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), parameters)

@@ -10,6 +10,7 @@ from jax.sharding import Mesh
 from numpy.typing import DTypeLike
 
 from qmcjax.core import devices, parts, summation
+from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
 from qmcjax.core.summation import State
@@ -161,10 +162,9 @@ def with_all_dims(point: Array, dims: tuple[int, ...], count: int) -> Array:
 def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Array:
     """Take the first two coordinates from the pixel to the screen."""
     dtype = point.dtype
-    below_one = np.nextafter(np.ones((), dtype), np.zeros((), dtype))
     screen = [
         # The last pixel's sum may round up to 1.
-        jnp.minimum((pixel.astype(dtype) + point[..., j]) * np.asarray(1 / side, dtype), below_one)
+        jnp.minimum((pixel.astype(dtype) + point[..., j]) * np.asarray(1 / side, dtype), below_one(dtype))
         for j, (pixel, side) in enumerate(((x, width), (y, height)))
     ]
     return jnp.stack([*screen, *(point[..., j] for j in range(2, point.shape[-1]))], axis=-1)

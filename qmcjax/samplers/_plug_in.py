@@ -11,6 +11,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.samplers._base import Sampler
@@ -18,8 +19,6 @@ from qmcjax.samplers._base import Sampler
 MAX_DIMS = 2**16
 
 _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the methods prepare and points"
-
-_BELOW_ONE = {np.dtype(np.float32): 1 - 2.0**-24, np.dtype(np.float64): 1 - 2.0**-53}
 
 
 @pytree
@@ -154,7 +153,7 @@ def rounded(values: Any, dtype: DTypeLike) -> Array:
         return values
     with checks.precision(dtype):
         cast = values.astype(dtype)
-        return jnp.where(values < 1, jnp.minimum(cast, np.asarray(_BELOW_ONE[np.dtype(dtype)], dtype)), cast)
+        return jnp.where(values < 1, jnp.minimum(cast, below_one(dtype)), cast)
 
 
 def _prepares(value: Any) -> bool:

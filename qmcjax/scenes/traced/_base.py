@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from qmcjax import tracing
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes.traced import _stored
 
@@ -89,13 +88,6 @@ class Traced:
         variance = np.square(stored.error).reshape(blocks).mean(axis=(1, 3)) / (blocks[1] * blocks[3])
         bound = _DEVIATIONS * np.sqrt(variance) + stored.rounding
         return image, np.broadcast_to(bound[..., None], image.shape).copy()
-
-
-def positive(name: str, value: Any) -> Any:
-    """Return a positive number as `core.parameters.numbers` does, or raise."""
-    value = numbers(name, value)
-    require(name, value, lambda v: v > 0, "positive")
-    return value
 
 
 def is_analytic(visibility: Any) -> bool:

@@ -3,7 +3,8 @@
 from typing import Any
 
 from qmcjax import tracing
-from qmcjax.scenes.traced._base import Traced, positive
+from qmcjax.core.parameters import positive
+from qmcjax.scenes.traced._base import Traced
 
 
 def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, light_bounces: int = 1) -> Traced:

@@ -6,8 +6,8 @@ import numpy as np
 
 from qmcjax import tracing
 from qmcjax.core import checks
-from qmcjax.core.parameters import require
-from qmcjax.scenes.traced._base import Traced, is_analytic, positive, seen_in_time
+from qmcjax.core.parameters import positive, require
+from qmcjax.scenes.traced._base import Traced, is_analytic, seen_in_time
 from qmcjax.tracing import motion
 
 WHITE, RED, GREEN = (0.73, 0.73, 0.73), (0.63, 0.065, 0.05), (0.14, 0.45, 0.091)

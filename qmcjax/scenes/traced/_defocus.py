@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from qmcjax import tracing
-from qmcjax.scenes.traced._base import Traced, positive
+from qmcjax.core.parameters import positive
+from qmcjax.scenes.traced._base import Traced
 
 
 def defocus(aperture: Any = 0.25, focus: Any = 4.0, *, blades: int | None = None) -> Traced:

@@ -11,6 +11,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.core.bits import below_one
 from qmcjax.core.maximin_lattices import best_planar, best_spatial
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._protocol.base import Sequence
@@ -24,8 +25,6 @@ _SPATIAL_LIMIT = 2**13
 """The search takes a second."""
 
 _SPATIAL_TABLE_LIMIT = 2**16
-
-_BELOW_ONE = np.float32(1 - 2.0**-24)
 
 
 @pytree
@@ -57,7 +56,7 @@ class Rank1Lattice(Sequence):
             value = numerator / (numerator * 0.0 + np.float64(self.n))
             if dtype == jnp.float64:
                 return value
-            return jnp.minimum(value.astype(jnp.float32), _BELOW_ONE)
+            return jnp.minimum(value.astype(jnp.float32), below_one(np.float32))
 
 
 @pytree

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
+from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets import Net, _above, _low, _reverse_low
 
 
@@ -30,24 +31,15 @@ class MatrixNet(Net):
     called = "optimized_net"
 
     def _second(self, index: Array) -> Array:
-        return _product(self.columns, index)
+        return selected(self.columns, index)
 
     def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         # The lowest index bits correct the leading rows. Their block of C is the product of the
         # factors' leading blocks, and those of the inverse factors invert these.
         upper = _above(x, self.m - log_side) | (sample << log_side)
         wrong = _low(self._second(upper), log_side) ^ _reverse_low(y, log_side)
-        middle = _low(_product(self.lower_inverse, wrong), log_side)
-        return upper | _product(self.upper_inverse, middle)
-
-
-def _product(columns: Array, word: Array) -> Array:
-    """Xor the columns that the bits of the word select."""
-    product = jnp.zeros_like(word)
-    for k in range(columns.shape[0]):
-        # 0 - 1 wraps to all ones: a mask instead of a comparison and a select.
-        product = product ^ ((np.uint32(0) - ((word >> k) & np.uint32(1))) & columns[k])
-    return product
+        middle = _low(selected(self.lower_inverse, wrong), log_side)
+        return upper | selected(self.upper_inverse, middle)
 
 
 def optimized_net(m: int) -> MatrixNet:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 from qmcjax.sequences._digital.digital import Digital, digital
+from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets_3d import OverPlane
-from qmcjax.sequences._nets.optimized_net import MatrixNet, _columns, _factors, _inverse, _product
+from qmcjax.sequences._nets.optimized_net import MatrixNet, _columns, _factors, _inverse
 
 
 @pytree
@@ -28,7 +29,7 @@ class MatrixNet3D(OverPlane):
     called = "optimized_net_3d"
 
     def _third(self, index: Array) -> Array:
-        return _product(self.columns, index)
+        return selected(self.columns, index)
 
 
 def optimized_net_3d(m: int) -> MatrixNet3D:

@@ -8,6 +8,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from qmcjax.core.bits import below_one
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._estimators.estimator import Estimator
 from qmcjax.tracing._estimators.rasterized import rasterized
@@ -160,7 +161,7 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
     for j, name in enumerate(("x", "y", "time")):
         if name in column:
             moved = (place[j] + points[:, column[name]]) / size[j]
-            points = points.at[:, column[name]].set(jnp.minimum(moved, 1 - jnp.finfo(moved.dtype).epsneg))
+            points = points.at[:, column[name]].set(jnp.minimum(moved, below_one(moved.dtype)))
     world = in_dtype(scene.world, points.dtype)
     x, y = (points[:, column[name]] for name in "xy")
     time = scene.camera.times(points[:, column["time"]] if "time" in column else jnp.zeros_like(x))

@@ -13,7 +13,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import axes, cast, numbers, require
+from qmcjax.core.parameters import axes, cast, numbers, positive, require
 from qmcjax.core.plug_ins import held
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.object import Object
@@ -213,12 +213,12 @@ def camera(
         require("up", top, lambda _: side > straight, "across the view")
     angle = numbers("fov", fov)
     require("fov", angle, lambda value: (value > 0) & (value < 180), "in (0, 180) degrees")
-    ratio = _positive("aspect", aspect)
-    radius = None if aperture is None else _positive("aperture", aperture)
+    ratio = positive("aspect", aspect)
+    radius = None if aperture is None else positive("aperture", aperture)
     for name, value in (("focus", focus), ("blades", blades)):
         if value is not None and radius is None:
             raise ValueError(f"{name} must be None without an aperture, got {checks.shown(value)}")
-    distance = None if focus is None else _positive("focus", focus)
+    distance = None if focus is None else positive("focus", focus)
     if blades is not None:
         blades = checks.integer("blades", blades, 3, 2**10)
     if motion is not None:
@@ -235,9 +235,3 @@ def _shutter(value: Any) -> Any:
     if not single:
         require("shutter", shutter, lambda s: s[0] <= s[1], "(open, close) with open <= close")
     return shutter
-
-
-def _positive(name: str, value: Any) -> Any:
-    number = numbers(name, value)
-    require(name, number, lambda v: v > 0, "positive")
-    return number

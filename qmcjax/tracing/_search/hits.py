@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import floats
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._search.intersection import found, in_dtype
 from qmcjax.tracing._search.search import search
@@ -39,7 +43,8 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     that wants objects no smaller than about a thousandth of their distance from the origin of coordinates:
     there about 2 % of the rays into a mesh miss its other side, and of smaller boxes and cylinders more.
     Rays whose numbers are not finite, and those with a direction of zero length, hit nothing; else
-    directions may have any length.
+    directions may have any length from 1e-30 on, in float64 from 1e-292. While a program is traced their
+    length is not known: small components of shorter ones count as 0.
 
     Parameters
     ----------
@@ -60,7 +65,7 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     TypeError
         If an argument has another type.
     ValueError
-        If shapes do not fit.
+        If shapes do not fit, or a direction is too short.
 
     Examples
     --------
@@ -117,12 +122,11 @@ def flat_rays(
     if not isinstance(world, World):
         raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
     given = {"origin": origin, "direction": direction, **dict(zip(("time", "limit"), others, strict=False))}
-    arrays = {name: _floats(name, value) for name, value in given.items()}
-    for name in ("origin", "direction"):
-        if arrays[name].shape[-1:] != (3,):
-            raise ValueError(f"{name} must have shape (..., 3), got {arrays[name].shape}")
+    last = {"origin": (3,), "direction": (3,)}
+    arrays = {name: floats(name, value, last.get(name, ()), finite=False) for name, value in given.items()}
     dtype = arrays["origin"].dtype
-    leading = {name: a.shape[: a.ndim - (name in ("origin", "direction"))] for name, a in arrays.items()}
+    _check_lengths(direction, dtype)
+    leading = {name: a.shape[: a.ndim - (name in last)] for name, a in arrays.items()}
     try:
         shape = jnp.broadcast_shapes(*leading.values())
     except ValueError:
@@ -136,16 +140,21 @@ def flat_rays(
     return shape, tuple(flat)
 
 
-def _floats(name: str, value: Any) -> Array:
-    try:
-        array = jnp.asarray(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}") from None
-    if jnp.issubdtype(array.dtype, jnp.integer):
-        array = array.astype(jnp.float32)
-    if array.dtype not in (jnp.float32, jnp.float64):
-        raise TypeError(f"{name} must be float32 or float64, got {checks.shown(value)}")
-    return array
+def _check_lengths(direction: Any, dtype: np.dtype) -> None:
+    """Raise a ValueError if a direction is known to be so short that programs lose components, or too long.
+
+    They take numbers that are not normal for 0.
+    """
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(direction)):
+        return
+    # Component by component: the last axis is short.
+    size = reduce(np.maximum, (abs(np.asarray(direction)[..., j]) for j in range(3)))
+    least, most = np.finfo(dtype).tiny / np.finfo(dtype).eps, np.finfo(dtype).max
+    if np.any((size > 0) & (size < least) | (size > most) & (size < np.inf)):
+        raise ValueError(
+            f"direction must have a largest component in [{least:.3g}, {most:.3g}], or be 0, got "
+            f"{checks.shown(direction)}"
+        )
 
 
 @jit()

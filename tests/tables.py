@@ -178,6 +178,44 @@ KINDS = (
 )
 
 
+BY_DEFAULT = {
+    "sequences": (
+        "sobol(9)",
+        "halton, zaremba",
+        "faure(5, modified)",
+        "uniform(3)",
+        "jittered(40)",
+        "permutation_net(12)",
+        "optimized_net_3d(12)",
+        "owen(sobol(2))",
+        "linear_matrix_scramble(sobol(9))",
+        "art_owen(sobol(2))",
+        "rotate(halton(12))",
+        "lattice(3)",
+        "rank1_lattice(1700, 3)",
+        "latin_hypercube(2**32)",
+        "owen(halton(3))",
+        "gray(sobol(2))",
+    ),
+    "samplers": (
+        "independent, owen",
+        "full_screen, permutation",
+        "contiguous, morton, owen",
+        "segments, hilbert, sobol, doubling",
+        "partitioned, hilbert, halton",
+        "shifted, hilbert, lattice",
+        "dither, vectors",
+        "ranked",
+        "interleaved, positions",
+        "optimized",
+        "z, hash",
+        "z, tree",
+    ),
+    "orders": ("hilbert", "scrambled_morton, hash"),
+}
+"""What tests of every object run with by default: each way of making points once."""
+
+
 def each(argument, table):
     """Run a test with all objects of a table."""
     return some(argument, table, *table)

@@ -179,6 +179,35 @@ KINDS = (
 )
 
 
+BY_DEFAULT = {
+    "sequences": (
+        "sobol(9)",
+        "halton, zaremba",
+        "faure(5, modified)",
+        "uniform(3)",
+        "permutation_net(12)",
+        "owen(sobol(2))",
+        "art_owen(sobol(2))",
+        "rotate(halton(12))",
+        "rank1_lattice(1700, 3)",
+        "latin_hypercube(2**32)",
+        "owen(halton(3))",
+    ),
+    "samplers": (
+        "independent, owen",
+        "full_screen, permutation",
+        "contiguous, morton, owen",
+        "segments, hilbert, sobol, doubling",
+        "partitioned, hilbert, halton",
+        "dither, vectors",
+        "ranked",
+        "z, tree",
+    ),
+    "orders": ("hilbert", "scrambled_morton, hash"),
+}
+"""What tests of every object run with by default: each way of making points once."""
+
+
 def each(argument, table):
     """Run a test with all objects of a table."""
     return some(argument, table, *table)

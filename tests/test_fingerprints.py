@@ -1,5 +1,6 @@
-"""Bits that must not change: a change of the code that is none of the numbers leaves all of these alone.
+"""Every object: bits that must not change, whichever way they are asked for, and their range and precision.
 
+A change of the code that is none of the numbers leaves all of these alone.
 ``python tests/test_fingerprints.py`` writes the table anew: only after a change that is meant.
 """
 
@@ -16,7 +17,7 @@ import pytest
 from qmcjax import orders, samplers, sequences
 
 sys.path.insert(0, str(Path(__file__).parent))
-from tables import ORDERS, SAMPLERS, SEQUENCES, SIDE, SPP
+from tables import BY_DEFAULT, ORDERS, SAMPLERS, SEQUENCES, SIDE, SPP, few, first
 
 TABLE = Path(__file__).with_name("fingerprints.json")
 POINTS = 2**16
@@ -47,14 +48,48 @@ def digest(*arrays) -> str:
     return state.hexdigest()[:16]
 
 
+def check_range(single, double) -> None:
+    """Points are in the half-open cube, in both precisions."""
+    for points, dtype in ((single, np.float32), (double, np.float64)):
+        assert points.dtype == dtype and points.min() >= 0 and points.max() < 1
+    assert np.max(np.abs(single.astype(np.float64) - double)) < 2.0**-24
+
+
+@jax.jit
+def backwards(sequence, index):
+    """Return points with their coordinates backwards, table by table."""
+    wanted = tuple(range(sequence.dims))[::-1]
+    return jax.vmap(lambda table: sequence(table, wanted))(index)
+
+
 def of_sequence(sequence) -> str:
     n = min(POINTS, sequence.size or POINTS)
+    arrays, words = [], []
     # The last ones, too: indices up to the end, or to 2**32.
-    start = (sequence.size or 2**32) - n
-    arrays = [sequence.points(n, at, dtype) for at in (0, start) for dtype in (jnp.float32, jnp.float64)]
-    if isinstance(sequence, sequences.BinarySequence):
-        arrays += [sequence.bits(np.arange(at, at + n).astype(np.uint32)) for at in (0, start)]
-    return digest(*arrays)
+    for at in (0, (sequence.size or 2**32) - n):
+        single, double = (np.asarray(sequence.points(n, at, dtype)) for dtype in (jnp.float32, jnp.float64))
+        arrays += [single, double]
+        assert single.shape == double.shape == (n, sequence.dims)
+        check_range(single, double)
+        # In any order and shape: neither compiled nor mapped, and both.
+        shuffled = np.random.default_rng(1).permutation(first(n))
+        index = np.uint32(at) + shuffled
+        assert np.array_equal(sequence(index), single[shuffled])
+        assert np.array_equal(sequence(int(index[7])), single[shuffled[7]])
+        tables = np.asarray(backwards(sequence, index[:1200].reshape(3, 4, 100)))
+        assert np.array_equal(tables.reshape(1200, -1), single[shuffled[:1200], ::-1])
+        if isinstance(sequence, sequences.BinarySequence):
+            words.append(np.asarray(sequence.bits(np.uint32(at) + first(n))))
+            assert np.array_equal(words[-1] / 2.0**32, double)
+            reflected = np.asarray(sequence.bit_reversed(jnp.asarray(np.uint32(at) + first(n)), 0))
+            assert np.array_equal(reversed_bits(reflected), words[-1][:, 0])
+    return digest(*arrays, *words)
+
+
+def reversed_bits(words) -> np.ndarray:
+    """Return each word with its last bit first."""
+    bits = np.unpackbits(words.astype(">u4").view(np.uint8).reshape(-1, 4), axis=1)
+    return np.packbits(bits[:, ::-1], axis=1).view(">u4")[:, 0]
 
 
 def of_order(make) -> str:
@@ -70,14 +105,21 @@ def of_order(make) -> str:
 
 
 def of_sampler(sampler, width=SIDE, height=SIDE, spp=SPP) -> str:
+    """Compiled points: of arrays; each on its own, its coordinates backwards; of tables, one coordinate."""
     rng = np.random.default_rng(2)
-    x, y, sample = (rng.integers(n, size=POINTS).astype(np.uint32) for n in (width, height, spp))
+    where = x, y, sample = [rng.integers(n, size=POINTS).astype(np.uint32) for n in (width, height, spp)]
     dims = tuple(range(sampler.dims))
-    points = [
-        jax.jit(lambda x, y, s, d=d, dtype=dtype: sampler(x, y, s, d, dtype))(x, y, sample)
-        for d, dtype in ((dims, jnp.float32), (dims[::-1], jnp.float64), (dims[-1:], jnp.float32))
-    ]
-    return digest(*points)
+    single = np.asarray(jax.jit(lambda x, y, s: sampler(x, y, s, dims))(x, y, sample))
+    alone = jax.vmap(lambda x, y, s: sampler(x, y, s, dims[::-1], jnp.float64))
+    double = np.asarray(jax.jit(alone)(x, y, sample))
+    check_range(single, double[:, ::-1])
+    table = jax.jit(lambda x, y, s: sampler(x, y, s, dims[-1:]))(*(a.reshape(4, 128, -1) for a in where))
+    assert np.array_equal(np.reshape(table, -1), single[:, -1])
+    # Neither compiled nor mapped: all samples of a pixel.
+    own = np.asarray(sampler(int(x[0]), int(y[0]), first(spp)))
+    assert np.array_equal(own[sample[0]], single[0, :2])
+    assert np.array_equal(sampler(int(x[0]), int(y[0]), first(spp), dims=(1,)), own[:, 1:])
+    return digest(single, double, np.reshape(table, (-1, 1)))
 
 
 def of_large(name) -> str:
@@ -95,23 +137,14 @@ ENTRIES = {
 
 
 QUICK = (
-    "sequence: sobol(2)",
-    "sequence: halton(3)",
-    "sequence: owen(sobol(2))",
-    "sequence: owen(halton(3))",
-    "sequence: permutation_net(12)",
-    "order: hilbert",
-    "order: scrambled_morton, hash",
-    "sampler: independent, owen",
-    "sampler: contiguous, raster, halton",
-    "sampler: z, hash",
+    *(f"sequence: {name}" for name in BY_DEFAULT["sequences"]),
+    *(f"order: {name}" for name in BY_DEFAULT["orders"]),
+    *(f"sampler: {name}" for name in BY_DEFAULT["samplers"]),
     "large: contiguous, hilbert, sobol",
 )
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in ENTRIES]
-)
+@pytest.mark.parametrize("name", few(ENTRIES, *QUICK))
 def test_bits_are_those_of_the_table(name):
     assert ENTRIES[name]() == json.loads(TABLE.read_text())[name]
 

@@ -60,7 +60,7 @@ def test_best_coordinates_in_the_plane_are_those_of_linear_programs(key):
 
 
 def test_swaps_are_made_if_and_only_if_the_level_can_be_kept():
-    n = 6
+    n = 5
     points = np.random.default_rng(5).random((n, 2))
     ranked = _Ranked(points, analysis.star_discrepancy(points))
     ranked.lower(0.1, 1e-4, 100)

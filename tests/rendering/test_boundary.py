@@ -58,7 +58,7 @@ def flat(gradient):
 def sequence(name, key):
     """Return a randomised sequence on the edges."""
     dims = len(SCENES[name].needs) - 1
-    return sequences.owen(sequences.sobol(dims), key=key)
+    return sequences.digital_shift(sequences.sobol(dims), key=key)
 
 
 @NAMES

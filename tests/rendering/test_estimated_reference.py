@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow, some
 
 import qmcjax as qj
 from qmcjax import scenes
@@ -17,8 +18,8 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("spp", [128, pytest.param(8192, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+@pytest.mark.parametrize("spp", [128, *slow(8192)])
+@some("scene", SCENES, "disc", "soft_shadow")
 def test_no_error_is_beyond_the_bound(scene, spp):
     """Nor is the bound useless: below 50 of the largest error."""
     image, bound = qj.estimated_reference(scene, 12, 9, spp, key=1)

@@ -46,7 +46,7 @@ test_processes.kept(mesh, paths[0], lambda part: print("part", part, flush=True)
 
 def one_pass(key):
     order = orders.hilbert(WIDTH, HEIGHT)
-    return samplers.contiguous(order, sequences.owen(sequences.sobol(2), key), SPP)
+    return samplers.contiguous(order, sequences.digital_shift(sequences.sobol(2), key), SPP)
 
 
 def computed(mesh):
@@ -65,7 +65,7 @@ def computed(mesh):
 
 def derivatives(mesh):
     """Return those of an image and an integral, forward and in reverse."""
-    sampler, sequence = samplers.independent(sequences.sobol(2), 1), sequences.sobol(2)
+    sampler, sequence = samplers.independent(sequences.sobol(2), 1, "xor"), sequences.sobol(2)
 
     def energy(f):
         return (qj.render(scenes.zone_plate(f), sampler, WIDTH, HEIGHT, SPP, mesh=mesh) ** 2).sum()
@@ -79,7 +79,9 @@ def derivatives(mesh):
 
 def sweep(mesh, **given):
     """Return the errors of a sweep: four images, which three processes cannot share evenly."""
-    compared = {name: samplers.independent(sequences.sobol(2), key) for name, key in (("a", 1), ("b", 2))}
+    compared = {
+        name: samplers.independent(sequences.sobol(2), key, "xor") for name, key in (("a", 1), ("b", 2))
+    }
     table = analysis.convergence(
         scenes.disc(), compared, [1, 4], width=WIDTH, height=HEIGHT, repeats=1, mesh=mesh, **given
     )
@@ -96,7 +98,7 @@ def digest(values):
 
 
 def kept(mesh, path, progress):
-    sampler = samplers.independent(sequences.sobol(2), 1)
+    sampler = samplers.independent(sequences.sobol(2), 1, "xor")
     return qj.render(
         scenes.disc(), sampler, WIDTH, HEIGHT, LONG, mesh=mesh, checkpoint=path, progress=progress
     )

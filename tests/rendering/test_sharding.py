@@ -131,15 +131,14 @@ def test_means_and_edges_over_devices(mesh):
     check(mesh, many, keys)
 
 
+XOR = partial(samplers.independent, SOBOL, randomize="xor")
 FRESH = samplers.randomized(lambda key: samplers.z(24, 17, SPP, key), 1)
 SPREAD = {
     "render": lambda mesh: qj.render(
         scenes.checkerboard(), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
     ),
-    "one pixel": lambda mesh: qj.render(scenes.disc(), samplers.independent(SOBOL, 1), 1, 1, SPP, mesh=mesh),
-    "render_adaptive": lambda mesh: qj.render_adaptive(
-        scenes.disc(), samplers.independent(SOBOL, 1), 24, 17, SPP, mesh=mesh
-    ),
+    "one pixel": lambda mesh: qj.render(scenes.disc(), XOR(1), 1, 1, SPP, mesh=mesh),
+    "render_adaptive": lambda mesh: qj.render_adaptive(scenes.disc(), XOR(1), 24, 17, SPP, mesh=mesh),
     "tolerance": lambda mesh: qj.render_adaptive(
         scenes.disc(), FRESH, 24, 17, 8 * SPP, tolerance=0.05, mesh=mesh
     ),
@@ -155,7 +154,7 @@ SPREAD = {
     "convergence": lambda mesh: (
         analysis.convergence(
             scenes.disc(),
-            {"Owen": samplers.independent(SOBOL, 1)},
+            {"xor": XOR(1)},
             [4],
             width=24,
             height=17,
@@ -183,10 +182,9 @@ def bump(x, width):
     return lambda p: jnp.exp(-width * jnp.sum((p - x) ** 2, axis=-1))
 
 
-PLATE = partial(samplers.independent, sequences.owen(SOBOL, 1))
 DIFFERENTIATED = {
     "render": lambda mesh: derivatives(
-        lambda f: (qj.render(scenes.zone_plate(f), PLATE(1), 150, 133, SPP, mesh=mesh) ** 2).sum(), 20
+        lambda f: (qj.render(scenes.zone_plate(f), XOR(1), 150, 133, SPP, mesh=mesh) ** 2).sum(), 20
     ),
     "integrate": lambda mesh: derivatives(
         lambda x, width: qj.integrate(bump(x, width), SOBOL, 2**21 + 77, mesh=mesh), 0.3, 5

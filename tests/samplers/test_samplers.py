@@ -4,54 +4,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, SAMPLERS, SIDE, SPP, first, is_net, some
+from tables import BY_DEFAULT, NETS, SAMPLERS, SIDE, SPP, first, is_net, some
 
 from qmcjax import orders, samplers, sequences
 
 each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
 
 
-draw = jax.jit(lambda sampler, *where, dtype: sampler(*where, dtype=dtype), static_argnames="dtype")
+draw = jax.jit(
+    lambda sampler, *where, dims=(0, 1), dtype=jnp.float32: sampler(*where, dims, dtype),
+    static_argnames=("dims", "dtype"),
+)
 
 
 def all_samples(side=SIDE, spp=SPP):
     """Every x, y, sample of a square image, flat."""
     y, x, sample = np.meshgrid(first(side), first(side), first(spp), indexing="ij")
     return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
-
-
-@jax.jit
-def one_by_one(sampler, x, y, sample):
-    """Return all points, each on its own, with their coordinates backwards."""
-    dims = tuple(range(sampler.dims))[::-1]
-    return jax.vmap(lambda *where: sampler(*where, dims))(x, y, sample)
-
-
-@jax.jit
-def in_a_table(sampler):
-    """Return all points in a table, in float64."""
-    side, sample = jnp.arange(SIDE, dtype=jnp.uint32), jnp.arange(SPP, dtype=jnp.uint32)
-    return sampler(side[None, :, None], side[:, None, None], sample, dtype=jnp.float64)
-
-
-@some("sampler", SAMPLERS, *list(SAMPLERS)[::3])
-def test_any_pixel_any_sample_on_its_own(sampler):
-    """Backwards, one by one, with and without jit and vmap, in any shape, any dimensions: the same points."""
-    x, y, sample = (np.asarray(a)[::-1] for a in all_samples())
-    points = np.asarray(one_by_one(sampler, x, y, sample))[::-1, ::-1]
-    assert points.shape == (SIDE * SIDE * SPP, sampler.dims)
-    assert points.dtype == np.float32
-    assert points.min() >= 0
-    assert points.max() < 1
-    table = np.asarray(in_a_table(sampler))
-    assert table.shape == (SIDE, SIDE, SPP, 2)
-    assert table.dtype == np.float64
-    assert table.min() >= 0
-    assert table.max() < 1
-    assert np.max(np.abs(table.reshape(-1, 2) - points[:, :2])) < 2.0**-24
-    where = int(x[77]), int(y[77]), int(sample[77])
-    assert np.array_equal(sampler(*where), points[-78, :2])
-    assert np.array_equal(sampler(*where, dims=(1,)), points[-78, 1:2])
 
 
 @jax.jit
@@ -65,26 +34,12 @@ def in_pairs(sampler, x, y):
     return pair.reshape(SPP, *pair.shape[2:]), sampler.points(state, jnp.ones_like(x), dims, jnp.float32)
 
 
-@some(
-    "sampler",
-    SAMPLERS,
-    "independent, owen",
-    "full_screen, permutation",
-    "contiguous, morton, owen",
-    "segments, hilbert, sobol, doubling",
-    "partitioned, hilbert, halton",
-    "shifted, hilbert, lattice",
-    "dither, vectors",
-    "ranked",
-    "interleaved, positions",
-    "optimized",
-    "z, tree",
-)
+@some("sampler", SAMPLERS, *BY_DEFAULT["samplers"])
 def test_loops_over_samples_take_the_same_points(sampler):
     """What a pixel's samples share is computed once, and pairs of samples come together."""
     x, y = first(SIDE), first(SIDE)[::-1].copy()
-    points = np.asarray(one_by_one(sampler, *map(np.asarray, all_samples())))
-    expected = points.reshape(SIDE, SIDE, SPP, -1)[y, x].swapaxes(0, 1)
+    dims = tuple(range(sampler.dims))[::-1]
+    expected = draw(sampler, x, y, first(SPP)[:, None], dims=dims)
     pairs, second = in_pairs(sampler, x, y)
     assert np.array_equal(pairs, expected)
     assert np.array_equal(second, expected[1])

@@ -20,7 +20,7 @@ SCRAMBLINGS = {
     "owen_exact": sequences.owen_exact,
     "digit_scramble": sequences.digit_scramble,
 }
-each_scrambling = pytest.mark.parametrize("scramble", SCRAMBLINGS.values(), ids=SCRAMBLINGS.keys())
+scramblings = some("scramble", SCRAMBLINGS, "owen")
 PLAIN = {
     "halton": sequences.halton(2),
     "halton, faure": sequences.halton(3, "faure"),
@@ -122,7 +122,7 @@ def test_fractions_in_many_bases_at_once():
 # What a scrambling is: a tree of permutations of digits.
 
 
-@each_scrambling
+@scramblings
 @pytest.mark.parametrize(
     "bases",
     [
@@ -149,7 +149,7 @@ def test_points_go_through_the_permutations_of_a_tree(scramble, bases):
             assert len(set(children.tolist())) == len(children)
 
 
-@some("scramble", SCRAMBLINGS, "owen")
+@scramblings
 @each("halton, faure", "faure(3)", "faure(5)")
 def test_a_coordinate_is_scrambled_as_the_number_it_is(scramble, plain):
     """The same as the radical inverse with these digits, of which all is known above, to the last bit."""
@@ -174,7 +174,7 @@ def compositions(total, parts):
     return [(d, *rest) for d in range(total + 1) for rest in compositions(total - d, parts - 1)]
 
 
-@each_scrambling
+@scramblings
 @each("faure(3)", "faure(5)", "faure(7)")
 def test_faure_sequences_remain_nets(scramble, plain):
     """(0,m,s)-nets: the first and the last block, in float64 and, as they are, in float32."""
@@ -190,7 +190,7 @@ def test_faure_sequences_remain_nets(scramble, plain):
                 assert len(set(zip(*boxes, strict=True))) == base**m
 
 
-@each_scrambling
+@scramblings
 @each("halton", "halton, zaremba")
 def test_every_box_of_a_halton_period_holds_one_point(scramble, plain):
     """Of 2**3 3**2 consecutive points, one lies in each box 1/8 x 1/9; so for other shapes and bases."""
@@ -257,7 +257,7 @@ def plausible(counted, count):
     return min(chi2.sf(statistic, count - 1), chi2.cdf(statistic, count - 1)) > norm.sf(5)
 
 
-@each_scrambling
+@scramblings
 def test_all_permutations_are_equally_likely_at_every_node(scramble):
     digit, _ = over_keys(scramble)
     assert np.array_equal(np.sort(digit, axis=-1), np.broadcast_to([0, 1, 2], digit.shape))
@@ -288,7 +288,7 @@ def test_all_scramblings_of_three_digits_come(name):
         assert plausible(number, 128)
 
 
-@each_scrambling
+@scramblings
 def test_coordinates_are_scrambled_independently(scramble):
     number = numbered(over_keys(scramble)[0])
     for node in range(len(NODES)):
@@ -335,7 +335,7 @@ def test_any_two_points_are_as_after_nested_uniform_scrambling(name):
                 assert plausible(digit[0, :, a, 0] * 3 + digit[0, :, b, d], 9)
 
 
-@each_scrambling
+@scramblings
 @pytest.mark.parametrize("count", [21, pytest.param(24, marks=pytest.mark.slow)])
 def test_zeros_behind_the_digits_are_scrambled(scramble, count):
     """What follows is uniform; for Owen's, another one for each point. Tables of the hash hold 24 digits."""
@@ -388,7 +388,7 @@ def test_exact_permutations_in_other_bases(base, depth):
 
 
 @pytest.mark.slow
-@each_scrambling
+@scramblings
 def test_coordinates_together_equal_single_ones(scramble):
     seq = scramble(RadicalInverses((97, 101, 103, 107, 109, 113, 127, 131, 257)), 1)
     index = np.random.default_rng(0).integers(0, 2**32, 64, np.uint32)
@@ -397,7 +397,7 @@ def test_coordinates_together_equal_single_ones(scramble):
         assert np.array_equal(jax.jit(lambda s, i, j=j: s(i, (j,)))(seq, index)[:, 0], together[:, j])
 
 
-@each_scrambling
+@scramblings
 def test_a_new_key_gives_new_points_without_a_new_trace(scramble):
     index = first(64)
     a = points(scramble(THREE, 0), index)

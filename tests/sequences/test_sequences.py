@@ -1,4 +1,4 @@
-"""Every sequence: the interface, random access, and an independent definition."""
+"""Sequences against independent definitions, and keys. Of every sequence: ``test_fingerprints``."""
 
 from fractions import Fraction
 
@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import KINDS, SEQUENCES, each, first, is_net, some
+from tables import KINDS, SEQUENCES, first, is_net, some
 
 from qmcjax import sequences
 from qmcjax.core import digits
@@ -40,9 +40,6 @@ KEYED = {
     "owen, 9": lambda key: sequences.owen(sequences.sobol(9), key),
 }
 each_keyed = pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
-SMALLEST = 1600  # points of the smallest net in the table
-N = 1200
-SHUFFLED = np.random.default_rng(1).permutation(first(N))
 
 
 @pytest.mark.slow
@@ -59,58 +56,12 @@ def test_the_lists_of_kinds_are_right():
     } == BASE_B
 
 
-@some("seq", SEQUENCES, *KINDS[::2])
-def test_points_are_in_the_half_open_cube_in_both_precisions(seq):
-    single, double = (np.asarray(seq.points(N, dtype=dtype)) for dtype in (jnp.float32, jnp.float64))
-    for points, dtype in ((single, np.float32), (double, np.float64)):
-        assert points.shape == (N, seq.dims)
-        assert points.dtype == dtype
-        assert points.min() >= 0
-        assert points.max() < 1
-    assert np.max(np.abs(single.astype(np.float64) - double)) < 2.0**-24
-    start = SMALLEST - N
-    assert np.array_equal(np.asarray(seq.points(N, start))[:-start], single[start:])
-
-
-@some("seq", SEQUENCES, *KINDS[::4])
-def test_last_indices_stay_below_one(seq):
-    points = np.asarray(seq(jnp.asarray(np.uint32(seq.limit - 1) - first(N))))
-    assert points.min() >= 0
-    assert points.max() < 1
-
-
-@jax.jit
-def backwards(seq, index):
-    """Return points with their coordinates backwards, table by table."""
-    wanted = tuple(range(seq.dims))[::-1]
-    return jax.vmap(lambda table: seq(table, wanted))(index)
-
-
-@some("seq", SEQUENCES, *KINDS[1::2])
-def test_random_access_equals_points(seq):
-    """In any order, in any shape, any coordinates; compiled, mapped and neither."""
-    expected = np.asarray(seq.points(N))[SHUFFLED]
-    assert np.array_equal(seq(jnp.asarray(SHUFFLED)), expected)
-    assert np.array_equal(seq(int(SHUFFLED[77])), expected[77])
-    tables = backwards(seq, SHUFFLED.reshape(3, 4, -1))
-    assert np.array_equal(tables, expected[:, ::-1].reshape(3, 4, -1, seq.dims))
-
-
 @pytest.mark.slow
 def test_many_points_by_tables_equal_few_by_columns():
     index = np.random.default_rng(2).integers(0, 2**32, 5000, dtype=np.uint32)
     seq = sequences.sobol(20)
     few = np.concatenate([seq.bits(jnp.asarray(part)) for part in np.split(index, 5)])
     assert np.array_equal(seq.bits(jnp.asarray(index)), few)
-
-
-@each("seq", SEQUENCES.without(BASE_B))
-def test_bits_are_the_points(seq):
-    index = jnp.asarray(first(N))
-    words = np.asarray(seq.bits(index))
-    assert np.array_equal(words / 2.0**32, seq.points(N, dtype=jnp.float64))
-    reversed_bits = np.asarray(seq.bit_reversed(index, 0))
-    assert [int(f"{w:032b}"[::-1], 2) for w in reversed_bits] == words[:, 0].tolist()
 
 
 @each_keyed

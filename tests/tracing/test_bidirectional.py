@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow
 
 from qmcjax import tracing
 
@@ -102,10 +103,8 @@ BALLS = {
 }
 
 
-@pytest.mark.parametrize("light_bounces", [2, *(pytest.param(s, marks=pytest.mark.slow) for s in (1, 3))])
-@pytest.mark.parametrize(
-    "name", ["large", *(pytest.param(n, marks=pytest.mark.slow) for n in ("small", "point"))]
-)
+@pytest.mark.parametrize("light_bounces", [1, *slow(2, 3)])
+@pytest.mark.parametrize("name", ["large", *slow("small", "point")])
 def test_an_integrating_sphere(name, light_bounces):
     light, share, irradiance = BALLS[name]
     world, series = ball_around(light, share, 0.9, 3)

@@ -91,7 +91,7 @@ def agree(found, truth, part):
     ("name", "light"),
     [
         ("1 bounces", False),
-        ("1 bounces", True),
+        pytest.param("1 bounces", True, marks=pytest.mark.slow),
         ("direct light", True),
         pytest.param("bidirectional", True, marks=pytest.mark.slow),
     ],

@@ -46,7 +46,7 @@ class Estimate(NamedTuple):
     """Of the mean; see :func:`integrate` for counts."""
 
     replicates: int
-    """How many."""
+    """Number of replicates."""
 
     rounding: Any
     """Error by rounding, which the replicates do not show: see :func:`integrate`."""
@@ -178,8 +178,6 @@ def integrate(
 
     Raises
     ------
-    TypeError
-        If an argument is not what it is named for.
     ValueError
         If ``function`` returns a value that is not finite: the message names the point.
 
@@ -435,8 +433,7 @@ def _wide(dtype: Any) -> np.dtype:
 
 
 def _refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n: int, *how: Any) -> None:
-    """Raise a ValueError that names the first point with a non-finite value, if known means are not
-    finite."""
+    """Raise a ValueError that names the first point with a non-finite value, if there is one."""
     leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return

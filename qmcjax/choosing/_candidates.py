@@ -22,7 +22,7 @@ class Candidate:
     most_dims: int = MOST
 
     powers_of_two: bool = False
-    """Whether the number of samples per pixel must be one."""
+    """Whether it has one sample per pixel only."""
 
     def takes(self, dims: int, spp: int) -> bool:
         """Return whether it exists for these dimensions and samples per pixel."""

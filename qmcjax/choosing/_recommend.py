@@ -33,7 +33,7 @@ class Recommendation:
     """Errors of all other samplers relative to this one, the best first."""
 
     def sampler(self, width: int, height: int, key: Array | int) -> Sampler:
-        """Make it.
+        """Make the sampler.
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class Recommendation:
         Raises
         ------
         ValueError
-            If an argument is out of range, or the sampler is a permutation net and the image needs more than
+            If the sampler is a permutation net and the image needs more than
             2**32 samples: take one of the ``others``.
         """
         width, height = checks.image_size(width, height)

@@ -47,7 +47,7 @@ class ErrorRatio(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Of one scene at one size, and one sampler."""
+    """Errors of one sampler on one scene at one size."""
 
     scene: str
     edges: bool

@@ -14,7 +14,7 @@ FIELD_LIMIT = 2**16
 
 
 def is_prime(number: int) -> bool:
-    """Tell whether a number is prime, by trial division.
+    """Return whether a number is prime, by trial division.
 
     Examples
     --------

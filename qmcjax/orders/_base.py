@@ -14,8 +14,7 @@ MAX_SIDE = checks.MAX_SIDE
 
 @dataclass(frozen=True)
 class Order(abc.ABC):
-    """A bijection between the pixels of an image, padded to the raster of the curve, and 0, ..., length -
-    1."""
+    """A bijection between the pixels of a padded image and 0, ..., length - 1."""
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})

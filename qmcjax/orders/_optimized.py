@@ -154,7 +154,7 @@ def _positions(number: int) -> NDArray[np.uint16]:
 def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedOrder:
     """Make a Morton order with quadrants permuted so that the errors of neighbours cancel.
 
-    As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels a side keeps one contiguous
+    As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels per side keeps one contiguous
     aligned run of positions. Permutations are looked up in a tile of 64 x 64 pixels. They were optimised for
     the least error after a Gaussian filter of 1.5 pixels, when the pixel at position p takes block p of
     ``spp`` points of an Owen-scrambled Sobol' sequence.

@@ -22,7 +22,7 @@ class PlugIn(Order):
 
     held: Any
     positions: int = field(metadata={"static": True})
-    """How many there are."""
+    """Number of positions."""
 
     @property
     def length(self) -> int:

@@ -27,7 +27,7 @@ def scrambled_morton(
 ) -> ScrambledMorton:
     """Make a hierarchically scrambled Morton order: the quadrants of each square in a random order.
 
-    Every aligned square of ``2**k`` pixels a side keeps one contiguous aligned run of positions, as in the
+    Every aligned square of ``2**k`` pixels per side keeps one contiguous aligned run of positions, as in the
     Morton order.
 
     Parameters

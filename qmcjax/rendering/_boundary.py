@@ -36,64 +36,65 @@ def boundary_gradient(
 ) -> Any:
     r"""Estimate the derivative of every pixel's mean with respect to every parameter, by sampling the edges.
 
-        Where a parameter moves an edge, the derivative of a sample's value is 0 almost everywhere, but the mean
-        changes with the area that the edge sweeps. For a scene that is constant between edges, Reynolds'
-        transport theorem gives
+    Where a parameter moves an edge, the derivative of a sample's value is 0 almost everywhere, but the mean
+    changes with the area that the edge sweeps. For a scene that is constant between edges, Reynolds'
+    transport theorem gives
 
-        .. math:: \frac{\partial}{\partial \theta} \int_P f \, dp
-                  = \int_{\partial \cap P} (f_- - f_+) \, \frac{\partial p}{\partial \theta} \cdot \nu \, ds
-                  = \int_{[0,1)} [p(u) \in P] \, j(u) \det\left(\frac{\partial p}{\partial \theta},
-                    \frac{\partial p}{\partial u}\right) du
+    .. math:: \frac{\partial}{\partial \theta} \int_P f \, dp
+              = \int_{\partial \cap P} (f_- - f_+) \, \frac{\partial p}{\partial \theta} \cdot \nu \, ds
+              = \int_{[0,1)} [p(u) \in P] \, j(u) \det\left(\frac{\partial p}{\partial \theta},
+                \frac{\partial p}{\partial u}\right) du
 
-        with the normal :math:`\nu` from the side of :math:`f_-` to that of :math:`f_+`: an edge that moves along
-        its normal leaves :math:`f_-` behind. The edges are curves :math:`p(u)`, with :math:`f_-` on the side of
-        the tangent rotated by 90 degrees from x to y, and the jump is :math:`j = f_- - f_+`. The tangent rotated the other way, :math:`(p_{u,y}, -p_{u,x})`, is :math:`
-    u \, ds/du`, so the determinant, the cross product of both derivatives, is the swept area; motion of p along the edge does not matter. In d dimensions u has d - 1 coordinates; their derivatives are the other columns.
+    with the normal :math:`\nu` from the side of :math:`f_-` to that of :math:`f_+`: an edge that moves along
+    its normal leaves :math:`f_-` behind. The edges are curves :math:`p(u)`, with :math:`f_-` on the side of
+    the tangent rotated by 90 degrees from x to y, and the jump is :math:`j = f_- - f_+`. The tangent rotated
+    the other way, :math:`(p_{u,y}, -p_{u,x})`, is :math:`\nu \, ds/du`, so the determinant, the cross product
+    of both derivatives, is the swept area; motion of p along the edge does not matter. In d dimensions u has
+    d - 1 coordinates; their derivatives are the other columns.
 
-        The mean over n points u of a sequence, each in the pixel it hits, over the area of a pixel, is unbiased
-        if every u is uniform; with a low discrepancy sequence a curve's error falls like 1/n.
+    The mean over n points u of a sequence, each in the pixel it hits, over the area of a pixel, is unbiased
+    if every u is uniform; with a low discrepancy sequence a curve's error falls like 1/n.
 
-        Parameters
-        ----------
-        scene : Scene
-            A pytree with parameters and a method ``boundary(u)``: from u, shape (..., len(needs) - 1), to points,
-            shape (..., len(needs)), and jumps, shape (...), of finitely many edges. Points outside the unit cube
-            do not count. All parameters must move edges only.
-        sequence : Sequence
-            Points u: one dimension for scenes on the plane. Further dimensions are ignored.
-        width, height : int
-            In [1, 65536].
-        n : int
-            Number of points on the edges of the whole image, in [1, 2**31].
-        dtype : float32 or float64
-            Of points and sums.
-        mesh : jax.sharding.Mesh, optional
-            Devices that share the points, as for :func:`qmcjax.render`. Points are added up in 8 parts, so more
-            than 8 devices do not help. The parts need the memory of 8 results.
+    Parameters
+    ----------
+    scene : Scene
+        A pytree with parameters and a method ``boundary(u)``: from u, shape (..., len(needs) - 1), to points,
+        shape (..., len(needs)), and jumps, shape (...), of finitely many edges. Points outside the unit cube
+        do not count. All parameters must move edges only.
+    sequence : Sequence
+        Points u: one dimension for scenes on the plane. Further dimensions are ignored.
+    width, height : int
+        In [1, 65536].
+    n : int
+        Number of points on the edges of the whole image, in [1, 2**31].
+    dtype : float32 or float64
+    mesh : jax.sharding.Mesh, optional
+        Devices that share the points, as for :func:`qmcjax.render`. Points are added up in 8 parts, so more
+        than 8 devices do not help. The parts need the memory of 8 results.
 
-        Returns
-        -------
-        Scene
-            The scene with its gradient in place of each parameter: an Array of ``dtype``, shape (height, width)
-            followed by the shape of the parameter.
+    Returns
+    -------
+    Scene
+        The scene with its gradient in place of each parameter: an Array of ``dtype``, shape (height, width)
+        followed by the shape of the parameter.
 
-        Notes
-        -----
-        An edge on the border between two pixels moves into either, depending on the direction: only the sum over
-        both has a derivative. Where an edge grazes a border, its points in float32, off by 1e-7, may fall on the
-        wrong side: float64 helps.
+    Notes
+    -----
+    An edge on the border between two pixels moves into either, depending on the direction: only the sum over
+    both has a derivative. Where an edge grazes a border, its points in float32, off by 1e-7, may fall on the
+    wrong side: float64 helps.
 
-        References
-        ----------
-        .. [1] T.-M. Li, M. Aittala, F. Durand, J. Lehtinen, "Differentiable Monte Carlo Ray Tracing through Edge
-           Sampling", 2018.
+    References
+    ----------
+    .. [1] T.-M. Li, M. Aittala, F. Durand, J. Lehtinen, "Differentiable Monte Carlo Ray Tracing through Edge
+       Sampling", 2018.
 
-        Examples
-        --------
-        >>> from qmcjax import boundary_gradient, scenes, sequences
-        >>> scene = scenes.step(angle=0.0, offset=0.3)
-        >>> print(boundary_gradient(scene, sequences.van_der_corput(), 2, 1, 256).offset.round(3))
-        [[2. 0.]]
+    Examples
+    --------
+    >>> from qmcjax import boundary_gradient, scenes, sequences
+    >>> scene = scenes.step(angle=0.0, offset=0.3)
+    >>> print(boundary_gradient(scene, sequences.van_der_corput(), 2, 1, 256).offset.round(3))
+    [[2. 0.]]
     """
     scene, sequence = as_scene("scene", scene), as_sequence("sequence", sequence)
     width, height = checks.image_size(width, height)

@@ -31,10 +31,10 @@ class Passes(NamedTuple):
     variance: Array
     """The same shape: an unbiased estimate of the variance of each value of ``image``."""
     error: Array
-    """Shape (): the standard error of the whole image, root of the mean of ``variance`` plus the square of the
+    """Shape (): standard error of the whole image, root of the mean of ``variance`` plus the square of the
 rounding error: the epsilon of the dtype times the largest value."""
     passes: int
-    """How many."""
+    """Number of passes."""
 
 
 def render_passes(

@@ -75,8 +75,6 @@ def render(
 
     Raises
     ------
-    TypeError
-        If an argument is not what it is named for.
     ValueError
         If the scene returns a value that is not finite: the message names the pixel, the sample and the
         point. If ``checkpoint`` is damaged, lacks a label, or belongs to another scene, sampler, size, dtype,

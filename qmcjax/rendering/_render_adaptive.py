@@ -72,8 +72,7 @@ def render_adaptive(
     TypeError
         If scene or sampler are traced: where to stop depends on values.
     ValueError
-        As :func:`qmcjax.render` does, or if ``tolerance`` is not positive, or ``spp`` no multiple of the
-        samples of a pass.
+        As for :func:`qmcjax.render`.
 
     Notes
     -----

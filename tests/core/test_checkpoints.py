@@ -135,7 +135,7 @@ def test_a_full_disk_leaves_the_last_one(tmp_path):
     resource.setrlimit(resource.RLIMIT_FSIZE, (2 * len(before), hard))
     try:
         with pytest.warns(
-            RuntimeWarning, match=r"checkpoint '.*' cannot be written, the last one stays: .*large"
+            RuntimeWarning, match=r"checkpoint '.*' cannot be written, the previous one stays: .*large"
         ):
             held.write(total=np.zeros(10_000))
     finally:

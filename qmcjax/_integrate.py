@@ -443,10 +443,10 @@ def _refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, 
         if bad.size:
             point = ", ".join(str(x) for x in points[bad[0]])
             raise ValueError(
-                f"function must return finite values, got one that is not at point {first + int(bad[0])}, "
+                f"function must return finite values, got NaN or infinity at point {first + int(bad[0])}, "
                 f"({point})"
             )
-    raise ValueError(f"function must return values whose sum is finite, got an overflow of {n} values")
+    raise ValueError(f"function must return values with a finite sum, got an overflow of {n} values")
 
 
 @jit("count", "dtype", "replicated", "wide")

@@ -241,7 +241,7 @@ def _read(path: Path) -> tuple[dict[str, str], State]:
         return header["made of"], state
     except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         raise ValueError(
-            f"checkpoint must be a file that was written as one, got {str(path)!r}, which is damaged or "
+            f"checkpoint must be a checkpoint file, got {str(path)!r}, which is damaged or "
             f"something else ({error}): give another path, or delete it to begin anew"
         ) from None
 
@@ -256,6 +256,6 @@ def _refuse_other(path: Path, known: Mapping[str, str], wanted: Mapping[str, str
             differences.append(f"{name} was {old}, is {new}" if plain else f"{name} is another one")
     if differences:
         raise ValueError(
-            f"checkpoint must be that of this computation, got {str(path)!r}, where {', '.join(differences)}"
+            f"checkpoint must belong to this computation, got {str(path)!r}, where {', '.join(differences)}"
             ": give another path, or delete it to begin anew"
         )

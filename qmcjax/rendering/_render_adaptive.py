@@ -89,7 +89,7 @@ def render_adaptive(
     wanted = task(scene, sampler, width, height, spp, dtype)
     if wanted.traced:
         raise TypeError(
-            "scene and sampler must be known, since render_adaptive decides on values: it is not for "
+            "scene and sampler must be known, since render_adaptive decides on values, not inside "
             "jax.jit, jax.vmap or jax.grad, got a tracer"
         )
     check_progress(progress, wanted)

@@ -32,7 +32,6 @@ class Dithered(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property

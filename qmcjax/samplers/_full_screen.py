@@ -27,12 +27,10 @@ class FullScreen(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.net.dims
 
     @property
     def log_side(self) -> int:
-        """Binary logarithm of the side of the padded raster."""
         return log_side(self.width, self.height)
 
     @property

@@ -43,12 +43,10 @@ class HaltonFullScreen(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height of the padded raster."""
         log_columns, log_rows = _exponents(self.width, self.height)
         return 2**log_columns, 3**log_rows
 

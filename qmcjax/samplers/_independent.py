@@ -45,7 +45,6 @@ class Independent(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property

@@ -30,7 +30,6 @@ class Interleaved(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims + self._on_screen
 
     @property

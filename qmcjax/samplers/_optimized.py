@@ -46,7 +46,6 @@ class Optimized(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.coordinates
 
     @property

@@ -184,16 +184,16 @@ def partitioned(
         suited = [j for j, count in enumerate(counts) if count is not None]
         if not suited:
             raise ValueError(
-                "sequence must have a component that is a radical inverse in a base of which order.length is "
-                f"a power, got order.length={order.length} and the bases {bases}"
+                "sequence must have a radical inverse as component, in a base with order.length as "
+                f"power, got order.length={order.length} and the bases {bases}"
             )
         component = suited[0]
     component = checks.integer("component", component, 0, sequence.dims - 1)
     base, count = bases[component], counts[component]
     if base is None:
         raise ValueError(
-            f"component must be a radical inverse, got component={component} of {type(sequence).__name__}, "
-            f"whose components have the bases {bases}"
+            f"component must be a radical inverse, got component={component} of {type(sequence).__name__} "
+            f"with the bases {bases}"
         )
     if count is None:
         raise ValueError(
@@ -205,8 +205,8 @@ def partitioned(
         inverses = sequence.index_digits(component, count)
     except ValueError:
         raise ValueError(
-            "exact must be False unless the partitioning component is a radical inverse, its digits permuted "
-            f"one by one or not, got exact=True and component={component} of {type(sequence).__name__}"
+            "exact must be False unless the partitioning component is a radical inverse, with digits "
+            f"permuted one by one or not, got exact=True and component={component} of {type(sequence).__name__}"
         ) from None
     return ExactlyPartitioned(order, sequence, component, base, count, inverses)
 

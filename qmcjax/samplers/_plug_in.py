@@ -65,7 +65,6 @@ class Function(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.coordinates
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -30,7 +30,6 @@ class Randomized(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.coordinates
 
     def of_pass(self, number: Array | int) -> Any:

@@ -36,7 +36,6 @@ class Segments(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -69,7 +68,6 @@ class Segments(Sampler):
         return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the positions of pixels."""
         return self.order.position(x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -23,7 +23,6 @@ class ShiftedAlong(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property

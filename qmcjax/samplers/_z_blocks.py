@@ -38,7 +38,6 @@ class Z(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return sum(self.constituents)
 
     @property
@@ -48,7 +47,6 @@ class Z(Sampler):
 
     @property
     def log_side(self) -> int:
-        """Binary logarithm of the side of the padded raster."""
         return log_side(self.width, self.height)
 
     def extended(self, rounds: int) -> "Z":
@@ -217,7 +215,6 @@ class AdaptiveZ(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sampler.dims
 
     @property

@@ -43,7 +43,7 @@ def test_what_was_written_is_read(tmp_path):
 def test_another_computation_is_refused(tmp_path, other, message):
     keep(tmp_path / "state", done=1)
     with pytest.raises(
-        ValueError, match=f"^checkpoint must be that of this computation, got '.*state', {message}"
+        ValueError, match=f"^checkpoint must belong to this computation, got '.*state', {message}"
     ):
         begin(tmp_path / "state", **other)
 
@@ -97,7 +97,7 @@ def test_a_damaged_or_foreign_file_is_refused_and_stays(tmp_path, kind):
         path.write_bytes({"empty": b"", "text": b"hello", "cut": whole[:middle], "flipped": flipped}[kind])
     before = path.read_bytes()
     with pytest.raises(
-        ValueError, match=r"checkpoint must be a file that was written as one, got .* delete it"
+        ValueError, match=r"checkpoint must be a checkpoint file, got .* delete it"
     ):
         keep(path)
     assert path.read_bytes() == before

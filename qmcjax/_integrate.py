@@ -24,7 +24,7 @@ _ROWS = 4096
 """Points evaluated together: they and their sums fit a second-level cache."""
 
 _BATCH = 8
-"""Blocks of cheap points whose values are added pairwise before they go into the compensated sum."""
+"""Blocks of cheap points: their values are added pairwise before the compensated sum."""
 
 _PARTS = 64
 """Parts of many points, distributed over devices."""

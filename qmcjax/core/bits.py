@@ -131,7 +131,7 @@ def high_product(a: Array, b: Array) -> Array:
 
 
 def hash_word(word: Array) -> Array:
-    """Mix a word: a bijection of the 32-bit words whose output bits all depend on all input bits.
+    """Mix a word: a bijection of 32-bit words, with all output bits dependent on all input bits.
 
     Parameters
     ----------

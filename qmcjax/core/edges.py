@@ -1,4 +1,4 @@
-"""Parameters that move an edge, whose plain derivative would be wrong."""
+"""Parameters that move an edge: their plain derivative would be wrong."""
 
 from functools import partial
 from typing import Any

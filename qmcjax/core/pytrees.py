@@ -1,4 +1,4 @@
-"""Dataclasses as JAX pytrees whose class is part of their structure."""
+"""Dataclasses as JAX pytrees, with the class as part of the structure."""
 
 import dataclasses
 import functools

@@ -36,7 +36,7 @@ def one_line(value: Any) -> str:
 
 
 _SIMPLE = 40
-"""Attributes whose repr is longer are left out."""
+"""Attributes with a longer repr are left out."""
 
 
 def equal(one: Any, other: Any) -> Any:

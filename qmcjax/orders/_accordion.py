@@ -26,7 +26,7 @@ class Accordion(SquareOrder):
 
     @property
     def _vertical(self) -> np.uint32:
-        """The levels whose lengthwise coordinate is y: the first, and every other one."""
+        """The levels with y as lengthwise coordinate: the first, and every other one."""
         return np.uint32(0xAAAAAAAA if self.log_side % 2 == 0 else 0x55555555)
 
     def _position(self, x: Array, y: Array) -> Array:

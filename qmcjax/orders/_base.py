@@ -69,7 +69,7 @@ class Order(abc.ABC):
 
 @dataclass(frozen=True)
 class SquareOrder(Order):
-    """An order whose curve fills a square with a power of two as side."""
+    """An order with a curve that fills a square, its side a power of two."""
 
     @property
     def log_side(self) -> int:

@@ -19,7 +19,7 @@ Pixels = tuple[Array, Array]
 """Columns and rows."""
 
 TILE = {"cpu": 2**14}
-"""Pixels whose sums stay in the cache, by backend."""
+"""Pixels of a tile with sums that stay in the cache, by backend."""
 
 _ANYWHERE = 2**20
 """Pixels of a tile on other backends, with many more threads."""

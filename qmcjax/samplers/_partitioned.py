@@ -86,7 +86,7 @@ class Partitioned(Sampler):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class ExactlyPartitioned(Partitioned):
-    """Pixel j takes the points whose partitioning component lies in [j/N, (j+1)/N)."""
+    """Pixel j takes the points with partitioning component in [j/N, (j+1)/N)."""
 
     base: int = field(metadata={"static": True})
     count: int = field(metadata={"static": True})
@@ -133,7 +133,7 @@ def partitioned(
     component : int, optional
         The partitioning component: one of the Halton sequence, with permuted digits or not, or one of a
         digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled or
-        not. By default the first one such that N is a power of its base.
+        not. By default the first one with a base of which N is a power.
     exact : bool
         Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or the
         simplified form ``x[l N + j]``: the same parts, assigned along the curve so that the samples l of all
@@ -206,7 +206,7 @@ def partitioned(
     except ValueError:
         raise ValueError(
             "exact must be False unless the partitioning component is a radical inverse, with digits "
-            f"permuted one by one or not, got exact=True and component={component} of {type(sequence).__name__}"
+            f"permuted one by one or not, got exact=True, component={component} of {type(sequence).__name__}"
         ) from None
     return ExactlyPartitioned(order, sequence, component, base, count, inverses)
 

@@ -135,8 +135,8 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     The union over all pixels is, after iterations of S samples in all, the first S N points of the sequence:
     of a (0,2)-sequence in base b a (0,m,2)-net if S N = b**m. For curves in base b these are S that are
     powers of b; with ``doubling``, b = 2 and spp a power of two, all iterations. In each pixel an iteration
-    of b**k samples whose block is aligned, which it is under the same conditions, is a (0,k,2)-net. The union
-    of several iterations in one pixel is not a net: their points are as close as with leapfrogging, although
+    of b**k samples is a (0,k,2)-net if its block is aligned, as it is under the same conditions. The union of
+    several iterations in one pixel is not a net: their points are as close as with leapfrogging, although
     with ``doubling`` the last block alone is half of the samples, and the image converges.
 
     The paper does not specify which rate doubles. Here it is the sampling rate of the image, not that of the

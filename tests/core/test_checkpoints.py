@@ -96,9 +96,7 @@ def test_a_damaged_or_foreign_file_is_refused_and_stays(tmp_path, kind):
         flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
         path.write_bytes({"empty": b"", "text": b"hello", "cut": whole[:middle], "flipped": flipped}[kind])
     before = path.read_bytes()
-    with pytest.raises(
-        ValueError, match=r"checkpoint must be a checkpoint file, got .* delete it"
-    ):
+    with pytest.raises(ValueError, match=r"checkpoint must be a checkpoint file, got .* delete it"):
         keep(path)
     assert path.read_bytes() == before
 

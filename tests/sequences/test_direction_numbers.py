@@ -84,7 +84,7 @@ def test_irreducible_polynomials_that_are_not_primitive_do():
         (["2 1 0 1", "here", "3 2 1 1 3"], "line 2 of .*: must be d, s, a, m_1, ..., m_s, got 'here'"),
         (["2 1 0"], "line 1 of .*: must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
         (["2 1 0 -1"], "line 1 of .*: must be d, s, a"),
-        (["d s a m_i"], "path must be that of .* there are none in .*a.txt"),
+        (["d s a m_i"], "path must name a file .* there are none in .*a.txt"),
     ],
 )
 def test_errors_name_the_line(lines, message, tmp_path):

@@ -84,8 +84,8 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
 
     Notes
     -----
-    In base b, the permutations are Fisher-Yates shuffles, from hashed words of 32 bits. Swaps share a word as
-    long as they have at most 2**13 outcomes together: the probability of each outcome is off by a factor
+    In base b, the permutations are Fisher-Yates shuffles, from hashed words of 32 bits. Each word serves one
+    swap, or several with at most 2**13 outcomes together: the probability of each outcome is off by a factor
     within 1 +- 2**-19 in bases up to 2**13, and 1 +- 2**-16 up to 2**16. Detecting the first at 5 sigma needs
     more than 2**42 draws of each outcome.
 

@@ -161,7 +161,7 @@ def integrate(
     replicates : int, optional
         Number of randomised copies of the sequence, in [2, 65536], with ``n`` points each.
     key : jax.random.key, or int in [0, 2**32)
-                Randomises the replicates.
+        Randomises the replicates.
     dtype : float32 or float64
         Dtype of points and, without ``replicates``, of sums. Sums are compensated: they are as accurate as
         the values.

@@ -19,7 +19,7 @@ def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Ar
     Parameters
     ----------
     name : str
-            Name of the argument, for messages.
+        Name of the argument, for messages.
     value : float or uint32 ArrayLike
         float32 or float64; products with 2**32 are exact in either.
     shape : tuple of int, optional

@@ -26,7 +26,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     Parameters
     ----------
     name : str
-            Name of the argument, for messages.
+        Name of the argument, for messages.
     value : ArrayLike
     shape : tuple of int or None
         None stands for any length of at least 1.

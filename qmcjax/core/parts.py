@@ -31,7 +31,7 @@ def mapped(function: Callable[..., Any], mesh: Mesh | None, traced: bool, parts:
     function : callable
         Maps a part and the shared arguments to a pytree of arrays.
     mesh : Mesh or None
-            From :func:`checked`.
+        From :func:`checked`.
     traced : bool
         Whether derivatives may be wanted: they are bit-identical on any devices.
     parts : pytree of Arrays

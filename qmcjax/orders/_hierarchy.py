@@ -112,14 +112,14 @@ class ScrambledMorton(SquareOrder):
         digits : int
             In [0, 16].
         node : uint32 Array, shape (...), optional
-                    Node before the first digit, by default ``root``.
+            Node before the first digit, by default ``root``.
 
         Returns
         -------
         position : uint32 Array, shape (...)
             Below ``4**digits``.
         node : uint32 Array, shape (...)
-                    Node after the last digit.
+            Node after the last digit.
 
         References
         ----------

@@ -25,8 +25,7 @@ class OptimizedOrder(SquareOrder):
     """uint16 (side, side): the order of the tile, [row, column]."""
 
     words: Array
-    """uint32 (4,): symmetry of the tile, column and row of the cut-out for a smaller raster, seed for a
-    larger one."""
+    """uint32 (4,): symmetry of the tile, column and row of a smaller raster, seed for a larger one."""
 
     @property
     def tile(self) -> int:

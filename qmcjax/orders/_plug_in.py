@@ -131,7 +131,7 @@ def as_order(name: str, value: Any) -> Order:
     Parameters
     ----------
     name : str
-            Name of the argument, for messages.
+        Name of the argument, for messages.
     value : Order, or object
         An object with ``width`` and ``height`` of its image, ``length``, the number of positions, and
         ``position(x, y)``, from uint32 Arrays of one shape to integers below ``length``. The inverse

@@ -40,7 +40,8 @@ def render_layers(
     still : Scene
         The scene behind it, numbers or colours.
     sampler : Sampler
-        With the dimensions of both scenes and at least ``max(spp, still_spp)`` samples per pixel.
+        Used for each scene: with as many dimensions as either needs, and ``max(spp, still_spp)`` samples per
+        pixel.
     width, height : int
         In [1, 65536].
     spp, still_spp : int

@@ -65,9 +65,9 @@ def render_passes(
     passes : int
         Number of passes, or the maximum, at least 2.
     tolerance : float, optional
-        Stop after two or more passes as soon as ``error`` is at most this, positive.
+        Stop after two or more passes as soon as ``error`` is at most this, a positive number.
     seconds : float, optional
-        Stop after two or more passes as soon as this call has taken so long, positive.
+        Stop after two or more passes as soon as this call has taken so long, a positive number.
     dtype : float32 or float64
         Dtype of the images; passes are added up in float64.
     progress : callable, optional

@@ -93,7 +93,9 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler 
     tile : int
         Side of a tile in pixels, at least 1.
     positions : Sampler, optional
-        Coordinates 0 and 1. Returns
+        Coordinates 0 and 1; at least two dimensions.
+
+    Returns
     -------
     Interleaved
 

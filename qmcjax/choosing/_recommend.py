@@ -49,8 +49,8 @@ class Recommendation:
         Raises
         ------
         ValueError
-            If the sampler is a permutation net and the image needs more than
-            2**32 samples: take one of the ``others``.
+            If the sampler is a permutation net and the image needs more than 2**32 samples: take one of the
+            ``others``.
         """
         width, height = checks.image_size(width, height)
         return CANDIDATES[self.name].make(self.dims, width, height, self.spp, checks.prng_key("key", key))
@@ -92,9 +92,9 @@ def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: boo
     Errors were measured on images of 128 x 128 and of 100 x 76 pixels, of the scenes of this package that are
     not ray-traced, each as root mean square over 8 keys, in levels of 2, of 3 and 4, and of 5 to 8
     dimensions, at 1, 4, 16 and 64 samples per pixel. Between these, logarithms of errors are interpolated
-    over the logarithm of the number of samples: this may be too optimistic for numbers that are not powers of
-    2. Beyond, the nearest measurement counts, and ``reason`` says so. Intervals of geometric means over
-    scenes are Student's, and reach from the lowest to the highest end at both sizes. They hold the mean of
+    over the logarithm of the number of samples: this may be too optimistic for other numbers than powers of
+    two. Beyond, the nearest measurement counts, and ``reason`` says so. Intervals of geometric means over
+    scenes are Student's t intervals, from the lowest to the highest end at both sizes. They hold the mean of
     such scenes with these keys: for samplers with one sequence over the whole image, eight other keys move
     them by up to a third. For single scenes ``reason`` gives the least and the largest measured ratio. All
     pairs of samplers are compared together by Holm's procedure: with 95 % confidence, every sampler called

@@ -144,8 +144,8 @@ def _moved(
     """Return the mapped values and their tangents.
 
     The derivative with respect to a shared argument is a sum over parts. One sum per device would make
-    rounding depend on their number. So parts come in groups that do not depend on devices, each with a copy
-    of the tangents, and the transpose of copying adds up the groups in order.
+    rounding depend on the number of devices. So parts come in groups that do not depend on devices, each with
+    a copy of the tangents, and the transpose of copying adds up the groups in order.
     """
     parts, *shared = primals
     leaves, tree = jax.tree.flatten(parts)

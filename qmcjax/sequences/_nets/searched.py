@@ -48,9 +48,9 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
 
     Notes
     -----
-    Found by ``analysis.search_matrices``, separately for each m: the net for m is not part of the net for m +
-    1. In the unit cube, the (0,13,3)-net found by search in [1]_ has the distance 0.01342385, this one
-    0.02956774. Larger distances may exist.
+    Found by ``analysis.search_matrices``, separately for each m: no net is part of another. In the unit cube,
+    the (0,13,3)-net found by search in [1]_ has the distance 0.01342385, this one 0.02956774. Larger
+    distances may exist.
 
     References
     ----------

@@ -113,7 +113,7 @@ def test_primes_by_the_sieve():
         ),
         (
             lambda: finite_field.inverse(np.ones((3, 3), int), 3),
-            "matrix must be regular over F_3, got rank 1 of 3",
+            "matrix must be invertible over F_3, got rank 1 of 3",
         ),
         (lambda: finite_field.product(np.ones((2, 2), int), np.ones((3, 3), int), 3), "a and b .* same size"),
         (

@@ -75,13 +75,6 @@ def compare(
         Samplers of too few dimensions for a scene, or that refuse a number of samples, are left out there,
         and ``left_out`` says why.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or a scene has no reference.
-    ValueError
-        If an argument is out of range or empty, or a scene returns a value that is not finite.
-
     Notes
     -----
     Of points, there are the star discrepancy and the minimum distance on the torus of those of the first

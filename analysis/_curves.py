@@ -40,13 +40,6 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     int64 array, shape (height, width)
         At least 1.
 
-    Raises
-    ------
-    TypeError
-        If ``order`` is none, or ``radius`` no integer.
-    ValueError
-        If ``radius`` is out of range.
-
     Notes
     -----
     The pixels of a set minus the steps of the curve inside of it are its segments. A step lies in
@@ -112,11 +105,6 @@ def curve_length(order: Order) -> float:
         In widths of a pixel. At least width * height - 1, which curves have that only step to neighbours:
         shortest routes through all pixels. Of a curve over a padded image it is the length of the
         pixels' path in their order, straight across what was left out.
-
-    Raises
-    ------
-    TypeError
-        If ``order`` is none.
 
     Notes
     -----

@@ -151,11 +151,6 @@ def search_discrepancy(
     DiscrepancySearch
         With ``points``, float64, and their exact ``discrepancy``.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or both ``seconds`` and ``steps`` are None.
-
     Notes
     -----
     Whether coordinates exist that reach a star discrepancy for given ranks is a system of constraints (see

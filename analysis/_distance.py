@@ -53,13 +53,6 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         For 64 points or more in at most three dimensions to a few units in the last place, unless there is
         a shear; otherwise to d 2^-51, absolutely.
 
-    Raises
-    ------
-    TypeError
-        If the points are not floats, or another argument has another type.
-    ValueError
-        If the points are fewer than two or outside [0, 1)^d, or the shear does not apply.
-
     Notes
     -----
     In up to three dimensions O(n log n) time and O(n) memory, for clustered points as well: 24 bytes for
@@ -103,13 +96,6 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     -------
     int
         The numerator under the root in Table 5.1 of [1]_.
-
-    Raises
-    ------
-    TypeError
-        If the points or another argument are not integers.
-    ValueError
-        If the points are fewer than two or off the grid, or the shear does not apply.
 
     References
     ----------

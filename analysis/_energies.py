@@ -47,13 +47,6 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
         Differentiable in the points. Infinite for two points in the same place, and where the sum overflows:
         there the gradient is set to 0.
 
-    Raises
-    ------
-    TypeError
-        If the points are not float32 or float64, or another argument has another type.
-    ValueError
-        If points are fewer than two or, where they are known, not in [0, 1)^d, or the exponent is below 0.
-
     Notes
     -----
     O(n^2 d) time and O(n d) memory, with or without the gradient. On the torus the distance has a kink
@@ -91,11 +84,6 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
     Array of the points' dtype, shape ()
         Differentiable in the points, for any exponent without overflow: large terms are summed relative to
         the largest. 0 for two points in the same place, where the gradient is set to 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`riesz_energy`, and if the exponent is 0.
 
     Notes
     -----

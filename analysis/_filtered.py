@@ -32,13 +32,6 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     float
         At most the root mean square error.
 
-    Raises
-    ------
-    TypeError
-        If an image is none of real numbers, or ``sigma`` no number.
-    ValueError
-        If the shapes differ, a value is not finite, or ``sigma`` is not positive.
-
     Notes
     -----
     Pixels are weighted by exp(-r^2 / (2 sigma^2)) at all distances r between them, the weights divided by
@@ -91,11 +84,6 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
     Returns
     -------
     float
-
-    Raises
-    ------
-    ValueError
-        As :func:`error_spectrum` does, or if ``cutoff`` is out of range or below the first annulus.
 
     References
     ----------

@@ -36,12 +36,6 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     int64 array, shape (base**d_1, ..., base**d_s)
         Entry (a_1, ..., a_s) is the count of the interval with the lower corner a_j base**-d_j.
 
-    Raises
-    ------
-    ValueError
-        If there are too many intervals, points are outside [0, 1), or an argument has another shape,
-        type or range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.1.4.
@@ -71,11 +65,6 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     -------
     bool
 
-    Raises
-    ------
-    ValueError
-        As for :func:`interval_counts`.
-
     Examples
     --------
     >>> diagonal = [[0.0, 0.0], [0.25, 0.25], [0.5, 0.5], [0.75, 0.75]]
@@ -98,11 +87,6 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
     Returns
     -------
     bool
-
-    Raises
-    ------
-    ValueError
-        If points are outside [0, 1), or of another shape or type, or more than 2**24 in float32.
 
     Examples
     --------

@@ -56,12 +56,6 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
         Where JAX traces the points (``jit``, ``grad``, ``vmap``) with 64-bit types disabled, the result
         is rounded to float32, the widest type there.
 
-    Raises
-    ------
-    ValueError
-        If the points are none, too many, not floats, or outside of [0, 1)^d. The values of traced points
-        are not known: they are not checked.
-
     Notes
     -----
     Memory is O(n d). Time is O(n^2 d), but O(n^(2 - 1/d)) for many points in two and three dimensions and
@@ -101,11 +95,6 @@ def centered_discrepancy(points: ArrayLike) -> Array:
     float64 Array, shape ()
         The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"CD"``.
 
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
-
     References
     ----------
     .. [1] F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.
@@ -130,11 +119,6 @@ def wraparound_discrepancy(points: ArrayLike) -> Array:
     -------
     float64 Array, shape ()
         The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"WD"``.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -162,11 +146,6 @@ def periodic_discrepancy(points: ArrayLike) -> Array:
     -------
     float64 Array, shape ()
         Divided by n, as the other discrepancies; [1]_ leaves this out.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -196,11 +175,6 @@ def symmetric_discrepancy(points: ArrayLike) -> Array:
     float64 Array, shape ()
         Twice the L2 star discrepancy in one dimension.
 
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
-
     References
     ----------
     .. [1] F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.
@@ -225,11 +199,6 @@ def mixture_discrepancy(points: ArrayLike) -> Array:
     -------
     float64 Array, shape ()
         The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"MD"``.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------

@@ -140,11 +140,6 @@ def search_matrices(
         The first matrices that reach all targets, or those that came closest: the excess of the targets
         over the squared distances of all pairs, relative to the targets, is smallest in the sum.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
-
     Notes
     -----
     Any upper triangular factor U only renumbers the first 2**m points. Hence it matters for three dimensions

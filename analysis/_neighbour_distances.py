@@ -63,13 +63,6 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
         In the order of the points. A point's own copies do not count, another point in the same place does.
         To d 2^-51, absolutely: where a pair wraps around, coordinates are rounded once more.
 
-    Raises
-    ------
-    TypeError
-        If the points are not floats, or another argument has another type.
-    ValueError
-        If the points are fewer than two or outside [0, 1)^d, or the shear does not apply.
-
     Examples
     --------
     >>> print(nearest_distances([[0.0, 0.0], [0.75, 0.0], [0.5, 0.5]]))
@@ -99,11 +92,6 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
     Returns
     -------
     NearestStatistics
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`nearest_distances`.
 
     Examples
     --------

@@ -32,13 +32,6 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
     down : int64 or float64 array, shape (height - 1, width)
         The same between (x, y) and (x, y + 1).
 
-    Raises
-    ------
-    TypeError
-        If ``order`` is none, or ``base`` no integer.
-    ValueError
-        If ``base`` is out of range.
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", Fig. 2 and Sect. 3.1.

@@ -67,11 +67,6 @@ def search_net(
     NetSearch
         Without a budget, or with one that suffices, always the same.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
-
     Notes
     -----
     The search asks for the least distance that counts first, and then bisects: far from the largest

@@ -44,12 +44,6 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
     int
         In [0, m].
 
-    Raises
-    ------
-    ValueError
-        If n is no power of the base, points are outside [0, 1), or an argument has another shape,
-        type or range.
-
     Notes
     -----
     Counting takes O(n) for each shape of intervals that is examined, ranks at most O(m**2). These are at
@@ -97,11 +91,6 @@ def projection_t_values(
     -------
     dict
         From the coordinates, in increasing order, to t.
-
-    Raises
-    ------
-    ValueError
-        As for :func:`t_value`, or if ``size`` is out of range.
 
     Examples
     --------

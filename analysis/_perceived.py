@@ -26,11 +26,6 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     float
         At most the root mean square error, which it tends to as ``distance`` goes to 0.
 
-    Raises
-    ------
-    ValueError
-        If the shapes differ, a value is not finite, or ``distance`` is not positive.
-
     Notes
     -----
     The sensitivity to f cycles per degree is that of [1]_, 2.6 (0.0192 + 0.114 f) exp(-(0.114 f)^1.1),

@@ -55,11 +55,6 @@ def pixel_means(
     -------
     Array of ``dtype``, shape (height, width, ...)
 
-    Raises
-    ------
-    ValueError
-        If a size is out of range, the sampler was made for another one, or a coordinate is not there.
-
     References
     ----------
     .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via

@@ -50,14 +50,6 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
         Differentiable in the points, once. Where JAX traces the points (``jit``, ``grad``, ``vmap``) with
         64-bit types disabled, the result is rounded to float32, the widest type there.
 
-    Raises
-    ------
-    TypeError
-        If the points are not floats, or another argument has another type.
-    ValueError
-        If the points are none, not in two or three dimensions, or outside of [0, 1)^d (not checked if
-        traced); if ``resolution`` is out of range, or ``method`` unknown.
-
     Notes
     -----
     Memory, with or without the gradient: the points, the spectrum and a batch; for "fft" also a grid of

@@ -43,13 +43,6 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
         A sentence for each broken promise, none if all are kept. What depends on a call that fails is not
         looked at.
 
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none, or a size is no integer.
-    ValueError
-        If a size is out of range.
-
     Examples
     --------
     >>> import jax.numpy as jnp

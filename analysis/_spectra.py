@@ -66,11 +66,6 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     power : float64 array, of the same shape
         The mean of each annulus.
 
-    Raises
-    ------
-    ValueError
-        If the spectrum is not an array of rows and columns, or a single value.
-
     Notes
     -----
     Frequencies are measured in space, not in elements of the array: where an image is not square,
@@ -108,11 +103,6 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     anisotropy : float64 array, of the same shape
         10 log10(s^2 / mean^2), where s^2 is the sum of squared deviations divided by their number less 1:
         -inf if all are equal, not a number for annuli of a single value or of none but zeros.
-
-    Raises
-    ------
-    ValueError
-        If the spectrum is not an array of rows and columns, or a single value.
 
     Notes
     -----
@@ -159,11 +149,6 @@ def mean_spectrum(
     -------
     mean, standard_error : float64 arrays, of the shape that ``make`` returns
         The standard error is the root of the sample variance (divisor m - 1) over the number m of keys.
-
-    Raises
-    ------
-    ValueError
-        If the keys are fewer than two, or the shapes differ.
 
     Examples
     --------

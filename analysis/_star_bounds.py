@@ -43,11 +43,6 @@ def star_discrepancy_bounds(
         They differ by rounding errors, (d + 2) 2^-50, where the regions suffice, and always in one
         and two dimensions.
 
-    Raises
-    ------
-    ValueError
-        If the points are none, not floats, or outside of [0, 1)^d, or another argument is out of range.
-
     Notes
     -----
     **Lower bound.** It is the volume of one box minus its share of the points, or the opposite, less

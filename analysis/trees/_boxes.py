@@ -60,13 +60,6 @@ def surface_area(low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]:
     -------
     float64 ndarray, shape (...)
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
-
     Examples
     --------
     >>> print(surface_area([0, 0, 0], [1, 2, 3]))

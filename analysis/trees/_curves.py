@@ -24,13 +24,6 @@ def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     -------
     Tree
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.3.
@@ -60,13 +53,6 @@ def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     Returns
     -------
     Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
 
     References
     ----------

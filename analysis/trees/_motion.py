@@ -31,13 +31,6 @@ def boxes_during(
     -------
     low, high : float64 ndarray, shape (n, 3)
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite, not in order or out of range.
-
     Notes
     -----
     A tree for each part of the shutter (Eq. 4.7) is one over these boxes. Then a ray goes through the tree of
@@ -100,13 +93,6 @@ def split_in_time(
         Boxes with the times from and to which they hold as fourth coordinate, for :func:`surface_area_tree`.
     number : int64 ndarray, shape (m,)
         Of the box that each is a part of.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, or values are not finite, not in order or out of range.
 
     References
     ----------

@@ -35,13 +35,6 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
     Tree
         More runs, each on the tree of the last one, find more.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``leaves`` or ``levels`` is out of range.
-
     Notes
     -----
     The thesis tries all trees, Eq. 4.4, and prunes. Here subsets of the leaves are solved from the small to

@@ -34,13 +34,6 @@ def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) ->
     -------
     Tree
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, values are not finite or not in order, or ``fill`` is out of range.
-
     References
     ----------
     .. [1] A. Guttman, "R-trees: A Dynamic Index Structure for Spatial Searching", 1984.

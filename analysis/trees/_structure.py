@@ -105,13 +105,6 @@ def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | Non
     -------
     Tree
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.2 and 4.2.2.
@@ -147,11 +140,6 @@ def summed_area(tree: Tree) -> float:
     -------
     float
 
-    Raises
-    ------
-    TypeError
-        If ``tree`` is no tree.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.1.
@@ -176,11 +164,6 @@ def node_depths(tree: Tree) -> NDArray[np.int64]:
     Returns
     -------
     int64 ndarray, shape (2 n - 1,)
-
-    Raises
-    ------
-    TypeError
-        If ``tree`` is no tree.
 
     Examples
     --------

@@ -36,13 +36,6 @@ def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     -------
     Tree
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.

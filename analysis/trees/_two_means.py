@@ -38,13 +38,6 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
     -------
     Tree
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, values are not finite or not in order, or another argument is out of range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.4.

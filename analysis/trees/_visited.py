@@ -45,14 +45,6 @@ def nodes_visited(
     -------
     int64 ndarray, shape (...)
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or ``time`` is missing.
-    ValueError
-        If shapes do not fit, values are not finite, a direction has no length, or ``distance`` returns
-        another shape or NaN.
-
     References
     ----------
     .. [1] T. Kay, J. Kajiya, "Ray Tracing Complex Scenes", 1986.
@@ -190,13 +182,6 @@ def triangle_distances(
     Returns
     -------
     callable
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or ``time`` is missing.
-    ValueError
-        If shapes do not fit, values are not finite, times do not increase, or there is no such number.
 
     References
     ----------

@@ -45,14 +45,6 @@ def bake(
     -------
     BakedTable
 
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none, or a number no integer.
-    ValueError
-        If the sampler has no such pixels, samples or coordinates; or if ``bits`` is none of these, or too few
-        for the strata of a pixel's points.
-
     Notes
     -----
     Coordinates are cut off, not rounded, so that each point stays in its elementary intervals down to a side
@@ -118,13 +110,6 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
     BakedTable
         Of one sample, with the channels as coordinates.
 
-    Raises
-    ------
-    TypeError
-        If the mask is not of floats.
-    ValueError
-        If it has another shape or leaves [0, 1), or ``bits`` is none of these.
-
     Examples
     --------
     >>> from qmcjax import samplers
@@ -159,13 +144,6 @@ def bake_order(order: Any) -> BakedTable:
     BakedTable
         Of integers, one for each pixel, in as few of 8, 16 or 32 bits as hold the order's length.
 
-    Raises
-    ------
-    TypeError
-        If ``order`` is none.
-    ValueError
-        If it has more than 2**27 pixels.
-
     Examples
     --------
     >>> from qmcjax import orders
@@ -197,11 +175,6 @@ def bake_matrices(sequence: Any) -> BakedTable:
     BakedTable
         Of 32-bit integers, for one pixel: "sample" j has the 32 columns of matrix j, the first row in bit 31.
         Coordinate j of point i, as a 32-bit fraction, is the xor of the columns k for which bit k of i is 1.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` has no such matrices.
 
     Examples
     --------
@@ -237,13 +210,6 @@ def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
     sequence : BakedTable
         16-bit integers: the points, as samples of one pixel, a power of two that keys do not leave. In 16-bit
         fractions, coordinate j of sample s of a pixel is ``sequence[s ^ keys[0]][j] ^ keys[j + 1]``.
-
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none from there, or ``spp`` no integer.
-    ValueError
-        If ``spp`` is not in [1, 65536].
 
     Examples
     --------

@@ -36,14 +36,6 @@ def write_image(
         Of each channel of a PNG file. Values are rounded to the nearest, after those below 0 or above 1 were
         made 0 or 1.
 
-    Raises
-    ------
-    TypeError
-        If the image is of no floats, or another argument of another type.
-    ValueError
-        If it has another shape or is not finite, the path has another ending, or ``transfer`` or ``bits`` is
-        none of these.
-
     Examples
     --------
     >>> import tempfile

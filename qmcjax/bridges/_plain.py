@@ -32,13 +32,6 @@ class PlainSampler:
     dtype : float32 or float64
         Of the coordinates.
 
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none, or ``dtype`` no dtype.
-    ValueError
-        If ``dtype`` is another one.
-
     Notes
     -----
     Numbers are looked up in tables of 16 x 16 pixels and 8 samples, which are made as they are needed; the
@@ -84,13 +77,6 @@ class PlainSampler:
             Column and row.
         sample : int
             Its number.
-
-        Raises
-        ------
-        TypeError
-            If ``pixel`` is no pair of integers, or ``sample`` no integer.
-        ValueError
-            If the sampler has no such pixel or sample.
         """
         x, y, sample = self._checked(pixel, sample)
         width, height, count = self._sides
@@ -145,13 +131,6 @@ class PlainSampler:
         -------
         array of the sampler's ``dtype``, shape (height, width, spp, len(dims)), in [0, 1)
             Other libraries take it over as it is by DLPack, such as ``torch.from_dlpack``.
-
-        Raises
-        ------
-        TypeError
-            If an argument is no integer.
-        ValueError
-            If the sampler has no such image, samples or coordinates.
         """
         width, height = checks.image_size(width, height)
         spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)

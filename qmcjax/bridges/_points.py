@@ -159,13 +159,6 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     points : float ArrayLike, shape (n, dims)
         Finite. Float32 stays float32 in NumPy's files; elsewhere it becomes the same numbers in float64.
 
-    Raises
-    ------
-    TypeError
-        If ``path`` is none, or the points are no floats.
-    ValueError
-        If the points have another shape or are not finite, or the path another ending.
-
     Examples
     --------
     >>> import tempfile

@@ -81,14 +81,6 @@ class BakedTable:
         Returns
         -------
         str
-
-        Raises
-        ------
-        TypeError
-            If an argument is no string.
-        ValueError
-            If the language is neither, or ``name`` no name, or values have 32 bits, or 8 in C++: there are no
-            such textures or raw files.
         """
         language = checks.choice("language", language, ("glsl", "cpp"))
         depths = (8, 16, 24) if language == "glsl" else (16, 24)
@@ -112,13 +104,6 @@ class BakedTable:
             as red and green (a single one as grey); ``.rg16``, the same as raw uint16; ``.exr`` or raw
             ``.rgba32f``, of 24 bits in float32, four coordinates as red, green, blue and alpha. Raw files
             have no room for words: these go to a second file, with ``.txt`` after its name.
-
-        Raises
-        ------
-        TypeError
-            If ``path`` is none.
-        ValueError
-            If it has another ending, or values do not have its bits.
         """
         path = checked_path(path)
         suffix = suffix_of(path, (*_DEPTHS, ".npz", ".h"))

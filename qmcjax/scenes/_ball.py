@@ -150,11 +150,6 @@ def ball(
     -------
     Ball
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
     Examples
     --------
     >>> ball()(jnp.array([[0.2, 0.25, 0.0], [0.2, 0.25, 0.6], [0.7, 0.7, 0.6]]))

@@ -73,11 +73,6 @@ class ExactScene(abc.ABC):
         bound : float
             No pixel is off by more, nearly all of it rounding: mostly below 2e-12 at 512 x 512, in proportion
             to the resolution.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
         """
         width, height = checks.image_size(width, height)
         return self._pixel_means(width, height)

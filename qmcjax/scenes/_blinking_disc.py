@@ -83,11 +83,6 @@ def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25,
     -------
     BlinkingDisc
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
     Examples
     --------
     >>> blinking_disc(centre=(0.5, 0.5), on=(0.0, 0.5))(jnp.array([[0.5, 0.5, 0.4], [0.5, 0.5, 0.6]]))

@@ -84,11 +84,6 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
     -------
     Checkerboard
 
-    Raises
-    ------
-    ValueError
-        If ``squares`` is not positive and finite.
-
     Notes
     -----
     Section 6.1.1 shows the scene without a formula. The camera here is ours: it looks along the ground

@@ -108,11 +108,6 @@ def defocused_edge(
     -------
     DefocusedEdge
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
     Examples
     --------
     >>> scene = defocused_edge(angle=0.0, offset=0.5, blur=0.2)

@@ -127,11 +127,6 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
     -------
     Disc
 
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or the radius not positive.
-
     Examples
     --------
     >>> disc((0.5, 0.5), 0.25)(jnp.array([[0.5, 0.7], [0.7, 0.7]]))

@@ -123,11 +123,6 @@ def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) 
     -------
     FlatCheckerboard
 
-    Raises
-    ------
-    ValueError
-        If ``squares`` is not positive and finite, or the angle not finite.
-
     Examples
     --------
     >>> flat_checkerboard(squares=2.0, angle=0.0)(jnp.array([[0.1, 0.1], [0.9, 0.1]]))

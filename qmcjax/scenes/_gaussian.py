@@ -62,11 +62,6 @@ def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
     -------
     Gaussian
 
-    Raises
-    ------
-    ValueError
-        If ``centre`` is not finite or ``width`` is not positive and finite.
-
     Examples
     --------
     >>> gaussian(centre=(0.5, 0.5), width=0.5)(jnp.array([[0.5, 0.5], [0.5, 0.0]]))

@@ -98,11 +98,6 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     -------
     Genz
 
-    Raises
-    ------
-    ValueError
-        If the family is unknown or a parameter is out of range.
-
     Notes
     -----
     The functions are not normalised: the product peak is as high as the product of all ``a_j**2``, which

@@ -195,11 +195,6 @@ def step(angle: Array | float = 0.4, offset: Array | float = 0.6) -> Step:
     -------
     Step
 
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite.
-
     Examples
     --------
     >>> step(angle=0.0, offset=0.5)(jnp.array([[0.4, 0.9], [0.6, 0.9]]))
@@ -223,11 +218,6 @@ def staircase(
     Returns
     -------
     Staircase
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or there is no step.
 
     Examples
     --------
@@ -253,11 +243,6 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
     Returns
     -------
     Line
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or the thickness not positive.
 
     Examples
     --------

@@ -148,11 +148,6 @@ def heaviside(dims: int = 2, threshold: Array | float | None = None) -> Heavisid
     -------
     Heaviside
 
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range or the threshold not finite.
-
     Examples
     --------
     >>> heaviside(dims=3)(jnp.array([[0.4, 0.4, 0.6], [0.4, 0.4, 0.8]]))

@@ -68,11 +68,6 @@ def moving_edge(offset: Any = 0.3, velocity: Any = 0.4) -> MovingEdge:
     -------
     MovingEdge
 
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite.
-
     Examples
     --------
     >>> scene = moving_edge(offset=0.25, velocity=0.5)

@@ -100,11 +100,6 @@ def path_toy(
     -------
     PathToy
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
     Notes
     -----
     The variance is finite for any number of bounces, but grows with it unless ``albedo**2 / 3 < survival``.

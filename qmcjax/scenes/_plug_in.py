@@ -116,13 +116,6 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
     -------
     Function
 
-    Raises
-    ------
-    TypeError
-        If ``f`` cannot be called, or ``needs`` is no tuple of names.
-    ValueError
-        If there are fewer than two names.
-
     Examples
     --------
     >>> import jax.numpy as jnp

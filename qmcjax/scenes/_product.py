@@ -67,11 +67,6 @@ def product(a: Any = (0.0, 1.0, 4.5, 9.0)) -> Product:
     -------
     Product
 
-    Raises
-    ------
-    ValueError
-        If ``a`` is out of range.
-
     References
     ----------
     .. [1] I. M. Sobol', "Sensitivity estimates for nonlinear mathematical models", 1993.

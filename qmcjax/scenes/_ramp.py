@@ -60,11 +60,6 @@ def ramp(dimension: int = 5) -> Ramp:
     -------
     Ramp
 
-    Raises
-    ------
-    ValueError
-        If ``dimension`` is out of range.
-
     References
     ----------
     .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via

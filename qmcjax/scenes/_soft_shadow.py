@@ -101,11 +101,6 @@ def soft_shadow(
     -------
     SoftShadow
 
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
-
     Examples
     --------
     >>> scene = soft_shadow(angle=0.0, offset=0.5, height=0.5, light=(0.4, 0.4))

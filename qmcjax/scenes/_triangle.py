@@ -143,11 +143,6 @@ def triangle(vertices: Any = ((0.15, 0.2), (0.9, 0.4), (0.35, 0.85))) -> Triangl
     -------
     Triangle
 
-    Raises
-    ------
-    ValueError
-        If a coordinate is not finite or the corners are on a straight line, up to rounding.
-
     Examples
     --------
     >>> triangle([(0, 0), (1, 0), (0, 1)])(jnp.array([[0.3, 0.6], [0.6, 0.6]]))

@@ -94,11 +94,6 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
     -------
     ZonePlate
 
-    Raises
-    ------
-    ValueError
-        If ``frequency`` is not positive and finite.
-
     Notes
     -----
     Eq. 6.1 as scanned reads ``(1 + 1600 sin(x**2 + y**2)) / 2``, which leaves [0, 1] and shows no zones:

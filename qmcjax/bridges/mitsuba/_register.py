@@ -89,15 +89,6 @@ def held(sampler: Any) -> Any:
     -------
     mitsuba.Object
         For ``{"type": "qmcjax", "sampler": held(sampler), "film": film}``.
-
-    Raises
-    ------
-    ImportError
-        If Mitsuba is not installed.
-    TypeError
-        If ``sampler`` is none.
-    ValueError
-        If it has a single dimension.
     """
     mitsuba = imported()
     sampler = as_sampler("sampler", sampler)

@@ -30,13 +30,6 @@ def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, ligh
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``radius`` is not positive, or another argument out of range.
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

@@ -54,13 +54,6 @@ def cornell_box(
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``light`` is not between 0 and 2, or ``shutter`` or ``bounces`` are out of range.
-
     Notes
     -----
     The ball's centre is on a quadratic B-spline with a double knot, where it touches the floor.

@@ -25,13 +25,6 @@ def defocus(aperture: Any = 0.25, focus: Any = 4.0, *, blades: int | None = None
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``aperture`` or ``focus`` is not positive, or ``blades`` out of range.
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

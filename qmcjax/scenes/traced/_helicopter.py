@@ -76,13 +76,6 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``turns`` is not finite, or more than 100 either way with "analytic", or ``shutter`` out of range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 6.2.2.

@@ -31,13 +31,6 @@ def interior(bounces: int = 6, *, roulette: int | None = None) -> Traced:
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If an argument is out of range.
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert curve", 2022, Fig. 5.

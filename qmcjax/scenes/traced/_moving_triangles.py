@@ -35,13 +35,6 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If one is out of range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.2.1.

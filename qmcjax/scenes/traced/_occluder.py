@@ -28,13 +28,6 @@ def occluder(size: Any = 0.45) -> Traced:
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If ``size`` is no real number.
-    ValueError
-        If it is out of range.
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

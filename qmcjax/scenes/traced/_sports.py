@@ -48,13 +48,6 @@ def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
     -------
     Traced
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``distance`` is not finite, or ``shutter`` out of range.
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

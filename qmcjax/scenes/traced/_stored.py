@@ -51,12 +51,7 @@ class Stored(NamedTuple):
 
 
 def content(scene: Any) -> Content:
-    """Return what a scene is made of.
-
-    Raises
-    ------
-    TypeError
-        If it is traced.
+    """Return the arrays and static fields a scene is made of."""
     """
     leaves = jax.tree.leaves(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):

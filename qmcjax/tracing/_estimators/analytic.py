@@ -229,13 +229,6 @@ def analytic_visibility(
         that of ``scene`` with ``samples``; with None, if shading is linear in time. JAX differentiates it
         forward only, not in what moves an edge.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or something moves in another way.
-    ValueError
-        If ``samples`` or ``intervals`` is out of range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 3.3 to 3.9 and Sect. 3.2.1; 3.3.2 for the ends.

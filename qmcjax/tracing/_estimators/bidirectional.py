@@ -280,13 +280,6 @@ def bidirectional(
         emit_v], emit_way_u, emit_way_v``, which choose a light, a point and a direction of it, and for s = 1,
         2, ..., ``light_bounces - 1`` further ``scatter{s}_u, scatter{s}_v[, scatter{s}_lobe]``.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``bounces`` or ``light_bounces`` is out of range.
-
     References
     ----------
     .. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, chapter 10.

@@ -98,13 +98,6 @@ def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool
         A scene with values (..., 3) that needs ``x, y[, time][, lens_u, lens_v][, light][, light_u,
         light_v]``: what does not matter is left out.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``mirrors`` is out of range.
-
     Examples
     --------
     >>> from qmcjax import tracing

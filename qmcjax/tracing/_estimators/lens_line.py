@@ -48,11 +48,6 @@ def lens_lines(count: int) -> NDArray[np.float64]:
     float64 array of NumPy, shape (count, 2, 2)
         Line, start or end, coordinate to the right or upward in the image; the lens has the radius 1.
 
-    Raises
-    ------
-    TypeError, ValueError
-        If ``count`` is no integer in its range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Fig. 3.9.
@@ -92,13 +87,6 @@ def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
     -------
     World
         Without lights; those with an extent are objects, so that primitives keep their numbers.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or the world has other shapes.
-    ValueError
-        If ``line`` has another shape or leaves the lens, or the camera is not of that kind.
 
     References
     ----------
@@ -224,14 +212,6 @@ def lens_line(
     LensLine
         A scene with values (..., 3) that needs ``x, y, lens_u`` and what ``scene`` needs beyond the lens;
         ``lens_u`` chooses where in its interval what is seen is shaded.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or the world has other shapes.
-    ValueError
-        If ``line`` has another shape or leaves the lens, ``intervals`` is out of range, or the camera is not
-        of that kind.
 
     Notes
     -----

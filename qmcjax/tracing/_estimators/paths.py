@@ -175,13 +175,6 @@ def path_tracing(
         ``bounces`` further ``bounce{k}_u, bounce{k}_v[, bounce{k}_lobe][, roulette{k}][, light{k}][,
         light{k}_u, light{k}_v]``; ``lobe`` where a material has microfacets and a Lambertian part.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``bounces`` or ``roulette`` is out of range.
-
     References
     ----------
     .. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, sections 9.2 and 10.2.

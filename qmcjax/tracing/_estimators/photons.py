@@ -78,13 +78,6 @@ class Photons:
         -------
         float64 array, shape (..., 3)
             Power per area.
-
-        Raises
-        ------
-        TypeError
-            If an argument has another type.
-        ValueError
-            If shapes do not fit, or an argument is out of range.
         """
         point, normal = (_vectors(name, value) for name, value in (("point", point), ("normal", normal)))
         time = known("time", time)
@@ -155,13 +148,6 @@ def photon_needs(world: World, bounces: int = 0) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``bounces`` is out of range, or ``world`` has no light with a place.
 
     Examples
     --------

@@ -55,13 +55,6 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
         Distance, normal and point have the dtype of ``origin``, float32 or float64, and first derivatives in
         all numbers of rays and world; those of which primitive is hit are zero.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit.
-
     Examples
     --------
     >>> from qmcjax import tracing
@@ -91,13 +84,6 @@ def any_hit(
     Returns
     -------
     bool Array, shape (...)
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit.
 
     Examples
     --------

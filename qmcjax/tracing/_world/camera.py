@@ -187,14 +187,6 @@ def camera(
     Camera
         A pytree: its numbers may be traced.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or out of its range, the target is at the position,
-        ``up`` is along the view, or the shutter closes before it opens.
-
     Examples
     --------
     >>> from qmcjax import tracing

@@ -47,13 +47,6 @@ def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material
     -------
     Object
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a radius not positive.
-
     Examples
     --------
     >>> sphere([[0, 0, 0], [0, 0, 2]], 0.5).count
@@ -78,13 +71,6 @@ def box(low: ArrayLike, high: ArrayLike, *, motion: Any = None, material: Any = 
     Returns
     -------
     Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a box has no volume.
     """
     low, count = _vectors("low", low)
     high, _ = _vectors("high", high, count)
@@ -108,13 +94,6 @@ def rectangle(
     Returns
     -------
     Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a rectangle has no area.
     """
     corner, count = _vectors("corner", corner)
     (edge_u, _), (edge_v, _) = _vectors("edge_u", edge_u, count), _vectors("edge_v", edge_v, count)
@@ -139,13 +118,6 @@ def disc(
     Returns
     -------
     Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, a normal has no length or a radius is not positive.
     """
     center, count = _vectors("center", center)
     normal, _ = _vectors("normal", normal, count)
@@ -181,13 +153,6 @@ def cylinder(
     Returns
     -------
     Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, an axis has no length or a radius is not positive.
     """
     start, count = _vectors("base", base)
     way, _ = _vectors("axis", axis, count)
@@ -216,13 +181,6 @@ def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: 
     Returns
     -------
     Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or a normal has no length.
     """
     point, count = _vectors("point", point)
     normal, _ = _vectors("normal", normal, count)
@@ -290,13 +248,6 @@ def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
     Returns
     -------
     Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If there is no part, or one has a motion or a material.
 
     Examples
     --------

@@ -25,13 +25,6 @@ def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
     Returns
     -------
     PointLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or the intensity is negative.
     """
     return PointLight(numbers("position", position, (3,)), _radiance("intensity", intensity))
 
@@ -53,13 +46,6 @@ def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> S
     Returns
     -------
     SphereLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or negative, or the radius is 0.
     """
     center, radius = numbers("center", center, (3,)), numbers("radius", radius)
     factories.sphere(center, radius)
@@ -83,13 +69,6 @@ def rectangle_light(
     Returns
     -------
     RectangleLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, the rectangle has no area, or radiance is negative.
     """
     corner, edge_u, edge_v = (
         numbers(name, value, (3,))
@@ -112,13 +91,6 @@ def environment(radiance: ArrayLike) -> Environment:
     Returns
     -------
     Environment
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is not finite or negative.
     """
     return Environment(_radiance("radiance", radiance))
 

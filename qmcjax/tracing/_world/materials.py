@@ -121,13 +121,6 @@ def diffuse(color: ArrayLike | Any) -> Diffuse:
     -------
     Diffuse
 
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is out of range.
-
     Examples
     --------
     >>> from qmcjax import tracing
@@ -147,13 +140,6 @@ def mirror(color: ArrayLike | Any = 1.0) -> Mirror:
     Returns
     -------
     Mirror
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is out of range.
     """
     return Mirror(checked_color("color", color, 1))
 
@@ -174,13 +160,6 @@ def glossy(color: ArrayLike | Any, roughness: ArrayLike, diffuse: ArrayLike | An
     Returns
     -------
     Glossy
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, or a number is out of range.
 
     References
     ----------
@@ -206,13 +185,6 @@ def emitter(radiance: ArrayLike | Any) -> Emitter:
     Returns
     -------
     Emitter
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is negative.
     """
     return Emitter(checked_color("radiance", radiance))
 

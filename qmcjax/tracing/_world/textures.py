@@ -91,13 +91,6 @@ def checker(
     Pattern
         A texture: the colour of a material.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or ``scale`` is not positive.
-
     Examples
     --------
     >>> import jax.numpy as jnp
@@ -131,13 +124,6 @@ def stripes(
     -------
     Stripes
         A texture: the colour of a material.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or ``scale`` is not positive.
     """
     return Stripes(*_pattern(one, other, scale, motion))
 

@@ -79,13 +79,6 @@ def world(objects: Any, lights: Any = ()) -> World:
     World
         A pytree: its numbers may be traced and differentiated. ``world.count`` is the number of primitives.
 
-    Raises
-    ------
-    TypeError
-        If ``objects`` or ``lights`` is no sequence, or one of them has another type.
-    ValueError
-        If there are two environments.
-
     Examples
     --------
     >>> from qmcjax import tracing

@@ -104,13 +104,6 @@ def affine(
     Affine
         ``motion(time)``: matrix and translation.
 
-    Raises
-    ------
-    TypeError
-        If an argument is neither callable nor of real numbers.
-    ValueError
-        If a shape does not fit or a number is not finite.
-
     Examples
     --------
     >>> from qmcjax.tracing.motion import quaternion

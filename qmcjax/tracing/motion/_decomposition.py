@@ -38,13 +38,6 @@ def decompose(matrix: ArrayLike) -> Decomposition:
     -------
     Decomposition
 
-    Raises
-    ------
-    TypeError
-        If the matrix is traced or not of numbers.
-    ValueError
-        If it has another shape or last row, is not finite, or its linear part is singular.
-
     References
     ----------
     .. [1] K. Shoemake, T. Duff, "Matrix Animation and Polar Decomposition", 1992.

@@ -144,14 +144,6 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
         ``curve(u)``, shape (...) to (..., d), for u in ``[knots[0], knots[-1]]``. ``curve.corners`` are the
         parameters of possible jumps of its direction.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, a value is not finite, weights are negative, knots decrease, are too often
-        equal, or not often enough at the ends.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 2.1 to 2.4.

@@ -76,13 +76,6 @@ def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
     LinearSegments
         From a time to a point.
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of numbers.
-    ValueError
-        If shapes do not fit, a value is not finite, or times do not increase.
-
     Examples
     --------
     >>> path = linear_segments([0, 0.5, 1], [[0.0, 1.0], [1.0, 0.0], [2.0, 1.0]])
@@ -115,13 +108,6 @@ def approximated(curve: Curve, start: float, end: float, segments: int, corners:
     -------
     LinearSegments
         Its points are points of the curve.
-
-    Raises
-    ------
-    TypeError
-        If an argument is of another type.
-    ValueError
-        If a corner is not inside the interval, or there are as many corners as segments.
 
     References
     ----------

@@ -174,11 +174,6 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     -------
     Array, shape (..., 4)
 
-    Raises
-    ------
-    ValueError
-        If a quaternion is known not to be of unit length.
-
     References
     ----------
     .. [1] K. Shoemake, "Animating Rotation with Quaternion Curves", 1985.
@@ -262,13 +257,6 @@ def rotation_spline(times: ArrayLike, keys: ArrayLike) -> RotationSpline:
     RotationSpline
         From a time to a unit quaternion. Angular velocity is continuous; through two keys it is
         :func:`slerp`.
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of numbers.
-    ValueError
-        If times do not increase, shapes do not fit or a quaternion is known not to be of unit length.
 
     References
     ----------

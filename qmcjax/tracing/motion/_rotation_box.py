@@ -37,13 +37,6 @@ def rotation_box(points: ArrayLike, axis: ArrayLike, start: ArrayLike, end: Arra
     low, high : Array, shape (3,)
         The smallest such box with sides along the axes of coordinates, up to rounding.
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If a shape does not fit, a value is not finite, or ``axis`` has no length.
-
     Notes
     -----
     Eq. 2.8 and 2.10 of the thesis have wrong signs as printed: the rotation is

@@ -58,13 +58,6 @@ def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLik
     Straightened
         A motion.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If times do not increase, or ``motion`` returns other shapes.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.2.1.

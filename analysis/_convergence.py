@@ -169,9 +169,6 @@ def convergence(
         and the devices of each the pixels of one; each gets all rows. Times are those of the process that
         made an image, while the others made theirs.
 
-    Returns
-    -------
-    ConvergenceTable
 
     Raises
     ------

@@ -89,10 +89,6 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
     shear : float
         As in :func:`nearest_distances`.
 
-    Returns
-    -------
-    NearestStatistics
-
     Examples
     --------
     >>> nearest_statistics([[0.0, 0.0], [0.5, 0.5]]).mean

@@ -20,10 +20,6 @@ def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`.
 
-    Returns
-    -------
-    Tree
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.3.
@@ -49,10 +45,6 @@ def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`.
-
-    Returns
-    -------
-    Tree
 
     References
     ----------

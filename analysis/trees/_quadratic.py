@@ -30,10 +30,6 @@ def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) ->
     fill : float, optional
         The least part of a node's boxes in a group, in [0, 0.5]: one that needs all that are left gets them.
 
-    Returns
-    -------
-    Tree
-
     References
     ----------
     .. [1] A. Guttman, "R-trees: A Dynamic Index Structure for Spatial Searching", 1984.

@@ -101,10 +101,6 @@ def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | Non
     times : float ArrayLike, shape (k,), optional
         For boxes that move, increasing.
 
-    Returns
-    -------
-    Tree
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.2 and 4.2.2.

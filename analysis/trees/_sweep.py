@@ -32,10 +32,6 @@ def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
         Corners of the boxes. A fourth coordinate is the time: a box is there from ``low`` to ``high``. It is
         sorted by like the others, and areas count times the duration, since rays are spread over time.
 
-    Returns
-    -------
-    Tree
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.

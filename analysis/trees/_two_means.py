@@ -34,10 +34,6 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
     key : int, optional
         Of random numbers, in [0, 2**32).
 
-    Returns
-    -------
-    Tree
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.4.

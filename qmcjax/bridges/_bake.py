@@ -41,10 +41,6 @@ def bake(
         Of each value: unsigned integers, and of 24 bits floats. See :class:`BakedTable` for what files can
         have.
 
-    Returns
-    -------
-    BakedTable
-
     Notes
     -----
     Coordinates are cut off, not rounded, so that each point stays in its elementary intervals down to a side

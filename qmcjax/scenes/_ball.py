@@ -146,10 +146,6 @@ def ball(
     radius : float
         Positive.
 
-    Returns
-    -------
-    Ball
-
     Examples
     --------
     >>> ball()(jnp.array([[0.2, 0.25, 0.0], [0.2, 0.25, 0.6], [0.7, 0.7, 0.6]]))

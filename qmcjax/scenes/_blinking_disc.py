@@ -79,10 +79,6 @@ def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25,
         When the disc appears and when it goes, ``0 <= on[0] < on[1] <= 1``. None is there always: the
         scene then does not need time.
 
-    Returns
-    -------
-    BlinkingDisc
-
     Examples
     --------
     >>> blinking_disc(centre=(0.5, 0.5), on=(0.0, 0.5))(jnp.array([[0.5, 0.5, 0.4], [0.5, 0.5, 0.6]]))

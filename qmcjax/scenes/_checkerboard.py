@@ -80,10 +80,6 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
     squares : float
         How many squares fit across the lower edge of the image; positive.
 
-    Returns
-    -------
-    Checkerboard
-
     Notes
     -----
     Section 6.1.1 shows the scene without a formula. The camera here is ours: it looks along the ground

@@ -104,10 +104,6 @@ def defocused_edge(
         The shape of the aperture. The lens coordinates are mapped to the disc by ``q = sqrt(u)
         (cos(2 pi v), sin(2 pi v))`` and to the square by ``q = (2u - 1, 2v - 1)``.
 
-    Returns
-    -------
-    DefocusedEdge
-
     Examples
     --------
     >>> scene = defocused_edge(angle=0.0, offset=0.5, blur=0.2)

@@ -123,10 +123,6 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
     radius : float
         Positive, in widths of the image.
 
-    Returns
-    -------
-    Disc
-
     Examples
     --------
     >>> disc((0.5, 0.5), 0.25)(jnp.array([[0.5, 0.7], [0.7, 0.7]]))

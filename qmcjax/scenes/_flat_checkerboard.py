@@ -119,10 +119,6 @@ def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) 
     angle : float
         By how much it is turned about the centre of the image, in radians, from x to y.
 
-    Returns
-    -------
-    FlatCheckerboard
-
     Examples
     --------
     >>> flat_checkerboard(squares=2.0, angle=0.0)(jnp.array([[0.1, 0.1], [0.9, 0.1]]))

@@ -58,10 +58,6 @@ def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
     width : float
         The standard deviation, in units of the unit square; positive.
 
-    Returns
-    -------
-    Gaussian
-
     Examples
     --------
     >>> gaussian(centre=(0.5, 0.5), width=0.5)(jnp.array([[0.5, 0.5], [0.5, 0.0]]))

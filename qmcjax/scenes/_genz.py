@@ -94,10 +94,6 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     shift : float array, scalar or shape (dims,)
         The parameters ``u``. Unused by the corner peak.
 
-    Returns
-    -------
-    Genz
-
     Notes
     -----
     The functions are not normalised: the product peak is as high as the product of all ``a_j**2``, which

@@ -191,10 +191,6 @@ def step(angle: Array | float = 0.4, offset: Array | float = 0.6) -> Step:
     offset : float
         The distance of the edge from the corner (0, 0) along that direction; it may be negative.
 
-    Returns
-    -------
-    Step
-
     Examples
     --------
     >>> step(angle=0.0, offset=0.5)(jnp.array([[0.4, 0.9], [0.6, 0.9]]))
@@ -214,10 +210,6 @@ def staircase(
         The direction in which the value drops, in radians: 0 to the right, pi/2 downward.
     offsets : array_like, shape (steps,)
         Where the steps are, in any order: distances from the corner (0, 0) along that direction.
-
-    Returns
-    -------
-    Staircase
 
     Examples
     --------
@@ -239,10 +231,6 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
         The distance of its middle from the corner (0, 0) along that direction.
     thickness : float
         Positive, in widths of the image.
-
-    Returns
-    -------
-    Line
 
     Examples
     --------

@@ -144,10 +144,6 @@ def heaviside(dims: int = 2, threshold: Array | float | None = None) -> Heavisid
     threshold : float, optional
         The value is 1 where the sum is less; half the number of dimensions by default.
 
-    Returns
-    -------
-    Heaviside
-
     Examples
     --------
     >>> heaviside(dims=3)(jnp.array([[0.4, 0.4, 0.6], [0.4, 0.4, 0.8]]))

@@ -64,10 +64,6 @@ def moving_edge(offset: Any = 0.3, velocity: Any = 0.4) -> MovingEdge:
         How far it moves until the shutter closes, at time 1, in widths of the image; negative to the
         left. None stands still: the scene then does not need time.
 
-    Returns
-    -------
-    MovingEdge
-
     Examples
     --------
     >>> scene = moving_edge(offset=0.25, velocity=0.5)

@@ -96,10 +96,6 @@ def path_toy(
     emission : float
         The largest emission; positive.
 
-    Returns
-    -------
-    PathToy
-
     Notes
     -----
     The variance is finite for any number of bounces, but grows with it unless ``albedo**2 / 3 < survival``.

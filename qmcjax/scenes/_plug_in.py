@@ -67,9 +67,6 @@ def as_scene(name: str, value: Any) -> Any:
     value : Scene
         Any object with ``needs`` that can be called with points.
 
-    Returns
-    -------
-    Scene
 
     Raises
     ------
@@ -111,10 +108,6 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
         parameters: new values compile nothing, and gradients flow to them.
     needs : tuple of str
         The name of each dimension; the first two are the position on the screen.
-
-    Returns
-    -------
-    Function
 
     Examples
     --------

@@ -63,10 +63,6 @@ def product(a: Any = (0.0, 1.0, 4.5, 9.0)) -> Product:
         How little coordinate ``j`` matters: with 0 its factor runs from 0 to 2, with 9 from 0.9 to 1.1.
         At least 0 each, and 2 to 1024 of them.
 
-    Returns
-    -------
-    Product
-
     References
     ----------
     .. [1] I. M. Sobol', "Sensitivity estimates for nonlinear mathematical models", 1993.

@@ -56,10 +56,6 @@ def ramp(dimension: int = 5) -> Ramp:
     dimension : int
         The dimension shown, counted from 0, in [0, 1023]; 0 and 1 are x and y.
 
-    Returns
-    -------
-    Ramp
-
     References
     ----------
     .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via

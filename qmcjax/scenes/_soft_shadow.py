@@ -97,10 +97,6 @@ def soft_shadow(
         The sides of the light along x and y; positive. None is a point: the scene then does not need
         the coordinates of the light.
 
-    Returns
-    -------
-    SoftShadow
-
     Examples
     --------
     >>> scene = soft_shadow(angle=0.0, offset=0.5, height=0.5, light=(0.4, 0.4))

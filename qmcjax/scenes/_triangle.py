@@ -139,10 +139,6 @@ def triangle(vertices: Any = ((0.15, 0.2), (0.9, 0.4), (0.35, 0.85))) -> Triangl
     vertices : array_like, shape (3, 2)
         The corners (x, y), in either orientation; they may lie outside of the image.
 
-    Returns
-    -------
-    Triangle
-
     Examples
     --------
     >>> triangle([(0, 0), (1, 0), (0, 1)])(jnp.array([[0.3, 0.6], [0.6, 0.6]]))

@@ -90,10 +90,6 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
     frequency : float
         The phase in radians at distance 1 from the corner; positive.
 
-    Returns
-    -------
-    ZonePlate
-
     Notes
     -----
     Eq. 6.1 as scanned reads ``(1 + 1600 sin(x**2 + y**2)) / 2``, which leaves [0, 1] and shows no zones:

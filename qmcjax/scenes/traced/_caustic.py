@@ -26,10 +26,6 @@ def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, ligh
     light_bounces : int, optional
         As :func:`qmcjax.tracing.bidirectional` takes them; 0 is path tracing.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

@@ -50,10 +50,6 @@ def cornell_box(
         :func:`qmcjax.tracing.analytic_visibility`. Then the paths are linear segments, which are nowhere
         farther than 0.0018 from the curves.
 
-    Returns
-    -------
-    Traced
-
     Notes
     -----
     The ball's centre is on a quadratic B-spline with a double knot, where it touches the floor.

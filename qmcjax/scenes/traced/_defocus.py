@@ -21,10 +21,6 @@ def defocus(aperture: Any = 0.25, focus: Any = 4.0, *, blades: int | None = None
     blades : int, optional
         The aperture is a regular polygon with so many sides, at least 3; by default it is round.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

@@ -72,10 +72,6 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
         of a rotor, which are nowhere farther than 0.02 from the curves, and prisms of 24 sides stand for
         cylinders.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 6.2.2.

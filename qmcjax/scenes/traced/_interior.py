@@ -27,10 +27,6 @@ def interior(bounces: int = 6, *, roulette: int | None = None) -> Traced:
         From this bounce on paths may end by chance, see :func:`qmcjax.tracing.path_tracing`; by default none
         does.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert curve", 2022, Fig. 5.

@@ -31,10 +31,6 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
         "sampled": by a coordinate for time; "analytic": exactly, see
         :func:`qmcjax.tracing.analytic_visibility`.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.2.1.

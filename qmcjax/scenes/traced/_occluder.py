@@ -24,10 +24,6 @@ def occluder(size: Any = 0.45) -> Traced:
     size : float, optional
         Sides of the square lights, in [0.001, 2]. Their power is the same for all sizes.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

@@ -44,10 +44,6 @@ def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
     distance : float, optional
         How far the car goes between the times 0 and 1; it is 4.2 long.
 
-    Returns
-    -------
-    Traced
-
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-space blue-noise diffusion of Monte Carlo sampling error via

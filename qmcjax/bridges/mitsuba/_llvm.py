@@ -1,4 +1,4 @@
-"""Mitsuba itself, and whether its LLVM variants run here."""
+"""Import of Mitsuba, and a check of its LLVM variants."""
 
 import subprocess
 import sys
@@ -22,11 +22,10 @@ drjit.sync_thread()
 
 
 def check_llvm() -> str:
-    """Return the version of LLVM that Mitsuba finds, or raise unless its LLVM variants render with it.
+    """Return the version of LLVM that Mitsuba finds; raise unless its LLVM variants render with it.
 
-    With some libraries they abort the whole process at the first image: those of LLVM 14 to 16 did on a
-    processor with AVX-512, 19 works. So this renders four pixels in a process of its own, which takes a
-    second or two.
+    Some versions abort the whole process at the first image: LLVM 14 to 16 did on a processor with AVX-512,
+    19 works. So this renders four pixels in a separate process, which takes a second or two.
 
     Returns
     -------

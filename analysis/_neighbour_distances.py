@@ -15,7 +15,7 @@ __all__ = ["NearestStatistics", "nearest_distances", "nearest_statistics"]
 
 @dataclass(frozen=True)
 class NearestStatistics:
-    """How the distances of n points to their nearest neighbours are distributed.
+    """Statistics of the distances of n points to their nearest neighbours.
 
     References
     ----------
@@ -34,15 +34,15 @@ class NearestStatistics:
     """The root of the mean square difference from the mean."""
 
     maximum: float
-    """The distance of the loneliest point."""
+    """The largest distance of a point to its nearest neighbour."""
 
     relative_minimum: float | None
-    """The minimum over that of the densest packing of n points per unit volume (Lagae and Dutre): at
+    """The minimum relative to that of the densest packing of n points per unit volume (Lagae and Dutre): at
     most 1 on the torus. None above three dimensions."""
 
     clark_evans: float
-    """The mean over that of a Poisson process with n points per unit volume (Clark and Evans): 1 for random
-    points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
+    """The mean relative to that of a Poisson process with n points per unit volume (Clark and Evans): 1 for
+    random points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
 
 
 def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> NDArray[np.float64]:
@@ -60,8 +60,9 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
     Returns
     -------
     float64 array, shape (n,)
-        In the order of the points. A point's own copies do not count, another point in the same place does.
-        To d 2^-51, absolutely: where a pair wraps around, coordinates are rounded once more.
+        In the order of the points. A point's own copies do not count, but another point in the same place
+        does. The absolute error is at most d 2^-51: where a pair wraps around, coordinates are rounded once
+        more.
 
     Examples
     --------
@@ -97,7 +98,8 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
     distances = nearest_distances(points, torus, shear)
     n, dims = np.shape(points)
     minimum, mean = float(distances.min()), float(distances.mean())
-    # A ball without a point is exp(-n V) likely: the mean is Gamma(1 + 1/d) times the radius with n V = 1.
+    # The probability of a ball without a point is exp(-n V): the mean is Gamma(1 + 1/d) times the radius with
+    # n V = 1.
     ball = math.pi ** (dims / 2) / math.gamma(dims / 2 + 1)
     return NearestStatistics(
         minimum=minimum,

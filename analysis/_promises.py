@@ -1,4 +1,4 @@
-"""What a sampler promises to everybody who calls it, tried out on a part of an image."""
+"""Tests of the promises of a sampler, on a part of an image."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -14,7 +14,7 @@ from qmcjax.samplers import Sampler, as_sampler
 __all__ = ["broken_promises"]
 
 _SIDE = 32
-"""Pixels a side that are looked at."""
+"""Side in pixels of the tested square."""
 
 _SAMPLES = 64
 
@@ -23,25 +23,25 @@ _FAR = 2.7
 
 
 def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str]:
-    """Say what a sampler does that no sampler may do.
+    """Return the rules for samplers that a sampler breaks.
 
-    Its points have the shape and dtype that were asked for, are in [0, 1), are the same whenever and in
-    whatever company they are asked for, under ``jax.jit`` too, do not depend on which other coordinates are
-    wanted; those of a pixel differ from each other, and all together each coordinate is uniform.
+    Its points must have the requested shape and dtype, be in [0, 1), and be the same at each call, alone or
+    with other samples, also under ``jax.jit``, whichever other coordinates are requested; those of a pixel
+    must differ from each other, and all points together must be uniform in each coordinate.
 
     Parameters
     ----------
     sampler : Sampler
     width, height : int
-        Of an image in pixels; points of at most 32 x 32 of them are looked at.
+        Size of an image in pixels; points of at most 32 x 32 of them are tested.
     spp : int
-        Samples per pixel, of which at most 64 are looked at.
+        Samples per pixel; at most 64 are tested.
 
     Returns
     -------
     list of str
-        A sentence for each broken promise, none if all are kept. What depends on a call that fails is not
-        looked at.
+        A sentence for each broken promise, empty if all are kept. If a call fails, promises that depend on it
+        are not tested.
 
     Examples
     --------
@@ -82,7 +82,7 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
     finite = np.isfinite(points).all()
     again = list(_same(points, "a second call", lambda: asked(x, y, sample)))
     if again:
-        # Whatever else is compared would differ, too.
+        # All other comparisons would differ, too.
         yield from again
         return
     yield from _same(points, "jax.jit", lambda: jax.jit(asked)(x, y, sample))
@@ -106,7 +106,7 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
 def _tried(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
     try:
         return np.asarray(call()), ""
-    except Exception as error:  # Whatever a user's code raises is what the user has to know.
+    except Exception as error:  # The user needs to see whatever the sampler's code raises.
         return None, f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
 
 

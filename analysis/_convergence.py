@@ -250,7 +250,7 @@ def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray
         name = "scene.reference(width, height)"
         if not callable(getattr(scene, "reference", None)):
             raise TypeError(
-                f"scene must have a reference(width, height), or reference be given, such as that of "
+                f"scene must have a reference(width, height) unless reference is given, for example by "
                 f"qmcjax.estimated_reference, got {checks.shown(scene)}"
             )
         given = scene.reference(width, height)

@@ -102,7 +102,9 @@ def make(name: str, side: int, spp: int, cache: Path, folder: Path = TRACED) -> 
     scene = getattr(scenes, name)()
     image, error = combined(replicates(scene, side, spp // REPLICATES, cache))
     if not np.isfinite(image).all():
-        raise ValueError(f"{name} must have finite values, got {int((~np.isfinite(image)).sum())} others")
+        raise ValueError(
+            f"{name} must have finite values, got {int((~np.isfinite(image)).sum())} that are not"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.npz"
     unfinished = path.with_suffix(".unfinished")

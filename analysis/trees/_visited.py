@@ -147,10 +147,10 @@ def _entries(
 
 def _known(found: Any, count: int) -> NDArray[np.float64]:
     """Return the checked result of a user's ``distance``."""
-    found = known("what distance returns", found)
+    found = known("the result of distance", found)
     if found.shape != (count,):
         raise ValueError(f"distance must return distances of shape ({count},), got {found.shape}")
-    require("what distance returns", found, lambda d: ~np.isnan(d), "no NaN")
+    require("the result of distance", found, lambda d: ~np.isnan(d), "no NaN")
     return found
 
 

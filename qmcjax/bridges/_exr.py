@@ -185,8 +185,8 @@ def _read_by_package(path: Path) -> NDArray[np.float32]:
         import OpenEXR  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ImportError(
-            f"path must be an EXR file of scanlines without compression or with ZIP, or the package OpenEXR "
-            f"there (pip install 'qmcjax[exr]'), got {path}"
+            f"path must be an EXR file of scanlines, uncompressed or ZIP, without the package OpenEXR "
+            f"(pip install 'qmcjax[exr]'), got {path}"
         ) from None
     package: Any = OpenEXR
     try:

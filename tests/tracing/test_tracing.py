@@ -701,7 +701,7 @@ ORIGIN = np.zeros(3, np.float32)
         (lambda: tracing.triangles([GOOD], [GOOD, GOOD]), ValueError, r"close must have shape \(1, 3, 3\)"),
         (lambda: tracing.triangles([[[0, 0, np.nan], *GOOD[1:]]]), ValueError, "vertices must be finite"),
         (lambda: tracing.sphere([0, 0, 0], 1.0, motion=3), TypeError, "motion must be callable, got 3"),
-        (lambda: tracing.group([]), ValueError, "parts must be at least one"),
+        (lambda: tracing.group([]), ValueError, "parts must have at least one"),
         (lambda: tracing.group(BALL), TypeError, "parts must be a list or a tuple"),
         (lambda: tracing.group([3]), TypeError, "parts must be objects or shapes, got 3"),
         (

@@ -47,7 +47,7 @@ def check_llvm() -> str:
         last = (trial.stderr.strip().splitlines() or [""])[-1]
         raise RuntimeError(
             f"{found} (code {trial.returncode}: {last}). Mitsuba's LLVM variants need LLVM 19 (Debian: "
-            "libllvm19); DRJIT_LIBLLVM_PATH says where libLLVM.so is, if there are several"
+            "libllvm19); set DRJIT_LIBLLVM_PATH to the path of libLLVM.so if there are several"
         )
     return version
 

@@ -141,8 +141,7 @@ class Blocks:
         if number >= len(self.corners):
             raise ValueError(
                 "seed must be 0 in scalar variants, samples_per_pass unset, and block_size the integrator's, "
-                f"got pixel {pixel} of block {number} of {len(self.corners)}: other samples are had by "
-                "first_sample"
+                f"got pixel {pixel} of block {number} of {len(self.corners)}: use first_sample instead"
             )
         return number, pixel
 

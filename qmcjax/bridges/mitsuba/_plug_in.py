@@ -113,7 +113,7 @@ def scalar(mitsuba: ModuleType) -> type:
         def _both(self, pair: int) -> tuple[float, float]:
             if self.number >= self.end:
                 raise ValueError(
-                    f"sample_count must be as many samples as are taken, got {self.sample_count()}"
+                    f"sample_count must be the number of samples taken, got {self.sample_count()}"
                 )
             return self.stream.of_sample(pair, self.number)
 
@@ -187,14 +187,14 @@ def vectorized(mitsuba: ModuleType) -> type:
         def _both(self, pair: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
             if drjit.flag(drjit.JitFlag.SymbolicScope):
                 raise RuntimeError(
-                    "symbolic loops must be off, in which coordinates would be asked for but once: "
+                    "symbolic loops must be off, since they request coordinates only once: "
                     "drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)"
                 )
             if self.samples is not None and not self.checked:
                 if self.samples.end > checks.INDEX_LIMIT:
                     raise ValueError(
-                        "seed must leave the samples from seed * sample_count on below 2**32, got up to "
-                        f"{self.samples.end}: gradients want such a seed_grad of mitsuba.render, too"
+                        "first_sample + (seed + 1) * sample_count must be at most 2**32, got "
+                        f"{self.samples.end}; this also holds for seed_grad of mitsuba.render"
                     )
                 self.given.check(self.samples.end)
                 self.checked = True

@@ -119,7 +119,7 @@ class Stream:
         """Return the samples, or raise a ValueError."""
         if self.samples is None:
             raise ValueError(
-                "seed or seek must tell the pixels before coordinates are asked for; of a wavefront they are "
-                "known if its size is a multiple of the number of pixels of the film"
+                "seed or seek must set the pixels before coordinates are requested; the size of a wavefront "
+                "must be a multiple of the number of pixels of the film"
             )
         return self.samples

@@ -72,9 +72,7 @@ class Traced:
         if stored is None:
             raise ValueError(f"{self.name} has no stored reference: {advice}")
         if not stored.content.matches(_stored.content(self)):
-            raise ValueError(
-                f"{self.name} has a stored reference for its default parameters, got others: {advice}"
-            )
+            raise ValueError(f"{self.name} has a stored reference for its default parameters only: {advice}")
         side = len(stored.image)
         for name, size in (("width", width), ("height", height)):
             if side % size:

@@ -231,7 +231,7 @@ def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
         else:
             shapes.extend(part.shapes)
     if not shapes:
-        raise ValueError("parts must be at least one, got none")
+        raise ValueError("parts must have at least one object, got none")
     return _object(tuple(shapes), motion, material)
 
 

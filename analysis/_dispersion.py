@@ -52,8 +52,8 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     ----------
     points : float ArrayLike, shape (n, d)
         At least one point in [0, 1)^d, d at most 3. Computed in float64, in which float32 points are exact.
-    Whether the unit cube is repeated periodically; otherwise only points of the cube count.
-        outside of it do not exist.
+    torus : bool
+        Whether the unit cube is repeated periodically; otherwise only points of the cube count.
 
     Returns
     -------

@@ -98,8 +98,8 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
     ----------
     mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels)
         In [0, 1).
-    Bits per value, truncated as by :func:`bake`.
-        Of each value, cut off as by :func:`bake`.
+    bits : {8, 16, 24, 32}
+        Bits per value, truncated as by :func:`bake`.
 
     Returns
     -------

@@ -100,7 +100,7 @@ def half_plane_means(angle: float, offset: float, width: int, height: int) -> Fl
     """Return the part of each pixel where ``x cos(angle) + y sin(angle) < offset``.
 
     Seen along the normal, a pixel is the sum of two uniform distributions, over ``across`` and ``down``: the
-    part is a parabola, a straight line and a parabola, and is computed from the nearer end, so that nothing
+    part is piecewise a parabola, a straight line and a parabola, and is computed from the nearer end, so that nothing
     cancels.
     """
     normal = math.cos(angle), math.sin(angle)

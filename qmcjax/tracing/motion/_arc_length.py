@@ -6,7 +6,6 @@ between its chord and its control polygon: no weight is negative, so halving cut
 polygon, and its limit is the curve [2]_. A piece is stored as weights and differences of control points.
 Differences of halves are sums of parts of the differences: their total rounding error is proportional to the
 length of the polygon, however much weights differ.
-proportion to the length of the polygon, however much weights differ.
 
 References
 ----------

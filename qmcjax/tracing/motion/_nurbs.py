@@ -132,8 +132,8 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
         a knot, one must be positive. All one by default: a B-spline.
     knots : float ArrayLike, shape (n + degree + 2,)
         Nondecreasing, the first and the last ``degree + 1`` of them equal: the curve begins at the first and
-        ends at the last control point. The multiplicity inside is at most ``degree``; there the curve passes
-        through a control point, where its direction may jump.
+        ends at the last control point. Inner knots have multiplicities up to ``degree``; at a knot of full
+        multiplicity the curve passes through a control point, where its direction may jump.
     degree : int
         In [1, 16].
 

@@ -41,9 +41,9 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         Whether the unit cube is repeated periodically; otherwise it stands alone.
     shear : float
         Two-dimensional tilings only: each row of tiles is shifted by ``shear`` in x against the row
-        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. The
-        integer part of ``shear`` is removed exactly, since it has no effect. With 0.25 this is the tiling of the permutation nets
-        for even m, Fig. 5.18 of [1]_.
+        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Its
+        integer part has no effect and is removed exactly. With 0.25 this is the tiling of the permutation
+        nets for even m, Fig. 5.18 of [1]_.
 
     Returns
     -------

@@ -69,13 +69,11 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
 
     Parameters
     ----------
-    points : float32 or float64 ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. The sum has the precision of the points, whatever the global flag.
+    points, torus
+        As in :func:`riesz_energy`.
     exponent : float
         s, positive. The larger, the closer to the minimum distance: that is at most (n (n - 1) / 2)^(1/s)
         times as large, and about k^(1/s) times if k pairs are much closer than all others.
-    torus : bool
-        Whether the distance is that to the nearest periodic copy; otherwise it is Euclidean.
 
     Returns
     -------

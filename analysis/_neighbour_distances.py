@@ -50,12 +50,8 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
 
     Parameters
     ----------
-    points : float ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. Computed in float64, in which float32 points are exact.
-    torus : bool
-        Whether the unit cube is repeated periodically; otherwise it stands alone.
-    shear : float
-        Two-dimensional tilings only: the shift of each row of tiles, as in :func:`min_distance`.
+    points, torus, shear
+        As in :func:`min_distance`.
 
     Returns
     -------
@@ -85,10 +81,8 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
 
     Parameters
     ----------
-    points : float ArrayLike, shape (n, d)
-    torus : bool
-    shear : float
-        As in :func:`nearest_distances`.
+    points, torus, shear
+        As in :func:`min_distance`.
 
     Examples
     --------

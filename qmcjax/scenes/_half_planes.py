@@ -100,8 +100,8 @@ def half_plane_means(angle: float, offset: float, width: int, height: int) -> Fl
     """Return the part of each pixel where ``x cos(angle) + y sin(angle) < offset``.
 
     Seen along the normal, a pixel is the sum of two uniform distributions, over ``across`` and ``down``: the
-    part is piecewise a parabola, a straight line and a parabola, and is computed from the nearer end, so that nothing
-    cancels.
+    part is piecewise a parabola, a straight line and a parabola, and is computed from the nearer end, so
+    that nothing cancels.
     """
     normal = math.cos(angle), math.sin(angle)
     across, down = abs(normal[0]) / width, abs(normal[1]) / height

@@ -68,11 +68,9 @@ class Block:
 
     @property
     def count(self) -> int:
-        """Number of samples."""
         return self.side**2 * self.per_pixel
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and index in its pixel, of some of the samples."""
         pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
         last = self.window.width - 1, self.window.height - 1
         x, y = (
@@ -92,16 +90,13 @@ class Chosen:
 
     @property
     def count(self) -> int:
-        """Number of samples."""
         return len(self.x)
 
     @property
     def end(self) -> int:
-        """One more than the largest sample index in a pixel."""
         return int(self.sample.max()) + 1
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and index in its pixel, of some of the samples."""
         return self.x[numbers], self.y[numbers], self.sample[numbers]
 
     def following(self) -> "Chosen":

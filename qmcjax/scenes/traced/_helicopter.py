@@ -62,8 +62,7 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
     Parameters
     ----------
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
-        coordinate.
+        See :func:`cornell_box`.
     turns : float, optional
         Turns of each rotor between the times 0 and 1; from -100 to 100 with "analytic".
     visibility : str, optional

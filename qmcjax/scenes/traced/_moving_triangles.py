@@ -24,8 +24,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
     count : int, optional
         Number of triangles, in [1, 4096].
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
-        coordinate.
+        See :func:`cornell_box`.
     visibility : str, optional
         "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
 

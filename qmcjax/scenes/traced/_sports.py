@@ -39,8 +39,7 @@ def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
     Parameters
     ----------
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
-        coordinate.
+        See :func:`cornell_box`.
     distance : float, optional
         Distance that the car moves between the times 0 and 1; its length is 4.2.
 

@@ -86,7 +86,7 @@ def rectangle(
     """
     corner, count = _vectors("corner", corner)
     (edge_u, _), (edge_v, _) = _vectors("edge_u", edge_u, count), _vectors("edge_v", edge_v, count)
-    _known("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "not parallel to edge_u, and of some length")
+    _known("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "neither zero nor parallel to edge_u")
     return _object(Rectangle(corner, edge_u, edge_v), motion, material)
 
 

@@ -38,7 +38,7 @@ def bake(
     dims : tuple of int
         The coordinates.
     bits : {8, 16, 24, 32}
-        Bits per value: unsigned integers, or floats for 24 bits; more than a pixel's strata need. See
+        Bits per value: unsigned integers, or floats for 24 bits; enough for a pixel's strata. See
         :class:`BakedTable` for the formats of files.
 
     Notes

@@ -63,7 +63,7 @@ def write_image(
         path.write_bytes(encoded(whole, {"Software": "qmcjax"}, transfer))
         return
     if transfer is not None:
-        raise ValueError(f"transfer must be None but for PNG files, got {checks.shown(transfer)}")
+        raise ValueError(f"transfer must be None except for PNG files, got {checks.shown(transfer)}")
     with np.errstate(over="ignore"):
         exact = known.astype(np.float32)
     if not np.isfinite(exact).all():
@@ -103,7 +103,7 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
     suffix = suffix_of(path, _KNOWN)
     transfer = None if transfer is None else checks.choice("transfer", transfer, _TRANSFERS)
     if transfer is not None and suffix != ".png":
-        raise ValueError(f"transfer must be None but for PNG files, got {transfer!r}")
+        raise ValueError(f"transfer must be None except for PNG files, got {transfer!r}")
     try:
         pixels = _light(path, suffix, transfer)
         if not np.isfinite(pixels).all():

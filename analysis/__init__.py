@@ -1,4 +1,7 @@
-"""Measures of points, orders, images, and of run time against error."""
+"""Measures of points, orders and images, and of run time against error.
+
+Arguments are checked: TypeError and ValueError name the argument, what it must be and what was given.
+"""
 
 from analysis._compare import compare as compare
 from analysis._comparison import Comparison as Comparison

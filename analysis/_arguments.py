@@ -1,4 +1,4 @@
-"""Checks of what measures are given: points, images, numbers. Each error names the argument and what came.
+"""Checks of the arguments of measures: points, images, numbers. Each error names the argument and its value.
 
 A wrong type is a TypeError, a wrong value a ValueError, as in :mod:`qmcjax.core.checks`.
 """
@@ -33,7 +33,7 @@ def array(name: str, value: Any, wanted: str) -> NDArray[Any]:
 
 
 def shaped(name: str, given: Any, least: int = 1, most_dims: int | None = None, least_dims: int = 1) -> Any:
-    """Return points, traced or not, or raise a ValueError unless there are enough, in these dimensions."""
+    """Return points, traced or not; raise a ValueError unless their number and dimensions are allowed."""
     if given.ndim != 2 or given.shape[0] < least or not least_dims <= given.shape[1]:
         at_least = f"n >= {least} and d >= {least_dims}"
         raise ValueError(f"{name} must have shape (n, d) with {at_least}, got {given.shape}")
@@ -53,22 +53,22 @@ def points(
     traced: bool = False,
     dtypes: tuple[Any, ...] = FLOATS,
 ) -> Any:
-    """Return points of their own type, or raise unless they are in [0, 1)^d.
+    """Return points in their own dtype; raise unless they are in [0, 1)^d.
 
     Parameters
     ----------
     value : ArrayLike
-        Of NumPy, of JAX, or nested lists.
+        From NumPy, JAX, or nested lists.
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     least, least_dims, most_dims : int
-        How many points and dimensions there must be.
+        Allowed numbers of points and dimensions.
     vector : bool
         Whether an array of one axis is a set in one dimension.
     traced : bool
         Whether JAX may trace them; their values are not checked then.
     dtypes : tuple
-        What coordinates may be: floats in [0, 1), or uint32 fractions of 2**32.
+        Allowed dtypes of coordinates: floats in [0, 1), or uint32 fractions of 2**32.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def error(image: Any, reference: Any) -> NDArray[np.float64]:
 
 
 def real(name: str, value: Any, wanted: str, holds: Callable[[float], bool]) -> float:
-    """Return a number as a float, or raise unless it is one that the condition holds for."""
+    """Return a number as a float; raise unless it satisfies a condition."""
     given = array(name, value, wanted)
     if given.ndim:
         raise TypeError(f"{name} must be {wanted}, got {checks.shown(value)}")

@@ -1,12 +1,12 @@
-"""The closest pair of many points in a plane or in space, by sorting.
+"""The closest pair of many points in two or three dimensions, by sorting.
 
-Space is cut into bars along the first axis, of square cross-section. A pair that is closer than half a side
-of the bars lies within one bar, or does after the bars were shifted by half a side along some of the other
-axes. Hence: sort by bar and first coordinate, compare each point with its followers while they are closer in
-the first coordinate than the closest pair found so far, and do so for all 2^(d - 1) tilings.
+Space is cut into bars along the first axis, of square cross-section. A pair closer than half a side of the
+bars lies within one bar, possibly after the bars are shifted by half a side along some of the other axes.
+Hence: sort by bar and first coordinate, compare each point with its followers while they are closer in the
+first coordinate than the closest pair so far, and do so for all 2^(d - 1) tilings.
 
-Bars as thin as the closest pair allows hold few points in such a window, however the points are clustered
-or aligned. How thin that is follows from comparing each point with the next.
+Bars as thin as the closest pair allows have few points in such a window, however the points are clustered
+or aligned. A first bound on the closest pair comes from comparing each point with the next.
 """
 
 import itertools
@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 __all__ = ["squared_closest_pair"]
 
 _SLACK = 1 + 2.0**-20
-"""Bars are this much wider than needed: more than all rounding errors."""
+"""Bars are wider than needed by this factor: more than all rounding errors."""
 
 _BLOCK = 2**14
-"""Points that are compared with their followers at a time: what fits into caches."""
+"""Points that are compared with their followers at a time: fits the cache."""
 
 _THINNEST = 2.0**-50
 """Relative to the extent of the set: the numbers of bars have fewer than 64 bits."""
 
 _CROWDED = 256
-"""Points in the windows, on average over the set, from which on a tree is faster."""
+"""Mean number of points in the windows from which on a tree is faster."""
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ def squared_closest_pair(columns: Floats, bound: float) -> float | None:
     columns : float64 array, shape (d, n)
         At least two points, C-contiguous; they are sorted in place.
     bound : float
-        Positive; not less than the smallest distance.
+        Positive upper bound of the smallest distance.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def squared_closest_pair(columns: Floats, bound: float) -> float | None:
         if crowd <= 8 or thinner > side / 2:
             break
         side = thinner
-        del bars  # A tiling's memory is for the next one.
+        del bars  # Frees the memory for the next tiling.
     if crowd > _CROWDED:
         return None
     best = _compare_with_windows(bars, best)
@@ -77,19 +77,19 @@ class _Bars(NamedTuple):
     """The points, sorted by bar and first coordinate."""
 
     keys: NDArray[np.int64]
-    """The number of the bar, then the first coordinate, relative to the least and times ``scale``."""
+    """The number of the bar, then the first coordinate, relative to the smallest and times ``scale``."""
 
     scale: float
 
     def window(self, best: float) -> int:
-        """Return the largest difference of keys in one bar with which a pair may be closer than the best."""
+        """Return the largest difference of keys in one bar for pairs that may be closer than the best."""
         return math.floor(math.sqrt(best) * self.scale * _SLACK) + 1
 
 
 def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tuple[float, ...]) -> _Bars:
     """Sort points into bars, in place.
 
-    The numbers of bars are folded: where there are too many for the bits, distant ones share a number,
+    The numbers of bars are hashed: where there are too many for the bits, distant ones share a number,
     which adds comparisons and misses none.
     """
     n = columns.shape[1]
@@ -115,7 +115,7 @@ def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tupl
     order, sorted_column = np.bitwise_and(keys, (1 << index_bits) - 1), np.empty(n)
     keys >>= index_bits
     for column in columns:
-        # The indices are in range: to say so spares a copy of what is taken.
+        # The indices are in range: saying so avoids a copy.
         np.copyto(column, np.take(column, order, out=sorted_column, mode="clip"))
     return _Bars(columns, keys, scale)
 
@@ -137,7 +137,7 @@ def _compare_with_next(bars: _Bars, best: float) -> float:
 
 
 def _compare_with_windows(bars: _Bars, best: float) -> float:
-    """Compare points with the followers in their windows: all, while many have one, then those."""
+    """Compare points with the followers in their windows: all points first, then those with followers."""
     keys = bars.keys
     n = len(keys)
     room = _room()
@@ -164,7 +164,7 @@ def _room() -> Floats:
 
 
 def _closest_followers(bars: _Bars, start: int, stop: int, step: int, room: Floats) -> float:
-    """Return the least square of the distances of points to the one that many steps behind."""
+    """Return the smallest squared distance of the points to the one a given number of steps behind."""
     square, term = room[:, : stop - start]
     square.fill(0)
     for column in bars.columns:

@@ -1,4 +1,4 @@
-"""Samplers against each other: errors that are seen, their distribution over frequencies, and run time."""
+"""Comparison of samplers: perceived errors, their spectra, and run time."""
 
 import inspect
 import statistics
@@ -32,10 +32,10 @@ MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
         low_frequency_power(image, reference) if _has_spectrum(image, reference) else 0.0
     ),
 }
-"""Of an image against its reference: the smaller, the better."""
+"""Measures of an image against its reference: smaller is better."""
 
 _BLOCK = 16
-"""Pixels a side whose points are measured together."""
+"""Side in pixels of the square whose points are measured together."""
 
 _MOST_POINTS = 2**14
 
@@ -53,43 +53,36 @@ def compare(
     keys: int = 8,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Render scenes with samplers, and measure all that tells them apart.
+    """Render scenes with samplers, and measure errors, points and run time.
 
     Parameters
     ----------
     samplers : mapping of names to samplers
         Each is a sampler, or a function that makes one from those of ``width``, ``height``, ``spp`` and
-        ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once, and nothing says
-        how sure its errors are.
+        ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once, without confidence
+        intervals.
     scenes : mapping of names to scenes
         With a ``reference(width, height)``.
     spps : iterable of int
         Different numbers of samples per pixel.
     width, height : int
-        Of the images in pixels, at least 32.
+        Size of the images in pixels, at least 32.
     keys : int
-        How many images, of keys 0, 1, ...: from fewer than 4 there are no intervals, and no ranks.
+        Number of images, with keys 0, 1, ...; fewer than 4 give neither intervals nor ranks.
     progress : callable, optional
-        Called with the finished part in (0, 1].
+        Called with the finished fraction in (0, 1].
 
     Returns
     -------
     Comparison
-        Samplers of too few dimensions for a scene, that refuse a number of samples or that fail, are left out
-        there, and ``left_out`` says why. What fails is among ``promises`` too.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or a scene has no reference.
-    ValueError
-        If an argument is out of range or empty, or a scene returns a value that is not finite.
+        Samplers with too few dimensions for a scene, that do not support a number of samples, or that fail,
+        are left out there; ``left_out`` says why. Failures are listed in ``promises`` too.
 
     Notes
     -----
-    Of points, there are the star discrepancy and the minimum distance on the torus of those of the first
-    16 x 16 pixels in that square, the distance as a part of the largest possible one of so many points; and
-    the largest t of these pixels' own points as nets, where their number is a power of 2.
+    Measures of points are the star discrepancy and the toroidal minimum distance of those of the first 16 x
+    16 pixels in that square, the distance relative to the largest possible one for this number of points; and
+    the largest t of these pixels' own points as nets, if their number is a power of 2.
 
     Examples
     --------
@@ -160,7 +153,7 @@ def compare(
 
 
 class Maker:
-    """Samplers of one method, for numbers of samples and keys."""
+    """The samplers of one method, by numbers of samples and keys."""
 
     def __init__(self, name: str, made: Any, width: int, height: int, keys: int) -> None:
         self.name, self._made, self._size = name, made, {"width": width, "height": height}
@@ -224,7 +217,7 @@ def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> C
 
 
 def _has_spectrum(image: NDArray, reference: NDArray) -> bool:
-    """Tell whether errors differ between pixels."""
+    """Whether errors differ between pixels."""
     return bool(np.ptp(image - reference) > 0)
 
 

@@ -1,4 +1,4 @@
-"""What a comparison of samplers has measured: means over keys, and how sure they are."""
+"""Results of a comparison of samplers: means over keys with confidence intervals."""
 
 import math
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ class ComparisonRow:
     sampler: str
     spp: int
     values: dict[str, tuple[float, ...]]
-    """Of each measure, one for each key; one in all where the images of all keys are the same."""
+    """For each measure, one value per key; a single one if the images of all keys are equal."""
     seconds: float
-    """Median of renderings, without compilation."""
+    """Median over renderings, without compilation."""
     frequency: NDArray[np.float64]
     """Cycles per pixel."""
     power: NDArray[np.float64]
-    """Of the errors at these frequencies, the mean over keys; white noise has 1."""
+    """Of the errors at these frequencies, the mean over keys; 1 for white noise."""
     image: NDArray[np.float32]
     """With the first key."""
 
@@ -35,10 +35,10 @@ class ComparisonRow:
         return float(np.exp(self._logarithms(measure).mean()))
 
     def interval(self, measure: str) -> tuple[float, float]:
-        """Return an interval that holds the geometric mean over all keys in 95 of 100 cases.
+        """Return a 95 % confidence interval of the geometric mean over all keys.
 
-        It is Student's, of logarithms: true if these are nearly normal, and longer than it need be if their
-        tails are heavy. From fewer than 4 keys, or where a value is 0, nothing follows: it is (0, inf).
+        It is Student's, for logarithms: valid if these are nearly normal, and too long if their tails are
+        heavy. For fewer than 4 keys, or with a value of 0, it is (0, inf).
         """
         logarithms = self._logarithms(measure)
         if not np.isfinite(logarithms).all():
@@ -54,16 +54,16 @@ class ComparisonRow:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What :func:`compare` has measured."""
+    """The result of :func:`compare`."""
 
     rows: tuple[ComparisonRow, ...]
     """In the order of scenes, samplers and numbers of samples."""
     points: dict[str, dict[int, dict[str, float]]]
-    """Of each sampler and number of samples: measures of its points in 16 x 16 pixels, and in one."""
+    """Measures of points in 16 x 16 pixels, and in one, by sampler and number of samples."""
     promises: dict[str, list[str]]
-    """Those that are broken, by samplers; see :func:`broken_promises`."""
+    """Broken promises by sampler; see :func:`broken_promises`."""
     left_out: dict[tuple[str, str, int], str]
-    """Why there is no row: by scene, sampler and number of samples."""
+    """Why a row is missing: by scene, sampler and number of samples."""
     references: dict[str, NDArray[np.float64]]
 
     def row(self, scene: str, sampler: str, spp: int) -> ComparisonRow:
@@ -92,16 +92,16 @@ class Comparison:
         return [row for row in self.rows if all(getattr(row, name) == of for name, of in wanted.items())]
 
     def errors(self, scene: str, sampler: str, measure: str = "RMS error") -> tuple[NDArray, NDArray]:
-        """Return numbers of samples per pixel and means of a measure, of one sampler on one scene."""
+        """Return numbers of samples per pixel and means of a measure, for one sampler on one scene."""
         rows = self._rows(scene=scene, sampler=sampler)
         return np.array([row.spp for row in rows]), np.array([row.mean(measure) for row in rows])
 
     def slope(self, scene: str, sampler: str, measure: str = "RMS error") -> tuple[float, float, float]:
-        """Return the exponent a of error = c spp^a, and an interval that holds it in 95 of 100 cases.
+        """Return the exponent a of error = c spp^a, and its 95 % confidence interval.
 
         Each key has a slope, that of the least-squares line through its logarithms. The interval of their
-        mean is Student's; from fewer than 4 keys it is infinite. Errors that are on no line have a slope all
-        the same: the interval is for that of their geometric means over all keys.
+        mean is Student's; for fewer than 4 keys it is infinite. Errors that do not follow a line still have a
+        slope: the interval is for the slope of their geometric means over all keys.
 
         Raises
         ------
@@ -118,12 +118,12 @@ class Comparison:
         return float(slopes.mean()), *student.interval(slopes)
 
     def ranks(self, scene: str, spp: int, measure: str = "RMS error") -> dict[str, tuple[int, int, int]]:
-        """Return the rank of each sampler, 1 for the best, between the lowest and highest that keys allow.
+        """Return the rank of each sampler, 1 for the best, with the lowest and highest that keys allow.
 
-        A sampler is certainly behind others that are certainly better, and ahead of those that are worse. Two
-        are compared by the logarithms of their ratios, key by key, with Student's distribution; all pairs of
-        one call by Holm's procedure: in 95 of 100 tables, all ranks over all keys are within these. Of
-        samplers with fewer than 4 keys nothing is certain, nor of those with an error of zero.
+        A sampler is ranked behind others only if they are significantly better. Two are compared by the
+        logarithms of their ratios, key by key, with Student's distribution; all pairs of one call by Holm's
+        procedure: with probability 95 %, all ranks over all keys are within the intervals. Samplers with
+        fewer than 4 keys or with an error of zero are never significantly different.
         """
         rows = self._rows(scene=scene, spp=spp)
         logarithms = [row._logarithms(measure) for row in rows]
@@ -139,7 +139,7 @@ class Comparison:
         return {row.sampler: (int(rank), int(least), int(most)) for row, rank, least, most in found}
 
     def table(self) -> list[dict[str, Any]]:
-        """Return rows of plain values, as of a CSV file."""
+        """Return rows of plain values, for example for a CSV file."""
         return [
             {
                 "scene": row.scene,

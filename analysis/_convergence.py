@@ -28,16 +28,16 @@ __all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
 
 @dataclass(frozen=True)
 class ConvergenceRow:
-    """One image: its error in each region, and the time that it took."""
+    """One image: its error in each region, and its run time."""
 
     sampler: str
     spp: int
     errors: dict[str, float]
     """Root mean square error of each region."""
     seconds: float
-    """Median of the repeated renderings."""
+    """Median over the repeated renderings."""
     first_seconds: float
-    """The first rendering, with the compilation of what was not compiled before."""
+    """The first rendering, including compilation where needed."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class ConvergenceTable:
 
     rows: tuple[ConvergenceRow, ...]
     bound: float
-    """Of the reference's own error: errors near it are not to be trusted."""
+    """Bound on the reference's own error: do not trust errors near it."""
 
     def errors(self, sampler: str, region: str = "whole") -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the numbers of samples per pixel, and the errors, of one sampler in one region."""
@@ -72,14 +72,14 @@ class ConvergenceTable:
         return float(weights @ logarithms)
 
     def slope_interval(self, sampler: str, region: str = "whole", level: float = 0.95) -> tuple[float, float]:
-        """Return a confidence interval of the slope, by Student's distribution of that of a line.
+        """Return a confidence interval of the slope, by Student's distribution for the slope of a line.
 
         Parameters
         ----------
         sampler, region : str
         level : float
-            In (0, 1): how often the interval holds the slope, if the logarithms of errors scatter normally
-            and alike around a line. A bend of the curve is not scatter.
+            In (0, 1): the probability that the interval contains the slope, if the logarithms of errors are
+            independent and normal around a line. It does not account for curvature.
 
         Returns
         -------
@@ -88,7 +88,7 @@ class ConvergenceTable:
         Raises
         ------
         ValueError
-            If ``level`` is out of range, there are fewer than three errors, or one of them is zero.
+            If there are fewer than three errors, or one of them is zero.
         """
         from scipy.special import stdtrit
 
@@ -109,8 +109,8 @@ class ConvergenceTable:
     def efficiency(self, sampler: str, region: str = "whole") -> NDArray[np.float64]:
         """Return 1 / (seconds * mean squared error) for each number of samples.
 
-        Twice the efficiency is the same error in half the time, for errors that fall like those of random
-        samples. An error of zero has infinite efficiency.
+        Twice the efficiency is the same error in half the time, if errors decrease like those of random
+        samples. It is infinite for an error of zero.
         """
         _, errors = self.errors(sampler, region)
         seconds = np.array([row.seconds for row in self.rows if row.sampler == sampler])
@@ -141,7 +141,7 @@ def convergence(
     Parameters
     ----------
     scene : Scene
-        One with a ``reference(width, height)``, unless ``reference`` is given.
+        Needs a ``reference(width, height)``, unless ``reference`` is given.
     samplers : mapping of names to samplers
         Each is a Sampler, or a function from the samples per pixel to one: nets and contiguous
         samplers are made for one number of samples.
@@ -150,38 +150,33 @@ def convergence(
     width, height : int
         In [1, 65536].
     regions : mapping of names to numpy indices, optional
-        What to select from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a
-        mask. Without, the whole image, and its "upper" and "lower" half: the first ``height // 2``
-        rows and the others.
+        Selections from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a mask. By
+        default the whole image, and its "upper" and "lower" half: the first ``height // 2`` rows and the
+        others.
     repeats : int
-        Renderings to take the median time of, after the first one.
+        Number of renderings for the median time, after the first one.
     reference : (image, bound), optional
-        In place of the scene's own: an image of shape (height, width) or (height, width, 3), and one bound on
-        the errors of its values or an array of bounds, as :func:`qmcjax.estimated_reference` returns them.
+        Replaces the scene's own: an image of shape (height, width) or (height, width, 3), and one bound on
+        the errors of its values or an array of bounds, as returned by :func:`qmcjax.estimated_reference`.
     progress : callable, optional
-        Called with the finished part in (0, 1] after each image.
+        Called with the finished fraction in (0, 1] after each image.
     checkpoint : path or Checkpoint, optional
-        Of a file that keeps finished images' rows, written every half a minute: called again with the same
-        arguments, times of the rows that are there are those that were measured then. It stays there. Where
-        foreign code takes part, a :class:`qmcjax.Checkpoint` with a label.
+        A file for the rows of finished images, written every half minute. Calling the function again with the
+        same arguments resumes from it, with the times that were measured then. The file is not deleted. Use
+        a :class:`qmcjax.Checkpoint` with a label if foreign code takes part.
     mesh : jax.sharding.Mesh, optional
-        Devices, as in :func:`qmcjax.render`. Its processes, which all make the same call, share the images,
-        and the devices of each the pixels of one; each gets all rows. Times are those of the process that
-        made an image, while the others made theirs.
+        Devices, as in :func:`qmcjax.render`. All its processes make the same call and share the images; the
+        devices of a process share the pixels of an image. Each process gets all rows. The time of an image is
+        that of its process, while the others render theirs.
 
-    Returns
-    -------
-    ConvergenceTable
 
     Raises
     ------
     TypeError
-        If an argument is not what it is named for, or the scene has no reference and none is given.
+        Also if the scene has no reference and none is given.
     ValueError
-        If an argument is out of range, a region is empty, a sampler refuses the image size or a number of
-        samples, or the reference has another shape, no bound, or values that are not finite: before anything
-        is rendered. If ``checkpoint`` is damaged, or that of other arguments, labels or versions, or lacks a
-        label.
+        Before anything is rendered, also if a region is empty, a sampler does not support the image size or a
+        number of samples, or ``checkpoint`` is damaged or belongs to other arguments, labels or versions.
 
     References
     ----------
@@ -229,7 +224,7 @@ def convergence(
     finished = {(row.sampler, row.spp) for row in rows}
     rest = [planned for planned in plan if planned[:2] not in finished]
     while rest:
-        # Processes of a mesh render side by side what takes as long, so that none waits for the others.
+        # Processes of a mesh render images of similar cost at the same time, so that none waits.
         rest.sort(key=lambda planned: _expected(rows, *planned[:2]))
         at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
         measured = np.zeros(2 + len(regions))
@@ -249,13 +244,13 @@ def convergence(
 
 
 def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-    """Return the exact image and the largest bound on its errors, or say what is wrong with them."""
+    """Return the exact image and the largest bound on its errors; raise if they are invalid."""
     name = "reference"
     if given is None:
         name = "scene.reference(width, height)"
         if not callable(getattr(scene, "reference", None)):
             raise TypeError(
-                f"scene must have a reference(width, height), or reference be given, such as that of "
+                f"scene must have a reference(width, height) unless reference is given, for example by "
                 f"qmcjax.estimated_reference, got {checks.shown(scene)}"
             )
         given = scene.reference(width, height)
@@ -302,14 +297,14 @@ def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
 
 
 def _sampler(name: str, made: Any, spp: int) -> Any:
-    """Return a sampler, or that which a function makes for this number of samples per pixel."""
+    """Return a sampler, or the one that a function makes for this number of samples per pixel."""
     if not hasattr(made, "dims") and callable(made) and not isinstance(made, type):
         made = made(spp)
     return as_sampler(f"samplers[{name!r}]", made)
 
 
 def _expected(rows: list[ConvergenceRow], sampler: str, spp: int) -> float:
-    """Return the seconds that an image will take, by the last one of the same sampler; 0 if there is none."""
+    """Return the expected seconds of an image, from the last one of the same sampler; 0 if there is none."""
     last = next((row for row in reversed(rows) if row.sampler == sampler), None)
     return 0.0 if last is None else last.seconds * spp / last.spp
 

@@ -2,7 +2,7 @@
 
 The volume of a box anchored at the origin minus its share of the points grows with the box until a
 point enters. Its supremum over open boxes is therefore the maximum over boxes that end, in each
-dimension, at a coordinate of the points or at 1. The share minus the volume falls until a point
+dimension, at a coordinate of the points or at 1. The share minus the volume decreases until a point
 enters: its supremum over closed boxes is the maximum over boxes that end at coordinates of points.
 """
 
@@ -16,9 +16,9 @@ __all__ = ["CriticalGrid", "contained", "critical_grid", "local_discrepancy", "r
 
 @dataclass(frozen=True)
 class CriticalGrid:
-    """Points by the ranks of their coordinates, and the boxes that matter.
+    """Points by the ranks of their coordinates, and the relevant boxes.
 
-    A corner is one integer t in [0, size] per dimension. Its box holds the points with ranks below t:
+    A corner is one integer t in [0, size] per dimension. Its box contains the points with ranks below t:
     it is open and ends at ``opened[j, t]``, or closed and ends at ``closed[j, t]``.
     """
 
@@ -52,7 +52,7 @@ def critical_grid(points: NDArray[np.float64]) -> CriticalGrid:
 
 
 def contained(grid: CriticalGrid, corners: NDArray[np.signedinteger]) -> NDArray[np.bool_]:
-    """Tell for corners of shape (m, d) which points their boxes hold: shape (m, n)."""
+    """Return which points the boxes of corners, shape (m, d), contain: shape (m, n)."""
     inside = grid.ranks[0] < corners[:, 0, None]
     for j in range(1, grid.dims):
         inside &= grid.ranks[j] < corners[:, j, None]

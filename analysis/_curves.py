@@ -1,4 +1,4 @@
-"""How well an order of the pixels keeps neighbours together."""
+"""Locality of orders of pixels."""
 
 from typing import Any, Protocol
 
@@ -24,14 +24,14 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     """Count the segments of a curve that enter the neighbourhood of each pixel.
 
     A segment is a maximal run of consecutive positions among the pixels at most ``radius`` columns
-    and rows away, clipped to the image. Fewer segments are longer contiguous pieces of a low
-    discrepancy sequence in the neighbourhood [1]_. A curve that leaves the image to come back later
+    and rows away, clipped to the image. Fewer segments mean longer contiguous pieces of a low
+    discrepancy sequence in the neighbourhood [1]_. A curve that leaves the image and returns
     begins a new segment there, and the two ends of a closed curve are different segments.
 
     Parameters
     ----------
     order : Order
-        Any object that has ``width``, ``height`` and ``position``.
+        Any object with ``width``, ``height`` and ``position``.
     radius : int
         In [0, 65535]; 1 for 3 x 3 neighbourhoods.
 
@@ -40,17 +40,10 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     int64 array, shape (height, width)
         At least 1.
 
-    Raises
-    ------
-    TypeError
-        If ``order`` is none, or ``radius`` no integer.
-    ValueError
-        If ``radius`` is out of range.
-
     Notes
     -----
-    The pixels of a set minus the steps of the curve inside of it are its segments. A step lies in
-    the neighbourhoods of a rectangle of pixels, so all are counted by one two-dimensional prefix sum.
+    The number of segments is the number of pixels minus that of the steps of the curve inside the set. A step
+    lies in the neighbourhoods of a rectangle of pixels, so all are counted by one two-dimensional prefix sum.
 
     References
     ----------
@@ -104,25 +97,20 @@ def curve_length(order: Order) -> float:
     Parameters
     ----------
     order : Order
-        Any object that has ``width``, ``height`` and ``position``.
+        Any object with ``width``, ``height`` and ``position``.
 
     Returns
     -------
     float
-        In widths of a pixel. At least width * height - 1, which curves have that only step to neighbours:
-        shortest routes through all pixels. Of a curve over a padded image it is the length of the
-        pixels' path in their order, straight across what was left out.
-
-    Raises
-    ------
-    TypeError
-        If ``order`` is none.
+        In pixel widths. At least width * height - 1, attained by curves that only step to neighbours: the
+        shortest routes through all pixels. For a curve over a padded image it is the length of the path
+        through the pixels in their order, straight across the padding.
 
     Notes
     -----
-    If a function changes by at most K from one point to another at the distance of a pixel, its variation
-    along the curve is at most K times the length. The Koksma-Hlawka inequality bounds the error of the mean
-    along the curve by the variation times the star discrepancy of the points that are used [1]_.
+    If a function changes by at most K between two points at the distance of a pixel, its variation along the
+    curve is at most K times the length. The Koksma-Hlawka inequality bounds the error of the mean along the
+    curve by the variation times the star discrepancy of the points [1]_.
 
     References
     ----------
@@ -140,7 +128,7 @@ def curve_length(order: Order) -> float:
 
 
 def positions(order: Order) -> NDArray[np.integer]:
-    """Return the positions of all pixels, shape (height, width), or raise unless an object has them."""
+    """Return the positions of all pixels, shape (height, width); raise if they are invalid."""
     method = getattr(order, "position", None)
     if isinstance(order, type) or not callable(method):
         what = "order must be an order (width, height and position(x, y))"

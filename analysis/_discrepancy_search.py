@@ -1,4 +1,4 @@
-"""A search for point sets of small star discrepancy: over ranks, with the best coordinates for each."""
+"""Search for point sets of small star discrepancy: over ranks, with the best coordinates for each."""
 
 import math
 import time
@@ -18,51 +18,51 @@ from qmcjax.core import checks
 __all__ = ["DiscrepancySearch", "search_discrepancy"]
 
 _LARGEST = {2: 4096, 3: 512}
-"""Points in two and three dimensions: beyond, a single set of ranks would take minutes."""
+"""Maximum number of points in two and three dimensions: beyond, one set of ranks would take minutes."""
 
 _LATTICES = 256
 """Lattices in the first round; each further round has half as many again."""
 
 _LATTICES_A_STAGE = {2: 16, 3: 4}
-"""Lattices that take about as long as a stage of annealing: how the time is shared."""
+"""Number of lattices that take about as long as a stage of annealing, to share the time."""
 
 _PATIENCE = 10
-"""Stages without progress that end an annealing."""
+"""Stages without progress after which an annealing ends."""
 
 _ROUNDS = {2: 8, 3: 6}
-"""How often all coordinates may be corrected before a level counts as out of reach."""
+"""Maximum number of corrections per coordinate before a level counts as out of reach."""
 
 _HEATS = 1e-3, 3e-2
-"""By how much, relatively, a level is raised before an annealing."""
+"""Relative increase of the level before an annealing."""
 
 _LEAST = {2: 1e-4, 3: 1e-3}
-"""Relative gains that matter while ranks are searched."""
+"""Smallest relevant relative gain during the search for ranks."""
 
 _ABOVE_ZERO = 2.0**-52
-"""Least coordinate: coordinates are divisors."""
+"""Smallest coordinate: coordinates are divisors."""
 
 _NO_LESS = 1 + 1e-10
-"""A factor that makes a level of a star discrepancy, in spite of its rounding errors."""
+"""Factor from a star discrepancy to a level, which covers its rounding errors."""
 
 
 class DiscrepancySearch(NamedTuple):
-    """What :func:`search_discrepancy` found."""
+    """The result of :func:`search_discrepancy`."""
 
     points: NDArray[np.float64]
     """Shape (n, dims), in [0, 1)^dims, in the order of the first coordinate."""
 
     discrepancy: float
-    """Their star discrepancy, as :func:`star_discrepancy` measures it."""
+    """Their star discrepancy, as computed by :func:`star_discrepancy`."""
 
     steps: int
-    """How many steps were taken."""
+    """Number of steps taken."""
 
     seconds: float
-    """How long they took."""
+    """Run time."""
 
 
 class _Ranked:
-    """Points in the order of their coordinates, and a level: no less than their star discrepancy."""
+    """Points in the order of their coordinates, and a level: an upper bound of their star discrepancy."""
 
     def __init__(self, points: NDArray[np.float64], level: float) -> None:
         self.level = level
@@ -76,7 +76,7 @@ class _Ranked:
             self.state = [ends, ranks, np.ascontiguousarray(order)]
 
     def copy(self) -> "_Ranked":
-        """Return points that change apart from these."""
+        """Return an independent copy."""
         other = object.__new__(_Ranked)
         other.dims, other.level, other.state = self.dims, self.level, [array.copy() for array in self.state]
         return other
@@ -90,7 +90,7 @@ class _Ranked:
         return np.stack([ends[a, ranks[a]] for a in range(3)], axis=1)[order[0]]
 
     def reach(self, level: float, rounds: int | None = None) -> bool:
-        """Move the coordinates so that they reach a level, if this is found possible."""
+        """Move the coordinates so that they reach a level, if possible."""
         from analysis import _ranks_plane, _ranks_space  # They may load Numba.
 
         tighten = _ranks_plane.tighten if self.dims == 2 else _ranks_space.tighten
@@ -100,7 +100,7 @@ class _Ranked:
         return True
 
     def lower(self, step: float, least: float, rounds: int | None = None) -> None:
-        """Lower the level by steps, relative to it, that are halved where one is too large."""
+        """Lower the level by relative steps, halved where one is too large."""
         while step > least:
             if not self.reach(self.level * (1 - step), rounds):
                 step /= 2
@@ -129,47 +129,42 @@ def search_discrepancy(
     steps: int | None = None,
     start: ArrayLike | None = None,
 ) -> DiscrepancySearch:
-    """Search n points of small star discrepancy, in two or three dimensions.
+    """Search for n points of small star discrepancy, in two or three dimensions.
 
     Parameters
     ----------
     n : int
         In [2, 4096] in two dimensions, in [2, 512] in three.
     seconds : float, optional
-        When to stop. None leaves it to ``steps``.
+        When to stop, positive. None stops by ``steps`` alone.
     key : jax.random.key, or int in [0, 2**32)
     dims : int
         2 or 3.
     steps : int, optional
-        How many steps to take at most, positive. With ``seconds=None``, the result is a function of the
+        Maximum number of steps, positive. With ``seconds=None``, the result is a function of the
         other arguments.
     start : float ArrayLike, shape (n, dims), optional
-        Points in [0, 1)^dims to go on from, such as those of an earlier search: the result is no worse.
+        Points in [0, 1)^dims to continue from, for example from an earlier search: the result is no worse.
 
     Returns
     -------
     DiscrepancySearch
         With ``points``, float64, and their exact ``discrepancy``.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, or both ``seconds`` and ``steps`` are None.
-
     Notes
     -----
     Whether coordinates exist that reach a star discrepancy for given ranks is a system of constraints (see
-    [1]_). In two dimensions these are differences of logarithms, so that the best coordinates for the ranks
-    are found by bisection and the method of Bellman and Ford. In three dimensions they are found by moving
-    one coordinate at a time, which may miss some, and by linear programs from time to time.
+    [1]_). In two dimensions these are differences of logarithms: the best coordinates for the ranks are found
+    by bisection and the Bellman-Ford algorithm. In three dimensions they are found by moving one coordinate
+    at a time, which may miss some, and by occasional linear programs.
 
     Ranks come from lattices of totally real number fields, drawn at random and improved by small changes.
-    Then neighbouring ranks are swapped at random as long as a level of discrepancy can be kept, which is
+    Then neighbouring ranks are swapped at random while a level of discrepancy can be kept, which is
     lowered from time to time ("great deluge", [2]_), raised when it gets stuck, and lowered again. After some
     time, other lattices follow. A step is one lattice, or 2 n swaps.
 
-    Loops are compiled where Numba is installed (``pip install qmcjax[fast]``), after some seconds at the
-    first call. Without it the search is the same, and about a hundred times slower.
+    Loops are compiled if Numba is installed (``pip install qmcjax[fast]``), which takes some seconds at the
+    first call. Without Numba the search is the same, and about a hundred times slower.
 
     References
     ----------
@@ -211,7 +206,7 @@ def search_discrepancy(
 
 
 def _kronecker(n: int, dims: int) -> tuple[NDArray[np.float64], float]:
-    """Return points to be better than, and their star discrepancy."""
+    """Return points as a baseline, and their star discrepancy."""
     ratio = {2: (1 + math.sqrt(5)) / 2, 3: 1.324717957244746}[dims]
     i = np.arange(n)[:, None]
     points = np.hstack([(i + 0.5) / n, (i + 0.5) * ratio ** -np.arange(1.0, dims) % 1])
@@ -219,7 +214,7 @@ def _kronecker(n: int, dims: int) -> tuple[NDArray[np.float64], float]:
 
 
 class _Search:
-    """Rounds of lattices and annealing, until steps or time have run out."""
+    """Rounds of lattices and annealing, until steps or time run out."""
 
     def __init__(
         self, best: _Ranked, rng: np.random.Generator, steps: int | None, seconds: float | None
@@ -230,7 +225,7 @@ class _Search:
         self.seconds = math.inf if seconds is None else seconds
 
     def run(self) -> None:
-        """Anneal the best points and those of new lattices in turn, for longer and longer."""
+        """Anneal the best points and those of new lattices in turn, with increasing lengths."""
         self.best.lower(0.1, _LEAST[self.best.dims])
         lattices = _LATTICES
         while not self._over():
@@ -249,7 +244,7 @@ class _Search:
             self.best = ranked.copy()
 
     def _scan(self, count: int) -> _Ranked:
-        """Return the best of lattices: half of them anywhere, half of them near the best so far."""
+        """Return the best of some lattices: half of them arbitrary, half of them near the best so far."""
         from analysis._field_lattices import nearby, random_lattice, section  # It may load Numba.
 
         n, dims = self.best.points().shape
@@ -273,7 +268,7 @@ class _Search:
         return found or self.best
 
     def _anneal(self, base: _Ranked, lattices: int) -> None:
-        """Swap ranks while the level falls, again and again."""
+        """Swap ranks while the level decreases, repeatedly."""
         n = len(self.best.points())
         ranked, settled, failures, heat, step = base, None, _PATIENCE, 0.0, 0.0
         for _ in range(lattices // _LATTICES_A_STAGE[self.best.dims]):

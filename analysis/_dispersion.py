@@ -1,16 +1,16 @@
 """The dispersion of a point set: the radius of the largest ball without a point.
 
-Seen from the centre of a largest empty ball, the points on its sphere are not to one side: the centre is a
-vertex of the points' Voronoi diagram, so the centre of a sphere around a simplex of their Delaunay
-triangulation. On the torus the points are repeated by translation. In the cube they are reflected in its
-faces: reflected points are nowhere in the cube nearer than the originals, and where the boundary of the cube
-crosses the Voronoi diagram, and in the corners of the cube, the diagram of all of them has vertices.
+A largest empty ball has points on all sides of its centre: the centre is a vertex of the points' Voronoi
+diagram, that is, the centre of the circumsphere of a Delaunay simplex. On the torus the points are repeated
+by translation. In the cube they are reflected in its faces: within the cube reflected points are never nearer
+than the originals, and the diagram of all of them has vertices in the corners of the cube and where its
+boundary crosses the Voronoi diagram.
 
-The cube is cut into blocks, one after the other on each core. For the centres in a block, points and copies
-within an upper bound of the dispersion around it suffice: no point on a largest empty ball's sphere and no
+The cube is cut into blocks, processed one after the other on each core. For the centres in a block, points
+and copies within an upper bound of the dispersion suffice: no point on a largest empty ball's sphere and no
 nearest point is farther away.
 
-Almost flat simplices of points on one sphere have inaccurate centres. So distances are measured from the
+Almost flat simplices of cospherical points have inaccurate centres. So distances are measured from the
 centres to the nearest point. None can exceed the dispersion, wherever the centre lies.
 """
 
@@ -29,30 +29,31 @@ from qmcjax.core import checks
 __all__ = ["dispersion"]
 
 _ROUNDING = 2.0**-36
-"""What rounding errors may change in a radius, relative to it."""
+"""Relative effect of rounding errors on a radius."""
 
 _ALIKE = 4096
-"""Centres whose distances are measured first; each further time, twice as many."""
+"""Number of centres that are measured first; it doubles each time."""
 
 _TOGETHER = 2**13
-"""Points of a block, at least: a block's side is no less than four times the upper bound, either."""
+"""Minimum number of points per block; a block's side is also at least four times the upper bound."""
 
 _COUNTED = 2**16
-"""Points whose boxes are found together."""
+"""Number of points that are sorted into boxes together."""
 
 Floats = NDArray[np.float64]
 
 
 def dispersion(points: ArrayLike, torus: bool = True) -> float:
-    """Return the largest distance of a place in the unit cube to the nearest point: the covering radius.
+    """Return the largest distance of a point in the unit cube to the nearest of the given points.
+
+    It is also known as the covering radius.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d)
         At least one point in [0, 1)^d, d at most 3. Computed in float64, in which float32 points are exact.
     torus : bool
-        Whether the unit cube is repeated periodically; otherwise it stands alone, and distances to points
-        outside of it do not exist.
+        Whether the unit cube is repeated periodically; otherwise only points of the cube count.
 
     Returns
     -------
@@ -61,18 +62,16 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
 
     Raises
     ------
-    TypeError
-        If the points are not floats, or ``torus`` is no bool.
     ValueError
-        If the points are none, outside [0, 1)^d, or of more than three dimensions: there, the largest
-        distance of many places to the nearest point, by ``scipy.spatial.KDTree``, is a lower bound.
+        In more than three dimensions. Use ``scipy.spatial.KDTree`` there: the largest distance of many random
+        places to the nearest point is a lower bound.
 
     Notes
     -----
     The time is that of a Delaunay triangulation, O(n log n) for points that are spread over the cube; these
-    are triangulated in blocks, on all cores and in less memory than theirs and 100 MB for each core. Where
-    the largest empty ball takes much of the cube, there is one block, with about 7 simplices for each point
-    in three dimensions.
+    are triangulated in blocks, on all cores and in less than the memory of the points plus 100 MB per core.
+    If the largest empty ball takes much of the cube, there is one block, with about 7 simplices per point in
+    three dimensions.
 
     References
     ----------
@@ -146,9 +145,9 @@ def _boxes(points: Floats, side: int) -> NDArray[np.int32]:
 
 
 def _upper_bound(points: Floats, torus: bool) -> float:
-    """Return the diagonal of two boxes along each axis, of the finest of some grids without a large hole.
+    """Return the diagonal of two boxes along each axis, for the finest grid without a large hole.
 
-    That is one where each box or one of its neighbours has a point.
+    In such a grid each box or one of its neighbours has a point.
     """
     n, dims = points.shape
     side = math.ceil((2 * n) ** (1 / dims))
@@ -170,7 +169,7 @@ def _upper_bound(points: Floats, torus: bool) -> float:
 
 
 def _copies(points: Floats, low: Floats, high: Floats, torus: bool) -> Floats:
-    """Return those of the points and their copies that are in a box."""
+    """Return the points and copies that are in a box."""
     for axis in range(points.shape[1]):
         parts = [points]
         for sign in (-1, 1):

@@ -1,9 +1,9 @@
-"""The minimum distance of a point set, whose copies may tile space.
+"""The minimum distance of a point set, optionally tiled.
 
 Many points in up to three dimensions are padded with copies of those near the sides of the tile, so that
-the closest pair does not wrap around, and sorted. All others are measured by a k-d tree on a set that unfolds
-the tiling: on the torus the points themselves with the tile's side as period; where rows of tiles are
-shifted, the points and their copies in the row above.
+no pair wraps around, and sorted. All others are measured by a k-d tree on a set that unfolds the tiling: on
+the torus the points themselves with the tile's side as period; for shifted rows of tiles, the points and
+their copies in the row above.
 """
 
 import math
@@ -24,7 +24,7 @@ _MARGIN = 1 + 2.0**-40
 
 
 _MANY = 64
-"""Points from which on they are sorted: so many are never farther apart than a third of a side."""
+"""Number of points from which on they are sorted: so many are within a third of a side of each other."""
 
 _INTEGERS = 2.0**53
 """Smaller sums of squares of integers are exact in float64."""
@@ -41,29 +41,21 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         Whether the unit cube is repeated periodically; otherwise it stands alone.
     shear : float
         Two-dimensional tilings only: each row of tiles is shifted by ``shear`` in x against the row
-        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Whole
-        tiles of it do not matter, they are taken off exactly.
-        With 0.25 this is the tiling of the permutation nets for even m, Fig. 5.18 of [1]_.
+        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Its
+        integer part has no effect and is removed exactly. With 0.25 this is the tiling of the permutation
+        nets for even m, Fig. 5.18 of [1]_.
 
     Returns
     -------
     float
-        Distances of a point to its own copies do not count: the minimum is over pairs i < j.
-        Squares are taken on the way: what is below 1e-154 may come out as 0.
-        For 64 points or more in at most three dimensions to a few units in the last place, unless there is
-        a shear; otherwise to d 2^-51, absolutely.
-
-    Raises
-    ------
-    TypeError
-        If the points are not floats, or another argument has another type.
-    ValueError
-        If the points are fewer than two or outside [0, 1)^d, or the shear does not apply.
+        The minimum is over pairs i < j: distances of a point to its own copies do not count. Squares are
+        computed: distances below 1e-154 may become 0. The error is a few units in the last place for 64
+        points or more in at most three dimensions without a shear; otherwise at most d 2^-51, absolute.
 
     Notes
     -----
-    In up to three dimensions O(n log n) time and O(n) memory, for clustered points as well: 24 bytes for
-    each point and 8 more for each coordinate, beside the points. Beyond, the time of a k-d tree.
+    In up to three dimensions O(n log n) time and O(n) memory, for clustered points as well: 24 bytes per
+    point and 8 per coordinate, beside the points. Beyond, the time of a k-d tree.
 
     References
     ----------
@@ -104,13 +96,6 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     int
         The numerator under the root in Table 5.1 of [1]_.
 
-    Raises
-    ------
-    TypeError
-        If the points or another argument are not integers.
-    ValueError
-        If the points are fewer than two or off the grid, or the shear does not apply.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.3.1.
@@ -147,7 +132,7 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
 
 
 def checked_tiling(points: Any, torus: Any, shear: Any) -> tuple[NDArray[np.float64], bool, float]:
-    """Return points as float64, torus and shear in [-1/2, 1/2], or raise unless they fit together."""
+    """Return points as float64, torus and shear in [-1/2, 1/2]; raise unless they fit together."""
     array = _arguments.points(points, least=2).astype(np.float64, copy=False)
     torus = checks.flag("torus", torus)
     shear = _arguments.real("shear", shear, "a finite number", math.isfinite)
@@ -166,7 +151,7 @@ def packing_distance(n: int, dims: int) -> float:
 def _sorted_squared_distance(
     points: NDArray[np.float64], side: int, torus: bool, shear: float
 ) -> float | None:
-    """Return the square of the minimum distance, or None where sorting the points is not the way to find it.
+    """Return the square of the minimum distance, or None where sorting does not apply.
 
     A copy is translated by minus one period. A pair that wraps around is found as the copy of the point
     near the far side, and the other point or a copy of it: one-sided copies suffice, and their coordinates
@@ -207,7 +192,7 @@ def _has_duplicates(points: NDArray) -> bool:
 
 
 def unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDArray, NDArray]:
-    """Return a set, the points first, and one period per axis that together measure the tiling.
+    """Return a set that starts with the points, and one period per axis, which together measure the tiling.
 
     A period of twice the extent of the set never wraps. Copies in the row above suffice, since the
     pairs with the row below are the same up to translation. A point's distance to its own copy is at
@@ -217,7 +202,7 @@ def unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDArr
     if shear == 0:
         return points, np.full(dims, side if torus else 2 * side, points.dtype)
     x = (points[:, 0] + shear) % side
-    # Of a tiny negative float the remainder is rounded to the side.
+    # The remainder of a tiny negative float is rounded to the side.
     above = np.stack([np.where(x < side, x, 0), points[:, 1] + side], axis=1)
     return np.concatenate([points, above]), np.array([side, 4 * side], points.dtype)
 

@@ -1,8 +1,8 @@
-"""Smooth measures of how far points keep apart, with gradients as cheap as the values.
+"""Smooth measures of the distances between points, with gradients as cheap as the values.
 
 Each measure combines sums over the rows of the matrix of pairs. As the matrix is symmetric, moving a point
-changes the other rows as much as its own: the gradient is twice that through the point's own row. So one pass
-over the rows, in batches, gives both value and gradient; reverse differentiation would keep the matrix.
+changes the other rows as much as its own: the gradient is twice that of the point's own row. So one pass
+over the rows, in batches, gives both value and gradient; reverse differentiation would store the matrix.
 """
 
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from qmcjax.core import checks
 __all__ = ["riesz_energy", "soft_min_distance"]
 
 _PAIRS = 2**19
-"""Pairs in one batch of rows, as long as there is more than one row."""
+"""Pairs per batch of rows, if there is more than one row."""
 
 _LEAST = float(np.finfo(np.float32).tiny)
 """Smaller exponents have no inverse in float32."""
@@ -34,8 +34,7 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
     Parameters
     ----------
     points : float32 or float64 ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. The precision of the points is that of the sum,
-        whatever the global flag.
+        At least two points in [0, 1)^d. The sum has the precision of the points, whatever the global flag.
     exponent : float
         s, at least 0; 0 stands for the logarithmic energy, the sum of -log d_ij.
     torus : bool
@@ -44,15 +43,8 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
     Returns
     -------
     Array of the points' dtype, shape ()
-        Differentiable in the points. Infinite for two points in the same place, and where the sum overflows:
-        there the gradient is set to 0.
-
-    Raises
-    ------
-    TypeError
-        If the points are not float32 or float64, or another argument has another type.
-    ValueError
-        If points are fewer than two or, where they are known, not in [0, 1)^d, or the exponent is below 0.
+        Differentiable in the points. Infinite for two equal points, and if the sum overflows: there the
+        gradient is set to 0.
 
     Notes
     -----
@@ -77,25 +69,17 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
 
     Parameters
     ----------
-    points : float32 or float64 ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. The precision of the points is that of the sum,
-        whatever the global flag.
+    points, torus
+        As in :func:`riesz_energy`.
     exponent : float
-        s, positive. The larger, the closer to the minimum distance: it is at most (n (n - 1) / 2)^(1/s)
-        times as large, and if k pairs are much closer than all others, about k^(1/s) times.
-    torus : bool
-        Whether the distance is that to the nearest periodic copy; otherwise it is Euclidean.
+        s, positive. The larger, the closer to the minimum distance: that is at most (n (n - 1) / 2)^(1/s)
+        times as large, and about k^(1/s) times if k pairs are much closer than all others.
 
     Returns
     -------
     Array of the points' dtype, shape ()
         Differentiable in the points, for any exponent without overflow: large terms are summed relative to
-        the largest. 0 for two points in the same place, where the gradient is set to 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`riesz_energy`, and if the exponent is 0.
+        the largest. 0 for two equal points, where the gradient is set to 0.
 
     Notes
     -----
@@ -121,10 +105,10 @@ def _checked(points: Any, torus: Any) -> tuple[Any, bool]:
 
 class _Measure(NamedTuple):
     row: Callable[[Array, Array], tuple[Array, Array]]
-    """From squared distances of a point to all, itself at infinity, and s, to a sum and its derivatives."""
+    """Maps squared distances of a point to all (infinity to itself) and s to a sum and its derivatives."""
 
     combine: Callable[[Array], Array]
-    """From all these sums, in which each pair occurs twice, to the measure."""
+    """Maps all these sums, which count each pair twice, to the measure."""
 
 
 def _power_row(squares: Array, s: Array) -> tuple[Array, Array]:

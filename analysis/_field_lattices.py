@@ -1,10 +1,10 @@
-"""Lattices of totally real number fields, cut out by the unit square or cube: ranks to start a search from.
+"""Lattices of totally real number fields, clipped to the unit square or cube: initial ranks for a search.
 
-The conjugates of the integers of such a field are a lattice. The products of a point's coordinates are the
-norm of an integer and stay away from 0: sections of the lattice have discrepancies of the least known order.
-Stretching the axes by factors of product 1, moving the lattice and choosing its density gives a family of a
-few parameters with thousands of different ranks. The fields are those of least discriminant: Q(sqrt 5) in the
-plane, Q(cos 2 pi/7) in space.
+The conjugates of the integers of such a field form a lattice. The product of a point's coordinates is the
+norm of an integer and stays away from 0: sections of the lattice have discrepancies of the smallest known
+order. Stretching the axes by factors of product 1, translating the lattice and choosing its density gives a
+family with a few parameters and thousands of different ranks. The fields are those of smallest discriminant:
+Q(sqrt 5) in the plane, Q(cos 2 pi/7) in space.
 """
 
 from typing import NamedTuple
@@ -21,28 +21,28 @@ Floats = NDArray[np.float64]
 _GOLDEN = (1 + np.sqrt(np.array([5.0, 5.0])) * [1, -1]) / 2
 _HEPTAGON = 2 * np.cos(2 * np.pi * np.arange(1, 4) / 7)
 _BASES = {2: np.vander(_GOLDEN, 2, increasing=True), 3: np.vander(_HEPTAGON, 3, increasing=True)}
-"""Conjugates, one a row, of 1, w, ... The determinants are the roots of the discriminants, 5 and 49."""
+"""Conjugates, one per row, of 1, w, ... The determinants are the roots of the discriminants, 5 and 49."""
 
 
 class FieldLattice(NamedTuple):
-    """Where a lattice lies."""
+    """The position of a lattice."""
 
     stretch: Floats
     """Logarithms of factors along the axes, their sum 0."""
     offset: Floats
     """In units of the basis."""
     density: float
-    """Points in the unit square or cube, on average."""
+    """Mean number of points in the unit square or cube."""
 
 
 def random_lattice(n: int, dims: int, rng: np.random.Generator) -> FieldLattice:
-    """Draw a lattice; units of the field make all stretches by larger factors the same as one of these."""
+    """Draw a lattice; units of the field make all larger stretches equivalent to one of these."""
     stretch = rng.uniform(-1, 1, dims)
     return FieldLattice(stretch - stretch.mean(), rng.random(dims), n + rng.uniform(-1, 1))
 
 
 def nearby(lattice: FieldLattice, rng: np.random.Generator) -> FieldLattice:
-    """Change a lattice by little, or by very little."""
+    """Change a lattice slightly."""
     scale = 10 ** rng.uniform(-4, -1)
     stretch = lattice.stretch + scale * rng.standard_normal(len(lattice.stretch))
     offset = lattice.offset + scale * rng.standard_normal(len(lattice.offset))
@@ -64,7 +64,7 @@ def section(lattice: FieldLattice) -> Floats:
 
 @compiled
 def _inside(scaled: Floats, offset: Floats, low: Floats, sizes: NDArray[np.int64]) -> Floats:
-    """Return the lattice points in the unit cube; ``low`` and ``sizes`` are a box of what to combine."""
+    """Return the lattice points in the unit cube; ``low`` and ``sizes`` bound the coefficients."""
     dims = len(offset)
     found = np.empty((np.prod(sizes) + 1, dims))
     count = 0

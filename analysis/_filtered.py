@@ -1,4 +1,4 @@
-"""What is left of an image's error to an eye that does not tell pixels apart."""
+"""Errors of images after low-pass filtering, for an eye that does not resolve pixels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _WIDE = 0.4
 """About 1 / sqrt(2 pi): the Gaussian that is its own transform."""
 
 _TERMS = 8
-"""Both sums are over fewer than so many terms on each side: beyond, terms are below 1e-60."""
+"""Both sums have fewer terms than this on each side: further terms are below 1e-60."""
 
 
 def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float:
@@ -23,7 +23,7 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-        Both of one shape. The image is taken as periodic.
+        Of equal shape. The image is taken as periodic.
     sigma : float
         Standard deviation of the filter in pixels, positive.
 
@@ -32,20 +32,13 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     float
         At most the root mean square error.
 
-    Raises
-    ------
-    TypeError
-        If an image is none of real numbers, or ``sigma`` no number.
-    ValueError
-        If the shapes differ, a value is not finite, or ``sigma`` is not positive.
-
     Notes
     -----
-    Pixels are weighted by exp(-r^2 / (2 sigma^2)) at all distances r between them, the weights divided by
-    their sum: a filter of pixels, as an image is all that there is. It is computed in frequencies, where a
-    filter multiplies, to rounding errors; ``scipy.ndimage.gaussian_filter`` is the same but cut off, which
-    leaves too much of waves of which little is to be left. From ``sigma`` = 1.5 on, what a wave of f cycles
-    per pixel is multiplied by is within 2e-5 of the continuous Gaussian's exp(-2 (pi sigma f)^2).
+    Pixels are weighted by exp(-r^2 / (2 sigma^2)) at all distances r between them, normalised by their sum: a
+    discrete filter. It is evaluated in the frequency domain, to rounding errors;
+    ``scipy.ndimage.gaussian_filter`` truncates the same filter, which leaves too much of strongly attenuated
+    waves. From ``sigma`` = 1.5 on, the factor for a wave of f cycles per pixel is within 2e-5 of the
+    continuous Gaussian's exp(-2 (pi sigma f)^2).
 
     Examples
     --------
@@ -61,10 +54,10 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
 
 
 def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
-    """Return by what a sampled Gaussian of sum 1 multiplies the waves of one axis.
+    """Return the factors of the waves of one axis for a sampled Gaussian of sum 1.
 
     The weights exp(-k^2 / (2 sigma^2)) of all integers k, or by Poisson's formula a sum of Gaussians of the
-    frequency: of both sums the one that is short, whose terms hardly cancel.
+    frequency: the shorter of both sums, with hardly any cancellation.
     """
     frequency = np.fft.fftfreq(size)
     k = np.arange(1, _TERMS)
@@ -79,23 +72,18 @@ def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
 
 
 def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
-    """Return the mean radial power of an image's error below a frequency: white noise has 1.
+    """Return the mean radial power of an image's error below a frequency: 1 for white noise.
 
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
     cutoff : float
-        In cycles per pixel, in (0, 1/2]. Annuli of :func:`radial_average` below it count alike, the mean is
-        left out.
+        In cycles per pixel, in (0, 1/2], above one cycle per image. Annuli of :func:`radial_average` below it
+        have equal weights; the mean is left out.
 
     Returns
     -------
     float
-
-    Raises
-    ------
-    ValueError
-        As :func:`error_spectrum` does, or if ``cutoff`` is out of range or below the first annulus.
 
     References
     ----------

@@ -1,9 +1,9 @@
 """Sums of exp(-2 pi i k.x) over points x, at all integer frequencies k of a box: directly, or by an FFT.
 
-The direct sum splits into one wave for each axis: a matrix product in two dimensions. The FFT needs values
-on a grid: each point is spread onto the grid points around it with a kernel that is short in space and
-decays fast in frequency; dividing by the kernel's transform removes it again [1]_. Both go through the points
-in batches that automatic differentiation computes again: neither keeps more than the points and the sums.
+The direct sum factors into one wave per axis: a matrix product in two dimensions. The FFT needs values on a
+grid: each point is spread to the grid points around it by a kernel that is short in space and decays fast in
+frequency; division by the kernel's transform removes it again [1]_. Both process the points in batches, which
+automatic differentiation recomputes: neither stores more than the points and the sums.
 
 References
 ----------
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 __all__ = ["direct_gradient", "direct_sums", "fast_sums"]
 
 _BATCH = 2**20
-"""Numbers in one batch of waves or of kernel values, as long as there is more than one point."""
+"""Numbers in one batch of waves or of kernel values, if there is more than one point."""
 
 _WIDTH = 14
 """Grid points under the kernel, along each axis."""
@@ -61,7 +61,7 @@ def direct_sums(points: Array, highest: int) -> Array:
 
 
 def direct_gradient(points: Array, factors: Array) -> Array:
-    """Return the derivatives of the real part of the sums times complex factors, added up.
+    """Return the derivatives of the real part of the sum of the sums times complex factors.
 
     That is 2 pi times the imaginary part of sum_k factor(k) k_j exp(-2 pi i k.x), for each point x and
     coordinate j: two matrix products over the last axis, with and without k_j.
@@ -132,7 +132,7 @@ def fast_sums(points: Array, highest: int) -> Array:
 def _over_batches(
     batch: Callable[[Array, Array, Array], Array], zero: Array, points: Array, width: int
 ) -> Array:
-    """Add up over batches of points, filled up with points of weight 0 to equal sizes."""
+    """Sum over batches of points, padded with points of weight 0 to equal sizes."""
     step, parts = jax.checkpoint(batch), _batches(points, width)
     count, size, _ = parts.shape
 
@@ -145,7 +145,7 @@ def _over_batches(
 
 
 def _batches(points: Array, width: int) -> Array:
-    """Return batches of points, the last one filled up with zeros, for so many numbers a point."""
+    """Return batches of points, the last one padded with zeros, for a given count of numbers per point."""
     n, dims = points.shape
     count = -(-n // max(1, _BATCH // width))
     size = -(-n // count)
@@ -155,8 +155,8 @@ def _batches(points: Array, width: int) -> Array:
 def _waves(x: Array, frequencies: NDArray[np.float64]) -> Array:
     """Return exp(-2 pi i k x) for each x and k.
 
-    The angle is as precise for large k as for small: of the two halves of the digits of x, the product with
-    the upper one is exact and so are its fractional digits, that with the lower one is small.
+    The angle is equally precise for large and small k: x is split into two halves of its digits; the product
+    with the upper half is exact and so are its fractional digits, that with the lower half is small.
     """
     upper = jnp.round(x * 2.0**26) * 2.0**-26
     turns = upper[:, None] * frequencies[None, :]

@@ -1,4 +1,4 @@
-"""Elementary intervals: how many points lie in each, and in each of n intervals of one coordinate."""
+"""Counts of points in elementary intervals, and in n equal intervals of one coordinate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from qmcjax.core import checks, finite_field
 __all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
 
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
-"""Into how many intervals the points of a dtype can be sorted along an axis."""
+"""Maximum number of intervals along an axis that a dtype can resolve."""
 
 _LOG_COUNTS = 28
 """At most 2**28 intervals are counted in one array."""
@@ -25,7 +25,7 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     Parameters
     ----------
     points : ArrayLike, shape (n, s)
-        As for :func:`analysis.t_value`, but any number of them.
+        As for :func:`analysis.t_value`, but any number of points.
     digits : sequence of s ints
         d_1, ..., d_s: the interval's sides are base**-d_j. At most 2**28 intervals, and 64 coordinates.
     base : int
@@ -35,12 +35,6 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     -------
     int64 array, shape (base**d_1, ..., base**d_s)
         Entry (a_1, ..., a_s) is the count of the interval with the lower corner a_j base**-d_j.
-
-    Raises
-    ------
-    ValueError
-        If there are too many intervals, points are outside [0, 1), or an argument has another shape,
-        type or range.
 
     References
     ----------
@@ -60,7 +54,7 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
 
 
 def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bool:
-    """Tell whether all elementary intervals of one shape hold equally many points.
+    """Return whether all elementary intervals of one shape contain equally many points.
 
     Parameters
     ----------
@@ -70,11 +64,6 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     Returns
     -------
     bool
-
-    Raises
-    ------
-    ValueError
-        As for :func:`interval_counts`.
 
     Examples
     --------
@@ -88,21 +77,17 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
 
 
 def is_latin_hypercube(points: ArrayLike) -> bool:
-    """Tell whether in each coordinate one of the n points lies in each of n equal intervals.
+    """Return whether, for each coordinate, each of n equal intervals contains one of the n points.
 
     Parameters
     ----------
     points : ArrayLike, shape (n, s)
-        As for :func:`analysis.t_value`, but any number of them: the intervals are those of base n.
+        As for :func:`analysis.t_value`, but any number of points, at most 2**24 in float32: the intervals are
+        those of base n.
 
     Returns
     -------
     bool
-
-    Raises
-    ------
-    ValueError
-        If points are outside [0, 1), or of another shape or type, or more than 2**24 in float32.
 
     Examples
     --------
@@ -115,12 +100,12 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
 
 
 def fractions(points: ArrayLike, name: str = "points") -> NDArray:
-    """Return the points, or raise unless they are fractions in [0, 1)^s."""
+    """Return the points; raise unless they are fractions in [0, 1)^s."""
     return _arguments.points(points, name, dtypes=(np.float32, np.float64, np.uint32))
 
 
 def cells(points: NDArray, count: int) -> NDArray[np.int64]:
-    """Return in which of ``count`` equal intervals of [0, 1) each coordinate lies."""
+    """Return which of ``count`` equal intervals of [0, 1) contains each coordinate."""
     if count > _RESOLUTION[points.dtype]:
         raise ValueError(
             f"points must be float64 or uint32 with at most 2**32 intervals along an axis, "
@@ -138,12 +123,12 @@ def cells(points: NDArray, count: int) -> NDArray[np.int64]:
 
 
 def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
-    """Return into how many intervals each axis is divided."""
+    """Return the number of intervals along each axis."""
     base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
     if not isinstance(digits, Sequence | np.ndarray) or isinstance(digits, str):
-        raise TypeError(f"digits must be {dims} integers, one a coordinate, got {checks.shown(digits)}")
+        raise TypeError(f"digits must be {dims} integers, one per coordinate, got {checks.shown(digits)}")
     if len(digits) != dims:
-        raise ValueError(f"digits must be {dims} integers, one a coordinate, got {checks.shown(digits)}")
+        raise ValueError(f"digits must be {dims} integers, one per coordinate, got {checks.shown(digits)}")
     numbers = [checks.integer(f"digits[{j}]", d, 0, _LOG_COUNTS) for j, d in enumerate(digits)]
     if base ** sum(numbers) > 2**_LOG_COUNTS:
         raise ValueError(
@@ -153,7 +138,7 @@ def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
 
 
 def _counts(points: NDArray, sides: tuple[int, ...]) -> NDArray[np.int64]:
-    """Return the counts of all intervals, the last coordinate's varying fastest."""
+    """Return the counts of all intervals; the last coordinate varies fastest."""
     interval = np.zeros(len(points), np.int64)
     for column, side in zip(points.T, sides, strict=True):
         interval = interval * side + cells(column, side)

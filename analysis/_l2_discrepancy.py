@@ -27,13 +27,13 @@ __all__ = [
 ]
 
 _POINTS = 2**24
-"""More points than this are refused: sums over all pairs would not be exact."""
+"""Maximum number of points: beyond, sums over all pairs would not be exact."""
 
 _MANY = 2**16
-"""Points in the plane or in space from which on they are merged, on processors."""
+"""Numbers of points in the plane or in space from which on they are merged, on processors."""
 
 _DIMS = 256
-"""More dimensions than this are refused: powers of the kernels' means would leave the range of float64."""
+"""Maximum number of dimensions: powers of the kernels' means would leave the range of float64."""
 
 
 def l2_star_discrepancy(points: ArrayLike) -> Array:
@@ -51,28 +51,21 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     Returns
     -------
     float64 Array, shape ()
-        The root, as for all discrepancies here. Of ``scipy.stats.qmc.discrepancy`` only the method
-        ``"L2-star"`` takes it as well; ``"CD"``, ``"WD"`` and ``"MD"`` are squares.
-        Where JAX traces the points (``jit``, ``grad``, ``vmap``) with 64-bit types disabled, the result
+        The root, as for all discrepancies here. ``scipy.stats.qmc.discrepancy`` returns the root only for
+        ``"L2-star"``; ``"CD"``, ``"WD"`` and ``"MD"`` are squares.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``) with 64-bit types disabled, the result
         is rounded to float32, the widest type there.
-
-    Raises
-    ------
-    ValueError
-        If the points are none, too many, not floats, or outside of [0, 1)^d. The values of traced points
-        are not known: they are not checked.
 
     Notes
     -----
-    Memory is O(n d). Time is O(n^2 d), but O(n^(2 - 1/d)) for many points in two and three dimensions and
-    O(n log n) in one. Values of 2^16 points and more take O(n log n) in two and O(n log^2 n) in three
-    dimensions, on all cores and in three times the memory of float64 points, where Numba is installed, JAX
-    computes on processors and does not trace the points. Derivatives are computed together with the
-    value. Where two points are equal in a coordinate there is none; what is returned lies between those on
-    both sides.
+    Memory is O(n d). Time is O(n^2 d), but O(n^(2 - 1/d)) for many points in two and three dimensions and O(n
+    log n) in one. Values of 2^16 points and more take O(n log n) in two and O(n log^2 n) in three dimensions,
+    on all cores and in three times the memory of float64 points, if Numba is installed, JAX computes on
+    processors and does not trace the points. Derivatives are computed together with the value. They do not
+    exist where two points are equal in a coordinate; the result there lies between the one-sided ones.
 
     The sums of the closed form cancel, for good points all but a part of about n^-2. They are computed
-    with more than float64's precision: what remains has a relative error of about 1e-11 or less.
+    in more than float64's precision: the result has a relative error of about 1e-11 or less.
 
     References
     ----------
@@ -89,22 +82,17 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
 def centered_discrepancy(points: ArrayLike) -> Array:
     """Return the centered L2 discrepancy, over boxes between a point and the nearest corner of the cube.
 
-    The mean square is added up over the projections onto all sets of axes, after Hickernell [1]_.
+    The mean square is summed over the projections onto all sets of axes, after Hickernell [1]_.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`, to which the notes there apply as well.
+        As for `l2_star_discrepancy`; its notes apply, too.
 
     Returns
     -------
     float64 Array, shape ()
         The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"CD"``.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -124,17 +112,12 @@ def wraparound_discrepancy(points: ArrayLike) -> Array:
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`, to which the notes there apply as well.
+        As for `l2_star_discrepancy`; its notes apply, too.
 
     Returns
     -------
     float64 Array, shape ()
         The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"WD"``.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -151,22 +134,17 @@ def wraparound_discrepancy(points: ArrayLike) -> Array:
 def periodic_discrepancy(points: ArrayLike) -> Array:
     """Return the periodic L2 discrepancy, the root of the mean square over all boxes of the torus.
 
-    Other than the wrap-around discrepancy it takes the whole space only, not its projections.
+    Unlike the wrap-around discrepancy it measures the whole space only, not its projections.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`, to which the notes there apply as well.
+        As for `l2_star_discrepancy`; its notes apply, too.
 
     Returns
     -------
     float64 Array, shape ()
         Divided by n, as the other discrepancies; [1]_ leaves this out.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -182,24 +160,19 @@ def periodic_discrepancy(points: ArrayLike) -> Array:
 
 
 def symmetric_discrepancy(points: ArrayLike) -> Array:
-    """Return the symmetric L2 discrepancy, over unions of those orthants at a point that touch even corners.
+    """Return the symmetric L2 discrepancy, over unions of the orthants at a point that touch even corners.
 
-    The mean square is added up over all projections, and multiplied by 4, after Hickernell [1]_.
+    The mean square is summed over all projections and multiplied by 4, after Hickernell [1]_.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`, to which the notes there apply as well.
+        As for `l2_star_discrepancy`; its notes apply, too.
 
     Returns
     -------
     float64 Array, shape ()
         Twice the L2 star discrepancy in one dimension.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -214,22 +187,17 @@ def symmetric_discrepancy(points: ArrayLike) -> Array:
 
 
 def mixture_discrepancy(points: ArrayLike) -> Array:
-    """Return the mixture discrepancy, in all projections a mean of centered and wrap-around.
+    """Return the mixture discrepancy, a mean of centered and wrap-around discrepancy in all projections.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`, to which the notes there apply as well.
+        As for `l2_star_discrepancy`; its notes apply, too.
 
     Returns
     -------
     float64 Array, shape ()
         The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"MD"``.
-
-    Raises
-    ------
-    ValueError
-        As `l2_star_discrepancy`.
 
     References
     ----------
@@ -257,7 +225,7 @@ def _discrepancy(points: ArrayLike, kernel: Kernel) -> Array:
 
 
 def _strips(n: int, dims: int) -> int:
-    """Return into how many strips to cut the axes: as many cells as points; 1 where that saves nothing."""
+    """Return the number of strips per axis: as many cells as points; 1 where that saves nothing."""
     if dims > 3 or n < 1024:
         return 1
     return n // 16 if dims == 1 else round(n ** (1 / dims))
@@ -293,9 +261,9 @@ def _computed(points: Array, kernel: Kernel, strips: int, gradient: bool) -> tup
 def value_and_gradient(
     points: Array, kernel: Kernel, strips: int, rank: int, gradient: bool
 ) -> tuple[Array, Array]:
-    """Return the discrepancy and its derivatives; without gradient there are none, of shape (0, d).
+    """Return the discrepancy and its derivatives, of shape (0, d) without gradient.
 
-    Its square times n^2 is the sum of K over pairs, less 2n times the sum of the average of K over points,
+    Its square times n^2 is the sum of K over pairs, minus 2n times the sum of the average of K over points,
     plus n^2 times the mean of K.
     """
     n, dims = points.shape

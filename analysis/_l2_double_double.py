@@ -1,7 +1,7 @@
 """Numbers as unevaluated sums of two float64, and sums without rounding errors.
 
 The squared discrepancy of good points is smaller than the three sums it consists of by a factor of
-about n^2: what is rounded to 53 bits in them is gone from it.
+about n^2: anything rounded off at 53 bits is missing from it.
 """
 
 from collections.abc import Sequence
@@ -54,14 +54,14 @@ def product(factors: Sequence[Wide]) -> Wide:
 
 
 def rounded(x: Array, bound: float) -> Wide:
-    """Split into multiples of a power of two, sums of which are exact up to ``bound``, and the rest."""
+    """Split into multiples of a power of two, with exact sums up to ``bound``, and the rest."""
     unit = 2.0 ** (int(np.ceil(np.log2(bound))) - 52)
     high = jnp.rint(x * (1 / unit)) * unit
     return high, x - high
 
 
 def total(x: Wide, bound: float) -> Wide:
-    """Sum over all elements, the absolute values of which sum to at most ``bound``."""
+    """Sum over all elements; their absolute values sum to at most ``bound``."""
     high, low = rounded(x[0], bound)
     return two_sum(high.sum(), (low + x[1]).sum())
 

@@ -19,8 +19,8 @@ class Kernel:
 
     There e(x) = linear x + bend |x - 1/2|. The squared discrepancy is the integral of the product of K
     over the dimensions, twice over the difference of the uniform measure and the points' [Hickernell,
-    A generalized discrepancy and quadrature error bound, 1998]. With |x - y| for max and min, every one
-    of the discrepancies in use has a kernel of this form.
+    A generalized discrepancy and quadrature error bound, 1998]. With |x - y| for max and min, all
+    discrepancies in use have a kernel of this form.
 
     The numbers are leaves, so one program serves all kernels. They are multiples of 1/8: sums of them and
     of their halves and quarters are exact.
@@ -34,7 +34,7 @@ class Kernel:
 
     @property
     def rank(self) -> int:
-        """The number of factors: of (one, two, three) only the first are not zero."""
+        """The number of nonzero factors, the first of (one, two, three)."""
         return 3 if self.square else 2 if self.bend or self.linear != self.distance else 1
 
     def mean(self) -> Wide:

@@ -1,8 +1,7 @@
-"""The L2 discrepancies of very many points in the plane and in space, in compiled loops.
+"""The L2 discrepancies of very many points in two and three dimensions, in compiled loops.
 
 O(n log n) steps in two dimensions and O(n log^2 n) in three, where `pair_sum` takes n^1.5 and n^(5/3). All
-sums and products are of two float64, as there: what is left of the three sums of the closed form has a
-relative error of about n^2 2^-100.
+sums and products are of two float64, as there: the result has a relative error of about n^2 2^-100.
 """
 
 import itertools
@@ -32,7 +31,7 @@ Floats = NDArray[np.float64]
 def many_points_discrepancy(points: Floats, kernel: Kernel) -> float:
     """Return a discrepancy of points in two or three dimensions, by loops that Numba compiles.
 
-    Less than three times the points' memory, for float64.
+    It takes less than three times the memory of float64 points.
     """
     n, dims = points.shape
     exact = [

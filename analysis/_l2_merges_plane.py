@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 
 def room_in_plane(n: int) -> Floats:
-    """Return the room to merge n points."""
+    """Return the work space to merge n points."""
     return np.empty((2, n))
 
 
@@ -42,7 +42,7 @@ def merge_plane(
             a, b = factor(x[here], numbers, not left, r)
             inner, inner_rest = 0.0, 0.0
             for s in range(rank):
-                # What was merged before is below in y.
+                # Points merged before are below in y.
                 c, d = factor(y[here], numbers, True, s)
                 c, d = multiply(c, d, merged[other, 0, r, s], merged[other, 1, r, s])
                 inner, inner_rest = add(inner, inner_rest, c, d)

@@ -1,8 +1,8 @@
-"""The sum of a product kernel over pairs of points in space, by merging inside of merging.
+"""The sum of a product kernel over pairs of points in space, by nested merging.
 
 As in `_l2_merges_plane`, points that are sorted by x are merged by y. Those of one merge are then sorted by
-z, by merging again: now a pair counts if its points come from different halves of both merges, which say
-which one is below in x and in y. What was merged before is below in z.
+z, by merging again: now a pair counts if its points come from different halves of both merges, which
+determine the lower one in x and in y. Points merged before are below in z.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ __all__ = ["merge_space", "room_in_space", "sort_space"]
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Room = tuple[Floats, Flags, Floats, Flags]
-"""For points in the order of y or z, whether they are the upper ones in x, and for copies of half of both."""
+"""For points in the order of y or z, whether they are the upper ones in x; and for copies of half of both."""
 
 
 def room_in_space(n: int) -> Room:
-    """Return the room to merge n points: half of them, rounded down, is what is copied of any part."""
+    """Return the work space to merge n points: half of them, rounded down, are copied for any part."""
     return np.empty((3, n)), np.empty(n, np.bool_), np.empty((3, n // 2)), np.empty(n // 2, np.bool_)
 
 
@@ -38,8 +38,8 @@ def _merge_inside(
 ) -> Scalars:
     """Merge two parts by z, the first one below in y, and return the sum over pairs of both, and both sides.
 
-    ``right`` tells which points are the upper ones in x. The first part is copied to ``lower``, and what is
-    merged does not catch up with the second one.
+    ``right`` marks the upper points in x. The first part is copied to ``lower``, so that merged points do not
+    overwrite the second one.
     """
     rank = int(numbers[5])
     for k in range(start, middle):
@@ -115,7 +115,7 @@ def merge_space(columns: Floats, room: Room, start: int, middle: int, stop: int,
         levels += 1
     found, rest = 0.0, 0.0
     for level in range(levels - 1, -1, -1):
-        # Halves of equal sizes, that half of the points is room enough for the lower ones.
+        # Halves of equal sizes, so that half of the points suffices for the lower ones.
         for k in range(1 << level):
             first, end = size * k >> level, size * (k + 1) >> level
             between = size * (2 * k + 1) >> level + 1

@@ -1,9 +1,9 @@
 """The sum of a product kernel over all pairs of points, and its derivatives.
 
-Every axis is cut into strips of equally many points. A pair that is in one strip of some axis is summed
-as it is, at the first such axis. All other pairs are ordered in every axis by their strips alone; there
-the kernel is a sum of products of functions of one point (`Kernel.factors`), and what all points below
-or above contribute to a point is a prefix sum over cells of strips.
+Every axis is cut into strips of equally many points. A pair in the same strip of some axis is summed
+directly, at the first such axis. All other pairs are ordered in every axis by their strips alone; there
+the kernel is a sum of products of functions of one point (`Kernel.factors`), and the contribution of all
+points below or above a point is a prefix sum over cells of strips.
 
 With one strip the pairs are summed in square tiles, each unordered pair once: both of its points get their
 derivatives from the same product without one factor.
@@ -24,13 +24,13 @@ from analysis._l2_kernels import Kernel
 __all__ = ["pair_sum"]
 
 _TOGETHER = 4
-"""Pairs that are added up before they are split: saves operations, costs no accuracy."""
+"""Pairs that are added before they are split: saves operations, costs no accuracy."""
 
 _TILE = 64
-"""Points along the sides of tiles: a tile fits into the fastest cache."""
+"""Points along the sides of tiles: a tile fits the L1 cache."""
 
 _LEAST = 2.0**-200
-"""In place of factors that are zero, by which one cannot divide."""
+"""Replaces factors of zero, by which one cannot divide."""
 
 Sums = tuple[Wide, Array]
 """A value, and its derivatives if wanted, shape (n, d), otherwise shape (0, d)."""
@@ -44,9 +44,9 @@ def pair_sum(points: Array, kernel: Kernel, strips: int, rank: int, gradient: bo
     points : float64 Array, shape (n, d)
     kernel : Kernel
     strips : int
-        Into which each axis is cut.
+        Number of strips per axis.
     rank : int
-        Of the kernel; of no effect with one strip.
+        Rank of the kernel; no effect with one strip.
     gradient : bool
         Whether to return derivatives.
     """
@@ -139,7 +139,7 @@ def _near(
     kernel: Kernel,
     gradient: bool,
 ) -> Sums:
-    """Sum over pairs in one strip of this axis, and of no axis before it."""
+    """Sum over pairs in one strip of this axis, and of no previous axis."""
     n, dims = points.shape
     strips, width = shape
     padded = -(-width // _TOGETHER) * _TOGETHER
@@ -149,7 +149,7 @@ def _near(
         return jnp.zeros(strips * padded).at[place].set(array[order]).reshape(strips, padded)
 
     x = [arrange(points[:, j]) for j in range(dims)]
-    # The strips of the axes before this one. For the others NaN, which equals nothing.
+    # The strips of the previous axes. For the others NaN, which equals nothing.
     earlier = [
         arrange(jnp.where(axis > j, strip[:, j].astype(jnp.float64), jnp.nan)) for j in range(dims - 1)
     ]
@@ -201,7 +201,7 @@ def _near(
 def _far(points: Array, strip: Array, strips: int, kernel: Kernel, rank: int, gradient: bool) -> Sums:
     """Sum over pairs that share no strip.
 
-    One term after the other: a factor for each axis, and in each axis the other points below or above.
+    Term by term: a factor for each axis, with the other points below or above in each axis.
     """
     n, dims = points.shape
     table = [kernel.factors(points[:, j], rank) for j in range(dims)]
@@ -249,7 +249,7 @@ def _far(points: Array, strip: Array, strips: int, kernel: Kernel, rank: int, gr
 
 
 def _exclusive_sums(array: Array, axis: int) -> Array:
-    """Return the sums over all that come before along an axis."""
+    """Return exclusive prefix sums along an axis."""
     rows = jnp.moveaxis(array, axis, 0)
     _, sums = lax.scan(lambda s, row: (s + row, s), jnp.zeros(rows.shape[1:], rows.dtype), rows)
     return jnp.moveaxis(sums, 0, axis)

@@ -1,7 +1,7 @@
 """Numbers as sums of two float64, and the factors of kernels, one at a time: for loops that Numba compiles.
 
-As `_l2_double_double` and `Kernel.factors`, which say what is exact and why. Other than there, products
-leave the second number a few times as large as rounding errors of the first: sums reduce it again.
+As `_l2_double_double` and `Kernel.factors`, which prove exactness. Unlike there, the second number of a
+product may be a few times as large as the rounding errors of the first: sums reduce it again.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from analysis._loops import compiled, fused
 __all__ = ["Scalars", "add", "factor", "multiply", "quadratic", "two_product", "two_sum"]
 
 Scalars = tuple[float, float]
-"""A number and what rounding took from it."""
+"""A number and its rounding error."""
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""Loops that Numba compiles where it is installed, and Python runs where not."""
+"""Loops compiled by Numba if it is installed, else run by Python."""
 
 from collections.abc import Callable
 from fractions import Fraction
@@ -8,14 +8,14 @@ from typing import Any
 __all__ = ["COMPILED", "compiled", "fused"]
 
 COMPILED = find_spec("numba") is not None
-"""Whether they are, or take a hundred times as long."""
+"""Whether they are compiled; else they take a hundred times as long."""
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile at the first call, and keep the result on disk where there is a place for it.
+    """Compile at the first call, and cache the result on disk where possible.
 
-    Sums keep their order. That there is no NaN and that zeros have no sign is assumed: then least and
-    greatest elements are found several at a time. Other threads run meanwhile.
+    Sums keep their order. NaN and signed zeros are assumed not to occur, so minima and maxima are vectorized.
+    Other threads run meanwhile.
     """
     if not COMPILED:
         return function
@@ -24,12 +24,12 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     options = {"error_model": "numpy", "fastmath": {"nnan", "nsz"}, "nogil": True}
     try:
         return numba.njit(cache=True, **options)(function)
-    except RuntimeError:  # No folder for it can be written.
+    except RuntimeError:  # No writable folder for it.
         return numba.njit(**options)(function)
 
 
 def _fused() -> Callable[..., float]:
-    """Return what gives a b + c, rounded once: one instruction of most processors, a call of C on others."""
+    """Return a function for a b + c, rounded once: one instruction of most processors, else a call of C."""
     if not COMPILED:
         return lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c))
     from numba import float64  # pyright: ignore[reportMissingImports]

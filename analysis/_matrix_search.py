@@ -1,14 +1,14 @@
-"""A search for generator matrices of (0,2)-sequences whose nets have large minimum distances.
+"""Search for generator matrices of (0,2)-sequences whose nets have large minimum distances.
 
 C_1 and C_2 generate a (0,2)-sequence in base 2 if and only if C_1 = L_1 U and C_2 = L_2 P U, where P is
 Pascal's triangle modulo 2, the L are lower and U is upper triangular, all with ones on the diagonal (Hofer
 and Suzuki). In short: the leading minors of C_1 are 1, hence C_1 = L_1 U, and likewise C_2 U^-1 = L_2 V with
 an upper triangular V. Then I and V generate a (0,2)-sequence too, so that the minors of V with the first j
-rows and any j adjacent columns are 1. These fix V, entry by entry, and P has them.
+rows and any j adjacent columns are 1. These determine V, entry by entry, and P satisfies them.
 
-So an annealing may flip any of the entries off the diagonals, and all it meets are (0,2)-sequences. And the
-elementary intervals that are as close to cubes as can be hold one point of a net each, in a grid: close pairs
-are in neighbouring cells, found by array look-ups.
+So annealing may flip any entries off the diagonals and visits (0,2)-sequences only. Elementary intervals that
+are as close to cubes as possible contain one point of a net each, in a grid: close pairs are in neighbouring
+cells, found by array look-ups.
 """
 
 import math
@@ -26,20 +26,20 @@ from qmcjax.core import checks
 __all__ = ["MatrixSearch", "search_matrices"]
 
 LARGEST = 16
-"""Coordinates are words of so many bits, whose differences wrap as on the torus."""
+"""Bits of the words of coordinates; their differences wrap as on the torus."""
 
 CHAIN = 40000
-"""Steps from a random start until the next."""
+"""Steps per random start."""
 
 HOT, COLD = 0.15, 0.03
-"""The energy may grow by a factor whose logarithm has this mean, at the start and at the end of a chain."""
+"""Mean logarithm of the factor by which the energy may grow, at the start and at the end of a chain."""
 
 CHUNK = 2**16
 """Pairs of points that are measured at once, before the energy is compared with its limit."""
 
 
 class MatrixSearch(NamedTuple):
-    """What :func:`search_matrices` found."""
+    """The result of :func:`search_matrices`."""
 
     matrices: NDArray[np.uint8]
     """The upper left parts of C_1 and C_2, shape (2, M, M) for the largest target's M."""
@@ -51,7 +51,7 @@ class MatrixSearch(NamedTuple):
     """Whether all of them reach their targets."""
 
     steps: int
-    """Number of matrices that were tried."""
+    """Number of matrices tried."""
 
 
 class _Net:
@@ -70,7 +70,7 @@ class _Net:
         gaps = np.where(steps > 0, (steps - 1) / sides + 2.0**-m, 0)
         opposite = np.ravel_multi_index(tuple(-offsets % sides), shape)
         near = (gaps**2).sum(axis=0) * 4**m < target
-        # Of an offset and its opposite, one is enough.
+        # One of an offset and its opposite is enough.
         chosen = np.flatnonzero(near & (np.arange(2**m) <= opposite))[1:]
         chosen = chosen[np.argsort(((steps / sides) ** 2).sum(axis=0)[chosen], kind="stable")]
         neighbours = (offsets[:, None] + offsets[:, chosen, None]) % sides[:, None]
@@ -88,7 +88,7 @@ class _Net:
         return np.concatenate([first[None], words])
 
     def energy(self, columns: NDArray[np.uint16], limit: float) -> float:
-        """Sum up by how much pairs of points are too close; what exceeds the limit may be incomplete."""
+        """Sum up by how much pairs of points are too close; a sum above the limit may be incomplete."""
         points = self.points(columns)
         cells = np.zeros(2**self.m, np.int32)
         for row, digits in zip(points, self.digits, strict=True):
@@ -117,38 +117,33 @@ def search_matrices(
     steps: int = 10**6,
     budget_s: float = math.inf,
 ) -> MatrixSearch:
-    """Search a (0,2)-sequence in base 2 whose nets reach given minimum distances, by simulated annealing.
+    """Search for a (0,2)-sequence in base 2 with nets of given minimum distances, by simulated annealing.
 
     Parameters
     ----------
     targets : mapping of int to int
-        The squared toroidal distance on the integer grid to reach, for each m in [1, 16] that matters:
+        The squared toroidal distance on the integer grid to reach, for each relevant m in [1, 16]:
         one for a single net, several for a sequence that is good at all these sizes.
     dims : int
         3 to measure the (0,m,3)-nets of the points (i / 2**m, C_1 i, C_2 i), 2 for the (0,m,2)-nets of
-        the first 2**m points of the sequence, cut off after m digits.
+        the first 2**m points of the sequence, truncated to m digits.
     seed : int
         In [0, 2**32).
     steps : int
-        How many matrices to try at most. Positive.
+        Maximum number of matrices to try. Positive.
     budget_s : float
         Seconds after which to stop. The result is a function of the other arguments, unless time runs out.
 
     Returns
     -------
     MatrixSearch
-        The first matrices that reach all targets, or those that came closest: the excess of the targets
-        over the squared distances of all pairs, relative to the targets, is smallest in the sum.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
+        The first matrices that reach all targets, or those that come closest: with the smallest sum over all
+        pairs of the excess of the targets over the squared distances, relative to the targets.
 
     Notes
     -----
-    Any upper triangular factor U only renumbers the first 2**m points. Hence it matters for three dimensions
-    only, where every (0,m,3)-net that is digital over F_2 is met, up to the numbering of its points.
+    An upper triangular factor U only renumbers the first 2**m points. So it matters in three dimensions only,
+    where the search covers every (0,m,3)-net that is digital over F_2, up to the numbering of its points.
 
     References
     ----------
@@ -182,7 +177,7 @@ def search_matrices(
 
 
 def _checked(targets: Mapping[int, int], dims: int) -> dict[int, int]:
-    """Return the targets from the smallest net on, or raise a ValueError if they are none."""
+    """Return the targets from the smallest net on, or raise a ValueError if there are none."""
     if not isinstance(targets, Mapping) or not targets:
         raise ValueError(f"targets must map at least one m to a squared distance, got {targets!r}")
     checked = {checks.integer("m of targets", m, 2, LARGEST): targets[m] for m in targets}
@@ -191,7 +186,7 @@ def _checked(targets: Mapping[int, int], dims: int) -> dict[int, int]:
 
 
 def _trials(nets: list[_Net], rng: np.random.Generator) -> Iterator[tuple[NDArray[np.uint8], float]]:
-    """Yield where each step of one chain after the other arrives: L_1, L_2, U transposed; their energy."""
+    """Yield the result of each step, chain after chain: L_1, L_2, U transposed; their energy."""
     size, factors = nets[-1].m, nets[-1].dims
     while True:
         triangles = np.tril(rng.integers(2, size=(3, size, size), dtype=np.uint8), -1)

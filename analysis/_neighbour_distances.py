@@ -15,7 +15,7 @@ __all__ = ["NearestStatistics", "nearest_distances", "nearest_statistics"]
 
 @dataclass(frozen=True)
 class NearestStatistics:
-    """How the distances of n points to their nearest neighbours are distributed.
+    """Statistics of the distances of n points to their nearest neighbours.
 
     References
     ----------
@@ -34,15 +34,15 @@ class NearestStatistics:
     """The root of the mean square difference from the mean."""
 
     maximum: float
-    """The distance of the loneliest point."""
+    """The largest distance of a point to its nearest neighbour."""
 
     relative_minimum: float | None
-    """The minimum over that of the densest packing of n points per unit volume (Lagae and Dutre): at
+    """The minimum relative to that of the densest packing of n points per unit volume (Lagae and Dutre): at
     most 1 on the torus. None above three dimensions."""
 
     clark_evans: float
-    """The mean over that of a Poisson process with n points per unit volume (Clark and Evans): 1 for random
-    points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
+    """The mean relative to that of a Poisson process with n points per unit volume (Clark and Evans): 1 for
+    random points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
 
 
 def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> NDArray[np.float64]:
@@ -50,25 +50,15 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
 
     Parameters
     ----------
-    points : float ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. Computed in float64, in which float32 points are exact.
-    torus : bool
-        Whether the unit cube is repeated periodically; otherwise it stands alone.
-    shear : float
-        Two-dimensional tilings only: the shift of each row of tiles, as in :func:`min_distance`.
+    points, torus, shear
+        As in :func:`min_distance`.
 
     Returns
     -------
     float64 array, shape (n,)
-        In the order of the points. A point's own copies do not count, another point in the same place does.
-        To d 2^-51, absolutely: where a pair wraps around, coordinates are rounded once more.
-
-    Raises
-    ------
-    TypeError
-        If the points are not floats, or another argument has another type.
-    ValueError
-        If the points are fewer than two or outside [0, 1)^d, or the shear does not apply.
+        In the order of the points. A point's own copies do not count, but another point in the same place
+        does. The absolute error is at most d 2^-51: where a pair wraps around, coordinates are rounded once
+        more.
 
     Examples
     --------
@@ -91,19 +81,8 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
 
     Parameters
     ----------
-    points : float ArrayLike, shape (n, d)
-    torus : bool
-    shear : float
-        As in :func:`nearest_distances`.
-
-    Returns
-    -------
-    NearestStatistics
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`nearest_distances`.
+    points, torus, shear
+        As in :func:`min_distance`.
 
     Examples
     --------
@@ -113,7 +92,8 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
     distances = nearest_distances(points, torus, shear)
     n, dims = np.shape(points)
     minimum, mean = float(distances.min()), float(distances.mean())
-    # A ball without a point is exp(-n V) likely: the mean is Gamma(1 + 1/d) times the radius with n V = 1.
+    # The probability of a ball without a point is exp(-n V): the mean is Gamma(1 + 1/d) times the radius with
+    # n V = 1.
     ball = math.pi ** (dims / 2) / math.gamma(dims / 2 + 1)
     return NearestStatistics(
         minimum=minimum,

@@ -1,4 +1,4 @@
-"""How an order of the pixels numbers those that share an edge."""
+"""Differences of the positions of adjacent pixels along an order."""
 
 from typing import Any
 
@@ -13,15 +13,15 @@ __all__ = ["neighbour_differences"]
 
 
 def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return by how much the positions of pixels that share an edge differ, or their radical inverses.
+    """Return the differences of the positions of pixels that share an edge, or of their radical inverses.
 
-    The differences are deterministic: where they come in regular patterns, a sequence enumerated along
+    The differences are deterministic: where they form regular patterns, a sequence enumerated along
     the curve is correlated between the pixels [1]_.
 
     Parameters
     ----------
     order : Order
-        Any object that has ``width``, ``height`` and ``position``.
+        Any object with ``width``, ``height`` and ``position``.
     base : int, optional
         In [2, 65536]: take the radical inverses of the positions in this base, in float64.
 
@@ -31,13 +31,6 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
         The absolute difference between pixels (x, y) and (x + 1, y) is element [y, x].
     down : int64 or float64 array, shape (height - 1, width)
         The same between (x, y) and (x, y + 1).
-
-    Raises
-    ------
-    TypeError
-        If ``order`` is none, or ``base`` no integer.
-    ValueError
-        If ``base`` is out of range.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Generator matrices as nets: a shape of intervals is even if its rows are linearly independent."""
+"""Generator matrices as nets: intervals of a shape are filled evenly if its rows are independent."""
 
 import abc
 from typing import Any
@@ -17,7 +17,7 @@ class MatrixNet(abc.ABC):
     """The rows of the matrices; a state of the search is a basis of the rows chosen so far.
 
     With d_j digits of coordinate j, the interval of a point is the product of the first d_j rows of
-    C_j, for all j, with the digits of its index. All intervals are hit equally often if and only if
+    C_j, for all j, with the digits of its index. All intervals contain equally many points if and only if
     this map is onto, that is, if these rows are independent.
     """
 
@@ -43,7 +43,7 @@ class MatrixNet(abc.ABC):
 
 
 class _BinaryNet(MatrixNet):
-    """Rows over F_2, as Python integers. Each of a basis has no leading one of those before it."""
+    """Rows over F_2, as Python integers. Each row of a basis lacks the leading ones of the previous rows."""
 
     def refined(self, state: tuple[int, ...], axis: int, digit: int) -> tuple[int, ...] | None:
         row = self._rows[axis][digit]

@@ -1,10 +1,10 @@
-"""Nets of the largest minimum distance, by an exhaustive search over all (0,m,s)-nets in base 2.
+"""Exhaustive search over all (0,m,s)-nets in base 2 for the largest minimum distance.
 
 The cells of the grid are the bits of a Python integer, the candidates. Two points exclude each other if
-they are closer than wanted, or share an elementary interval of volume 2**-m: 2**m points of which no two do
-are a net, since there are just as many intervals of each shape. The next point goes to the elementary
-interval with the fewest candidates, which may be a column of the grid or any other; one without candidates
-ends the branch.
+they are too close, or share an elementary interval of volume 2**-m: 2**m points without such a pair are
+a net, since there are equally many intervals of each shape. The next point goes to the elementary
+interval with the fewest candidates, which may be a column of the grid or any other; an interval without
+candidates ends the branch.
 """
 
 import math
@@ -24,12 +24,12 @@ from qmcjax.core import checks
 __all__ = ["NetSearch", "search_net"]
 
 _LARGEST = {2: 8, 3: 5}
-"""Largest m by dims: beyond, the tables of what excludes what could take gigabytes."""
+"""Largest m by dims: beyond, the tables of mutual exclusion could take gigabytes."""
 
 
 @dataclass(frozen=True)
 class NetSearch:
-    """What a search for a net of large minimum distance came to."""
+    """The result of a search for a net of large minimum distance."""
 
     points: NDArray[np.int64] | None
     """The best net, shape (2**m, dims), on the grid of side 2**m in order of the first coordinate;
@@ -39,8 +39,8 @@ class NetSearch:
     """The square of its toroidal minimum distance on this grid."""
 
     exhausted: bool
-    """Whether the search ended by itself. This proves that no net of this m has a larger distance, or,
-    if none was found, that none reaches the distance asked for."""
+    """Whether the search was complete. This proves that no net of this m has a larger distance, or,
+    if none was found, that none reaches the requested distance."""
 
 
 def search_net(
@@ -52,32 +52,26 @@ def search_net(
     ----------
     m : int
         In [1, 8] in two dimensions, in [1, 5] in three. The search ends within seconds for m <= 5 in two
-        and m <= 4 in three dimensions; beyond, ask for a distance and set a budget.
+        and m <= 4 in three dimensions; beyond, request a distance and set a budget.
     dims : int
-        2 or 3: for more there are no such nets with m > 1.
+        2 or 3: in more dimensions there are no such nets with m > 1.
     minimum_squared_distance : int
-        Only nets of at least this distance, squared and in units of the grid, count. The larger it is, the
-        sooner a branch ends.
+        Only nets of at least this distance, squared and in units of the grid, count. Larger values end
+        branches sooner.
     budget_s : float, optional
-        Seconds after which the search gives up and returns the best net so far. By default it goes on to
-        the end.
+        Seconds after which the search stops and returns the best net so far. By default it runs to the end.
 
     Returns
     -------
     NetSearch
-        Without a budget, or with one that suffices, always the same.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
+        Always the same without a budget, or with a sufficient one.
 
     Notes
     -----
-    The search asks for the least distance that counts first, and then bisects: far from the largest
+    The search first requests the smallest distance that counts, and then bisects: far from the largest
     distance, a branch ends soon or a net is found soon. The maps that permute the axes and xor each
-    coordinate with 0, 2**(m - 1) - 1, 2**(m - 1) or 2**m - 1 (half a turn of the torus, reflections) take
-    nets to nets and preserve distances. So a cell that no wanted net has a point in rules out all its images.
+    coordinate with 0, 2**(m - 1) - 1, 2**(m - 1) or 2**m - 1 (half a turn of the torus, reflections) map nets
+    to nets and preserve distances. So a cell without a point in any suitable net rules out all its images.
 
     References
     ----------
@@ -148,7 +142,7 @@ class _Search:
             cells = self._extend(candidates & self._keeps(cell), rest)
             if cells is not None:
                 return [cell, *cells]
-            # No net is left that has a point in this cell; at the start, none in its images either.
+            # No remaining net has a point in this cell; at the start, none in its images either.
             candidates &= ~(self._images(cell) if intervals is self.intervals else 1 << cell)
             options &= candidates
         return None
@@ -173,7 +167,7 @@ class _Search:
                     yield _mask(np.logical_and.reduce(inside))
 
     def _images(self, cell: int) -> int:
-        """Return the cells that the symmetries take this one to."""
+        """Return the images of this cell under the symmetries."""
         half = 2 ** (self.m - 1)
         at, images = self._coordinates(cell), 0
         for order in permutations(at):

@@ -1,4 +1,4 @@
-"""The quality parameter t of nets, by counting points in elementary intervals or by ranks of matrices."""
+"""The quality parameter t of nets, by counts of points in elementary intervals or by ranks of matrices."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ __all__ = ["projection_t_values", "t_value"]
 
 
 def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int:
-    """Return the quality parameter t of a net: the smallest with which it is a (t,m,s)-net.
+    """Return the quality parameter t of a net: the smallest t for which it is a (t,m,s)-net.
 
-    The base**m points are a (t,m,s)-net if every elementary interval of volume base**(t - m) holds
-    base**t of them (Definition 4 of [1]_). Smaller is better; t = m says nothing.
+    The base**m points are a (t,m,s)-net if every elementary interval of volume base**(t - m) contains
+    base**t of them (Definition 4 of [1]_). Smaller is better; t = m holds for any points.
 
     Parameters
     ----------
@@ -44,25 +44,18 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
     int
         In [0, m].
 
-    Raises
-    ------
-    ValueError
-        If n is no power of the base, points are outside [0, 1), or an argument has another shape,
-        type or range.
-
     Notes
     -----
     Counting takes O(n) for each shape of intervals that is examined, ranks at most O(m**2). These are at
-    least the binom(m - t + s - 1, s - 1) shapes of m - t digits, and at most as many as for t = 0. A
-    shape that is even makes all coarser ones even, so that t is known after one pass.
+    least the binom(m - t + s - 1, s - 1) shapes of m - t digits, and at most as many as for t = 0. If a
+    shape is filled evenly, so are all coarser ones, so one pass determines t.
 
-    Floats stand for fractions rounded to nearest: an interval [a / b**d, (a + 1) / b**d) begins at the
-    float nearest to a / b**d and ends before the one nearest to (a + 1) / b**d. So every a / b**k with
-    b**k below 2**24 in float32, below 2**53 in float64, is counted where the fraction itself lies, which
-    plain arithmetic does not achieve: about half of these floats are just below their fraction. In
-    base 2 the ends are floats and nothing is rounded. uint32 fractions are taken as they are in any
-    base. Points of more digits than float32 holds should be passed in float64 or as words; more than
-    2**24 points have to be.
+    Floats stand for fractions rounded to nearest: an interval [a / b**d, (a + 1) / b**d) begins at the float
+    nearest to a / b**d and ends before the one nearest to (a + 1) / b**d. So every a / b**k with b**k below
+    2**24 in float32, below 2**53 in float64, is counted in the interval of the fraction itself, unlike in
+    plain arithmetic: about half of these floats are just below their fraction. In base 2 the ends are floats
+    and nothing is rounded. uint32 fractions are exact in any base. Pass points with more digits than float32
+    holds in float64 or as words; this is required for more than 2**24 points.
 
     References
     ----------
@@ -98,11 +91,6 @@ def projection_t_values(
     dict
         From the coordinates, in increasing order, to t.
 
-    Raises
-    ------
-    ValueError
-        As for :func:`t_value`, or if ``size`` is out of range.
-
     Examples
     --------
     >>> from qmcjax import sequences
@@ -115,7 +103,7 @@ def projection_t_values(
 
 
 class _Net(Protocol):
-    """What the search for t needs; its states stand for a choice of leading digits of some coordinates."""
+    """Input of the search for t; states stand for a choice of leading digits of some coordinates."""
 
     m: int
     dims: int
@@ -126,7 +114,7 @@ class _Net(Protocol):
         ...
 
     def refined(self, state: Any, axis: int, digit: int) -> Any:
-        """Return the state with one more digit of a coordinate, of which all before are in it."""
+        """Return the state with one more digit of a coordinate; it has all previous digits."""
         ...
 
 
@@ -139,11 +127,11 @@ def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
 
 
 def _strength(net: _Net, axes: Sequence[int]) -> int:
-    """Return the largest k such that the net is even for all shapes of k digits of these coordinates.
+    """Return the largest k for which the net is even for all shapes of k digits of these coordinates.
 
-    The last coordinate of a shape takes all digits that are left to it. Where it has to leave some, k
-    falls to what it can take. Shapes of the smaller k that come before in the order of the search need
-    no second look: each is part of one that was even.
+    The last coordinate of a shape takes all remaining digits. If it cannot take all of them, k is reduced to
+    what it can take. Shapes of the smaller k that come earlier in the search need no second look: each is
+    part of one that was even.
     """
     strength = net.m
 

@@ -18,30 +18,30 @@ _BELOW_ONE = float(np.nextafter(1.0, 0.0))
 
 
 class OptimizedPoints(NamedTuple):
-    """Points of a small measure, and how they were reached."""
+    """Points with a small measure, and the history of the measure."""
 
     points: NDArray[np.float64]
     """Shape (n, d), in [0, 1)^d."""
     values: NDArray[np.float64]
-    """The measure at the start and after each step: it never grows."""
+    """The measure at the start and after each step: it never increases."""
 
 
 def optimize_points(
     points: ArrayLike, measure: Callable[[Array], Array], steps: int, *, torus: bool = True
 ) -> OptimizedPoints:
-    """Move points so that a differentiable measure decreases, by a quasi-Newton method.
+    """Move points to decrease a differentiable measure, by a quasi-Newton method.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d)
-        Where they start, in [0, 1)^d: a local minimum near it is found.
+        The starting points, in [0, 1)^d: the method finds a local minimum near them.
     measure : callable
-        From float64 points, shape (n, d), to a scalar that JAX differentiates, such as
-        :func:`l2_star_discrepancy`, ``lambda p: -soft_min_distance(p)``, or a distance of
-        ``point_spectrum(p, resolution)`` from a wanted spectrum.
+        From float64 points, shape (n, d), to a scalar that JAX differentiates, finite at the start as is its
+        gradient, for example :func:`l2_star_discrepancy`, ``lambda p: -soft_min_distance(p)``, or a distance
+        of ``point_spectrum(p, resolution)`` from a given spectrum.
     steps : int
-        At most so many, at least 1; each takes one or a few values and gradients. Fewer are taken where the
-        measure decreases by less than rounding.
+        Maximum number of steps, at least 1; each takes one or a few values and gradients. The method stops
+        earlier if the measure decreases by less than rounding.
     torus : bool
         Whether points that leave the cube come back on the other side, for periodic measures; otherwise they
         stop at its faces, below 1.
@@ -51,17 +51,11 @@ def optimize_points(
     OptimizedPoints
         ``points`` and ``values``.
 
-    Raises
-    ------
-    ValueError
-        If the points are none, not floats or outside of [0, 1)^d, ``steps`` is out of range, or the measure
-        is no scalar, or not finite, or has a gradient that is not, at the start.
-
     Notes
     -----
-    L-BFGS-B [1]_ of ``scipy.optimize``, with the gradients of JAX. Points of a lattice or another symmetric
-    set may be a saddle, where the gradient is 0: move them a little first. Steps whose value is not finite,
-    as where two points meet, are not taken.
+    L-BFGS-B [1]_ of ``scipy.optimize``, with the gradients of JAX. The points of a lattice or another
+    symmetric set may be a saddle point with gradient 0: perturb them first. Steps with a non-finite value,
+    for example where two points meet, are rejected.
 
     References
     ----------
@@ -87,7 +81,7 @@ def optimize_points(
 
     def inside(flat: NDArray[np.float64]) -> NDArray[np.float64]:
         moved = flat.reshape(start.shape)
-        # The fraction of a tiny negative number is rounded to 1.
+        # The fractional part of a tiny negative number is rounded to 1.
         return np.minimum(moved - np.floor(moved), _BELOW_ONE) if torus else moved
 
     def value_and_gradient(flat: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
@@ -96,7 +90,7 @@ def optimize_points(
         value, gradient = float(value), np.asarray(gradient, np.float64)
         if np.isfinite(value) and np.isfinite(gradient).all():
             return value, gradient.ravel()
-        # A finite wall: the search along a line goes back from it, but would end at infinity.
+        # A finite wall: the line search backtracks from it, but would end at infinity.
         return (values[-1] + max(1.0, abs(values[-1])) if values else np.inf), np.zeros(start.size)
 
     flat = start.ravel()

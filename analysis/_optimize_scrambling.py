@@ -1,4 +1,4 @@
-"""Gradient descent on the permutations of Owen scrambling, so that nets stay nets."""
+"""Gradient descent on the permutations of Owen scrambling: nets stay nets."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,35 +17,35 @@ __all__ = ["OptimizedScrambling", "optimize_scrambling"]
 Floats = NDArray[np.float64]
 
 _RATE, _FIRST, _SECOND, _TINY = 0.1, 0.9, 0.99, 1e-12
-"""Of the descent: its rate, how much of both moments stays, and what keeps a division from zero."""
+"""Parameters of Adam: the learning rate, the decay of both moments, and the term against division by zero."""
 
 
 class OptimizedScrambling(NamedTuple):
-    """A net of a small measure, and how it was reached."""
+    """A net with a small measure, and the history of the measure."""
 
     points: NDArray[np.int64]
-    """Shape (n, d): coordinates times n, rounded down. Row k is what became of the given row k."""
+    """Shape (n, d): coordinates times n, rounded down. Row k is the scrambled row k of the given points."""
     values: Floats
-    """The measure of the given points, and of the best so far after each net that was tried: never more."""
+    """The measure of the given points, and of the best so far after each net: it never increases."""
 
 
 class Relaxed(NamedTuple):
     """Points as functions of a number from -1 to 1 for each node of each coordinate's binary tree.
 
-    A node has a digit of all numbers that share the digits above it, and 1 keeps this digit, -1 flips it. In
-    between, the digit is between 0 and 1: the mean of both, if it is flipped with that probability.
+    A node represents a digit of all numbers that share the digits above it; 1 keeps this digit, -1 flips it.
+    In between, the digit is between 0 and 1: its mean, if it is flipped with that probability.
     """
 
     node: NDArray[np.int64]
-    """Which node of its tree has a digit, shape (n, d, m)."""
+    """The node of each digit in its tree, shape (n, d, m)."""
     digit: Floats
-    """Digits as -1 and 1, over the weights that they have: shape (n, d, m)."""
+    """Digits as -1 and 1, times their weights: shape (n, d, m)."""
 
     def __call__(self, kept: Array | Floats) -> Array:
-        """Return the points at numbers of shape (d, n - 1); if all are hard, middles of cells of side 1 / n.
+        """Return the points at numbers of shape (d, n - 1); for -1 and 1, centres of cells of side 1 / n.
 
         Digit k, counted from 1, is (1 + kept * digit) / 2 and weighs 2^-k. Half a cell and the halves of all
-        digits add up to 1/2.
+        digits sum to 1/2.
         """
         tree = np.arange(self.node.shape[1])[None, :, None]
         return 0.5 + jnp.sum(jnp.asarray(kept)[tree, self.node] * self.digit, axis=-1)
@@ -66,44 +66,37 @@ def optimize_scrambling(
     steps: int,
     key: Array | int = 0,
 ) -> OptimizedScrambling:
-    """Scramble a net so that a differentiable measure decreases, by the gradient of relaxed permutations.
+    """Scramble a net to decrease a differentiable measure, by the gradient of relaxed permutations.
 
     Parameters
     ----------
     points : int ArrayLike, shape (n, d)
         Coordinates times n, in [0, n), of n = 2^m points, m from 1 to 16.
     measure : callable
-        From float64 points, shape (n, d), in the middles of their cells, to a scalar that JAX differentiates,
-        such as :func:`l2_star_discrepancy`. It may depend on the order of the points, as errors of pixels do.
+        From float64 points, shape (n, d), in the centres of their cells, to a scalar that JAX differentiates,
+        finite for the given points as is its gradient, for example :func:`l2_star_discrepancy`. It may depend
+        on the order of the points, as errors of pixels do.
     steps : int
-        Values with gradients of the descent, at least 1. At most three times as many values follow.
+        Number of values with gradients in the descent, at least 1. At most three times as many values follow.
     key : jax.random.key, or int in [0, 2**32)
-        Of the scrambling where the descent begins.
+        Of the scrambling at the start of the descent.
 
     Returns
     -------
     OptimizedScrambling
         ``points`` as exact integers, and ``values``. The given points, if nothing better was found.
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If the points are out of range or their number is no power of 2, ``steps`` is out of range, or the
-        measure is no scalar, or not finite, or has a gradient that is not, for the given points.
-
     Notes
     -----
     Owen scrambling [1]_ flips a digit or not, for each node of each coordinate's tree of digits. Flipped with
     probability s, the sigmoid of a parameter, a digit b has the mean b + s - 2 b s: points are then smooth
-    functions of all d (n - 1) parameters. Means are no net, and what is least for them is not where nets are
-    good. Hence the measure is taken where all s are rounded, and only its derivative passes through the
-    means [2]_; the descent is Adam's [3]_. Then, from the best net, the flips that the gradient promises
-    most of are tried together, as many as have proven good before, until no single one of them helps: where
-    ``values`` decreases after the first ``1 + steps``, it took a gradient, too.
+    functions of all d (n - 1) parameters. Such means are not a net, and their minima are not those of nets.
+    Hence the measure is evaluated with all s rounded, and only its derivative passes through the means [2]_
+    (straight-through estimator); the descent is Adam [3]_. Then, from the best net, the flips with the
+    largest predicted gain are tried together, as many as have been successful before, until no single one
+    helps: where ``values`` decreases after the first ``1 + steps``, a gradient was evaluated, too.
 
-    All points that are tried are scramblings of the given ones: each (t,m,s)-net stays one, with the same t.
+    All points tried are scramblings of the given ones: each (t,m,s)-net stays one, with the same t.
 
     References
     ----------
@@ -144,12 +137,12 @@ def optimize_scrambling(
     best = _flip(search, best, least, 3 * steps)
     with jax.enable_x64(True):
         middles = np.asarray(form(best)) * n
-    # Not a number is never less.
+    # NaN is never less.
     return OptimizedScrambling(np.floor(middles).astype(np.int64), np.fmin.accumulate(search.values))
 
 
 class _Search:
-    """A measure of nets and its gradient, with all values that were asked for."""
+    """A measure of nets and its gradient, with all values so far."""
 
     def __init__(self, form: Relaxed, measure: Callable[[Array], Array]) -> None:
         def of(kept: Array) -> Array:
@@ -159,7 +152,7 @@ class _Search:
         self.values: list[float] = []
 
     def value(self, kept: Floats) -> float:
-        """Return the measure at hard numbers."""
+        """Return the measure at numbers of -1 and 1."""
         with jax.enable_x64(True):
             self.values.append(float(self._value(kept)))
         return self.values[-1]
@@ -171,7 +164,7 @@ class _Search:
         return value, slope
 
     def gradient(self, kept: Floats) -> Floats:
-        """Return the gradient alone, where the value has been asked for."""
+        """Return the gradient alone, where the value is known."""
         return self._both(kept)[1]
 
     def _both(self, kept: Floats) -> tuple[float, Floats]:
@@ -183,7 +176,7 @@ class _Search:
 def _descend(search: _Search, parameter: Floats, steps: int) -> tuple[Floats, float]:
     """Follow the gradient at rounded numbers as if it were that at tanh(parameter), which is 1 - 2 s.
 
-    Return the best numbers that were passed, and their measure.
+    Return the best numbers on the way, and their measure.
     """
     first, second = np.zeros_like(parameter), np.zeros_like(parameter)
     best, least = parameter, np.inf
@@ -203,7 +196,7 @@ def _descend(search: _Search, parameter: Floats, steps: int) -> tuple[Floats, fl
 
 
 def _flip(search: _Search, kept: Floats, least: float, trials: int) -> Floats:
-    """Flip what the gradient promises most of, many nodes at a time or one by one, and return the best."""
+    """Flip the nodes with the largest predicted gain, many at a time or one by one, and return the best."""
     slope = search.gradient(kept)
     most = max(1, kept.size // 8)
     together, tried = most, np.zeros(kept.size, bool)

@@ -1,4 +1,4 @@
-"""What is left of an image's error to an eye at some distance."""
+"""Errors of images as perceived from a distance."""
 
 from __future__ import annotations
 
@@ -16,27 +16,23 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-        Both of one shape. The image is taken as periodic.
+        Of equal shape. The image is taken as periodic.
     distance : float
-        From the eye to the image, in widths of a pixel; positive. At 60 cm from pixels of 0.3 mm it is 2000:
-        35 pixels a degree. The farther, the finer noise has to be to vanish.
+        From the eye to the image, in pixel widths; positive. At 60 cm from pixels of 0.3 mm it is 2000: 35
+        pixels per degree. The larger it is, the coarser is the noise that vanishes.
 
     Returns
     -------
     float
-        At most the root mean square error, which it tends to as ``distance`` goes to 0.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, a value is not finite, or ``distance`` is not positive.
+        At most the root mean square error, its limit as ``distance`` goes to 0.
 
     Notes
     -----
     The sensitivity to f cycles per degree is that of [1]_, 2.6 (0.0192 + 0.114 f) exp(-(0.114 f)^1.1),
-    divided by its maximum near 8 cycles per degree and 1 below it. The eye's lower sensitivity there is for
-    patterns at threshold and depends on the distance, from which images are seen at many; without it the
-    weights are those of a low-pass filter, and a wrong mean counts in full, as is usual for dithering.
+    divided by its maximum near 8 cycles per degree, and 1 below the maximum. The lower sensitivity of the eye
+    at low frequencies is measured for patterns at threshold and depends on the distance, while images are
+    viewed from many; without it the weights are those of a low-pass filter, and a wrong mean counts in full,
+    as is usual for dithering.
 
     References
     ----------
@@ -70,4 +66,4 @@ def _band(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 _PEAK = 7.890914609139
-"""Where the derivative, 1 - (0.0192 + u) 1.1 u^0.1 at u = 0.114 f, is 0."""
+"""The zero of the derivative, 1 - (0.0192 + u) 1.1 u^0.1 at u = 0.114 f."""

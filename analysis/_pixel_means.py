@@ -1,4 +1,4 @@
-"""Images of one integrand that is the same in every pixel."""
+"""Images of an integrand that is the same in every pixel."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,9 +28,9 @@ def pixel_means(
     dtype: DTypeLike = jnp.float32,
     mesh: Mesh | None = None,
 ) -> Array:
-    """Average one function over the samples of each pixel: the error of a sampler, free of any scene.
+    """Average one function over the samples of each pixel: the error of a sampler, independent of any scene.
 
-    Where all pixels have the same integral, what an image shows is error only, and how neighbours share it.
+    Since all pixels have the same integral, the image shows only error and its distribution over pixels.
 
     Parameters
     ----------
@@ -43,22 +43,17 @@ def pixel_means(
     spp : int
         Samples per pixel, at least 1 and as many as the sampler allows.
     dims : tuple of int
-        The coordinates of the points: the position in the pixel by default. Samplers that hand out one net
-        over the screen have spent theirs on the pixel: take later ones.
+        The coordinates of the points: the position in the pixel by default. Samplers that use one net for the
+        whole screen have used these for the pixel: take later ones.
     dtype : float32 or float64
         Of points, values and sums. Sums are compensated.
     mesh : jax.sharding.Mesh, optional
-        Devices that share the rows, as for :func:`qmcjax.render`: the function is then given points of fewer
-        rows at a time.
+        Devices that share the rows, as for :func:`qmcjax.render`: the function then gets points of fewer rows
+        at a time.
 
     Returns
     -------
     Array of ``dtype``, shape (height, width, ...)
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range, the sampler was made for another one, or a coordinate is not there.
 
     References
     ----------
@@ -85,7 +80,7 @@ def pixel_means(
     held = plug_ins.held("function", function)
     with checks.precision(dtype):
         traced = is_traced((function, sampler))
-        # Derivatives add up parts: where they may be wanted, these do not depend on devices.
+        # Derivatives sum over parts: if they may be requested, the parts must not depend on devices.
         rows = -(-height // (parts.FEW if traced else devices.count(mesh)))
         arguments = devices.placed((held, sampler, np.uint32(spp)), mesh)
         made = _means(*arguments, (height, width), rows, wanted, dtype, mesh, traced)
@@ -109,7 +104,7 @@ def _means(
     def of_rows(start: Array, function: Any, sampler: Any, spp: Array) -> Array:
         x = jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 1)
         y = start + jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 0)
-        # Rows below the last are that one, and are cut off.
+        # Rows below the last repeat it, and are cut off.
         prepared = sampler.prepare(x, jnp.minimum(y, np.uint32(height - 1)), dims)
 
         def values(parameters: Any, sample: Array) -> Array:

@@ -17,7 +17,7 @@ from qmcjax.core import checks
 __all__ = ["point_spectrum"]
 
 _FREQUENCIES = 2**24
-"""More frequencies than this are refused: the grid of the FFT has at least 2^d times as many."""
+"""Maximum number of frequencies: the grid of the FFT has at least 2^d times as many."""
 
 Method = Literal["direct", "fft"]
 
@@ -37,26 +37,17 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
         resolutions have as many negative as positive ones, up to (resolution - 1) / 2; even ones have
         -resolution / 2 in addition.
     method : "direct", "fft" or None
-        "direct" adds up all waves: exact to rounding errors, in O(n resolution^d) time. "fft", a non-uniform
+        "direct" sums all waves: exact to rounding errors, in O(n resolution^d) time. "fft", a non-uniform
         fast Fourier transform, has an absolute error of the sum below 1e-11 n, in
-        O(n + resolution^d log(resolution)) time. None takes "fft" where it takes fewer operations.
+        O(n + resolution^d log(resolution)) time. None takes the one with fewer operations.
 
     Returns
     -------
     float64 Array, shape (resolution, resolution) or (resolution, resolution, resolution)
-        In the layout of ``numpy.fft.fft2`` of an image whose rows are y: element [v, u] belongs to
-        k = (u, v), in three dimensions [w, v, u] to k = (u, v, w); negative frequencies are in the upper
-        half.
-        Differentiable in the points, once. Where JAX traces the points (``jit``, ``grad``, ``vmap``) with
-        64-bit types disabled, the result is rounded to float32, the widest type there.
-
-    Raises
-    ------
-    TypeError
-        If the points are not floats, or another argument has another type.
-    ValueError
-        If the points are none, not in two or three dimensions, or outside of [0, 1)^d (not checked if
-        traced); if ``resolution`` is out of range, or ``method`` unknown.
+        In the layout of ``numpy.fft.fft2`` of an image with y as rows: element [v, u] belongs to k = (u, v),
+        in three dimensions [w, v, u] to k = (u, v, w); negative frequencies are in the upper half.
+        Differentiable in the points, once. If JAX traces the points (``jit``, ``grad``, ``vmap``) with 64-bit
+        types disabled, the result is rounded to float32, the widest type there.
 
     Notes
     -----
@@ -92,7 +83,7 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
 
 
 def _fft_is_cheaper(n: int, dims: int, resolution: int) -> bool:
-    """Compare rough counts of operations: multiplications, against scattered additions and the FFT's."""
+    """Compare rough counts of operations: multiplications, or scattered additions and the FFT."""
     frequencies = resolution**dims
     return n * frequencies > 12 * 14**dims * n + 30 * 2**dims * frequencies
 
@@ -130,7 +121,7 @@ def _sums(points: Array, resolution: int, fast: bool) -> Array:
 
 @partial(jax.jit, static_argnums=(1, 2))
 def _power(sums: Array, n: int, resolution: int) -> Array:
-    """Return the spectrum, of the axes in reverse order: that at -k equals that at k."""
+    """Return the spectrum with the axes in reverse order: that at -k equals that at k."""
     half = (jnp.square(sums.real) + jnp.square(sums.imag)) / n
     other = jnp.flip(half[..., 1:])
     whole = jnp.concatenate([other, half], axis=-1)

@@ -1,4 +1,4 @@
-"""What a sampler promises to everybody who calls it, tried out on a part of an image."""
+"""Tests of the promises of a sampler, on a part of an image."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -14,7 +14,7 @@ from qmcjax.samplers import Sampler, as_sampler
 __all__ = ["broken_promises"]
 
 _SIDE = 32
-"""Pixels a side that are looked at."""
+"""Side in pixels of the tested square."""
 
 _SAMPLES = 64
 
@@ -23,32 +23,25 @@ _FAR = 2.7
 
 
 def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str]:
-    """Say what a sampler does that no sampler may do.
+    """Return the rules for samplers that a sampler breaks.
 
-    Its points have the shape and dtype that were asked for, are in [0, 1), are the same whenever and in
-    whatever company they are asked for, under ``jax.jit`` too, do not depend on which other coordinates are
-    wanted; those of a pixel differ from each other, and all together each coordinate is uniform.
+    Its points must have the requested shape and dtype, be in [0, 1), and be the same at each call, alone or
+    with other samples, also under ``jax.jit``, whichever other coordinates are requested; those of a pixel
+    must differ from each other, and all points together must be uniform in each coordinate.
 
     Parameters
     ----------
     sampler : Sampler
     width, height : int
-        Of an image in pixels; points of at most 32 x 32 of them are looked at.
+        Size of an image in pixels; points of at most 32 x 32 of them are tested.
     spp : int
-        Samples per pixel, of which at most 64 are looked at.
+        Samples per pixel; at most 64 are tested.
 
     Returns
     -------
     list of str
-        A sentence for each broken promise, none if all are kept. What depends on a call that fails is not
-        looked at.
-
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none, or a size is no integer.
-    ValueError
-        If a size is out of range.
+        A sentence for each broken promise, empty if all are kept. If a call fails, promises that depend on it
+        are not tested.
 
     Examples
     --------
@@ -89,7 +82,7 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
     finite = np.isfinite(points).all()
     again = list(_same(points, "a second call", lambda: asked(x, y, sample)))
     if again:
-        # Whatever else is compared would differ, too.
+        # All other comparisons would differ, too.
         yield from again
         return
     # As render does it: the arrays of a pytree are arguments of the program.
@@ -115,12 +108,12 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
 def _tried(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
     try:
         return np.asarray(call()), ""
-    except Exception as error:
+    except Exception as error:  # The user needs to see whatever the code of the sampler raises.
         return None, said(error)
 
 
 def said(error: Exception) -> str:
-    """Return what a user's code raised, in one line: of errors of this package's kinds the text alone."""
+    """Return one line on what user code raised: for errors of the kinds of this package, the text alone."""
     text = next(iter(str(error).splitlines()), "")
     return text if type(error) is ValueError else f"{type(error).__name__}: {text}"
 

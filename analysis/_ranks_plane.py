@@ -1,19 +1,20 @@
-"""Points in the plane of given ranks: coordinates that reach a star discrepancy, and swaps of ranks.
+"""Points in the plane with given ranks: coordinates that reach a star discrepancy, and swaps of ranks.
 
-Sort the points by x, and the y coordinates apart from that: x_0 <= x_1 <= ... and y_0 <= y_1 <= ... Let
+Sort the points by x, and the y coordinates independently: x_0 <= x_1 <= ... and y_0 <= y_1 <= ... Let
 C(i, j) count the points of ranks below i in x and below j in y. The star discrepancy is at most D if
 
     x_i y_j <= C(i, j)/n + D  (open boxes; x_n = y_n = 1),    x_i y_j >= C(i + 1, j + 1)/n - D  (closed).
 
-With u = log x and w = -log y these are u_i - w_j <= ... and w_j - u_i <= ...: difference constraints, which
-Bellman and Ford solve: lower an x where an open box is too large, raise a y where a closed one is too small,
-and again, until nothing is wrong or this has gone on for too long. Only differences matter, and so the sides
-of length 1 are a variable too, x_n = t and y_n = 1/t: in the end all x are divided and all y multiplied by t.
+With u = log x and w = -log y these are u_i - w_j <= ... and w_j - u_i <= ...: difference constraints, solved
+by the Bellman-Ford algorithm: lower an x where an open box is too large, raise a y where a closed one is too
+small, and repeat, until all constraints hold or this has gone on for too long. Only differences matter, so
+the sides of length 1 are a variable too, x_n = t and y_n = 1/t: in the end all x are divided and all y
+multiplied by t.
 
-Two points with neighbouring ranks in x that swap these change C in one row. The constraints that get tighter
-all belong to one x, and so does every cycle of constraints that cannot be fulfilled: the swap is impossible
-if and only if what follows from that x would lower it again. The same holds for y, with the roles exchanged.
-No table is kept: a row or a column of counts is counted on the way.
+If two points with neighbouring ranks in x swap these, C changes in one row. All constraints that get tighter
+belong to one x, and so does every cycle of constraints that cannot be satisfied: the swap is impossible
+if and only if its consequences would lower that x again. The same holds for y, with the roles exchanged.
+No table is stored: a row or a column of counts is recomputed on the way.
 """
 
 import numpy as np
@@ -24,10 +25,10 @@ from analysis._loops import compiled
 __all__ = ["tighten", "walk"]
 
 _ROUNDING = 1e-14
-"""Constraints that are violated by less hold."""
+"""Constraints that are violated by less count as satisfied."""
 
 _LIMIT = 64
-"""Coordinates that may follow from a swap before it counts as impossible. Most swaps take fewer."""
+"""Maximum number of coordinates that a swap may change before it counts as impossible. Most change fewer."""
 
 _BELOW_ONE = float(np.nextafter(1.0, 0.0))
 
@@ -47,7 +48,7 @@ def _propagate(
     length: int,
     limit: int,
 ) -> bool:
-    """Fulfil the constraints, if those are that belong to nothing in the queue: an x, y as n + j, t as 2 n.
+    """Satisfy the constraints of the queue, if all others hold: an x, y as n + j, t as 2 n.
 
     ``of_x[i]`` is the rank in y of the point whose x has rank i, ``of_y`` the inverse. Gives up, with the
     coordinates in disorder, when ``x[pivot]`` would be lowered, or after ``limit`` changes.
@@ -135,7 +136,7 @@ def _propagate(
 
 @compiled
 def tighten(x: Floats, y: Floats, of_x: Ints, of_y: Ints, level: float, rounds: int) -> bool:
-    """Change the coordinates so that they reach a level, if this is found possible; else leave them."""
+    """Change the coordinates so that they reach a level, if possible; else leave them."""
     size = 2 * len(x) + 1
     kept_x, kept_y = x.copy(), y.copy()
     if _propagate(x, y, of_x, of_y, level, -1, np.arange(size), size, rounds * size):
@@ -146,7 +147,7 @@ def tighten(x: Floats, y: Floats, of_x: Ints, of_y: Ints, level: float, rounds: 
 
 @compiled
 def _swap(x: Floats, y: Floats, of_x: Ints, of_y: Ints, level: float, i: int, queue: Ints) -> bool:
-    """Swap the ranks i and i + 1 in x, if the level can be kept; else leave all as it is."""
+    """Swap the ranks i and i + 1 in x, if the level can be kept; else leave everything as it is."""
     n = len(x)
     a, b = of_x[i], of_x[i + 1]
     of_x[i], of_x[i + 1] = b, a

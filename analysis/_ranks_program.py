@@ -1,9 +1,9 @@
-"""Points in space of given ranks: the best coordinates, by linear programs.
+"""Points in space with given ranks: the best coordinates, by linear programs.
 
-In logarithms, an open box says u_i + v_j + w_k <= log(C/n + D) and a closed one the like (see
-:mod:`analysis._ranks_space`): linear in all but D, which is linearised where it stands. The boxes that are
-close to the largest discrepancy are much fewer than all; with them alone, coordinates may move by as little
-as leaves the others below it. A few programs later nothing changes any more.
+In logarithms, an open box is u_i + v_j + w_k <= log(C/n + D), and closed ones are similar (see
+:mod:`analysis._ranks_space`): linear in all but D, which is linearised at its current value. Few boxes are
+close to the largest discrepancy; with these alone, coordinates may move only as far as leaves the others
+below it. A few programs later nothing changes any more.
 """
 
 import numpy as np
@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 __all__ = ["improved"]
 
 _CLOSE = 0.08
-"""Boxes within this part of the discrepancy are looked at."""
+"""Boxes within this part of the discrepancy are included."""
 
 _PROGRAMS = 12
-"""Linear programs at most."""
+"""Maximum number of linear programs."""
 
 _LEAST = 1e-9
 """Volume below which no closed box is too small."""
 
 _ENOUGH = 1e-4
-"""Gain, relative, below which there is no further program."""
+"""Relative gain below which there is no further program."""
 
 _BELOW_ONE = float(np.nextafter(1.0, 0.0))
 
@@ -39,7 +39,7 @@ def improved(ends: Floats, ranks: Ints, level: float) -> tuple[Floats, float]:
     ranks : int array, shape (3, n)
         Of each point along each axis.
     level : float
-        No less than the star discrepancy.
+        At least the star discrepancy.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def improved(ends: Floats, ranks: Ints, level: float) -> tuple[Floats, float]:
 
 
 def _boxes(ends: Floats, ranks: Ints, least: float) -> tuple[float, list[NDArray], list[NDArray]]:
-    """Return the star discrepancy, and the boxes of at least this part of it: shares, and corners' ranks."""
+    """Return the star discrepancy, and boxes with at least this part of it: shares, and corners' ranks."""
     n = ends.shape[1]
     sides = np.hstack([ends, np.ones((3, 1))])
     by_first = np.argsort(ranks[0])

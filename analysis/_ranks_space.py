@@ -1,11 +1,11 @@
-"""Points in space of given ranks: coordinates that reach a star discrepancy, and swaps of ranks.
+"""Points in space with given ranks: coordinates that reach a star discrepancy, and swaps of ranks.
 
 As in the plane (:mod:`analysis._ranks_plane`), but a box has three sides, u_i + v_j + w_k in logarithms, and
-constraints are no differences. Given two sides, the constraints of the third are still an interval. So a
-coordinate outside of its interval is moved to the nearest end, which fulfils all boxes with this side. If the
-interval is empty, it is moved to the middle between the ends, and the other sides of the two boxes that
-demand most are next, and later it again. This may give up although the constraints can be fulfilled: the
-coordinates found are right, those not found need not be impossible.
+constraints are not differences. Given two sides, the constraints of the third are still an interval. So a
+coordinate outside its interval is moved to the nearest end, which satisfies all boxes with this side. If the
+interval is empty, it is moved to the middle between the ends; next are the other sides of the two most
+violated boxes, and later this coordinate again. This may give up although a solution exists: coordinates
+found are right, those not found need not be impossible.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ from analysis._loops import compiled
 __all__ = ["tighten", "walk"]
 
 _ROUNDING = 1e-13
-"""Relative violations of constraints that do not matter."""
+"""Relative violations of constraints up to this do not matter."""
 
 _LIMIT = 48
-"""Coordinates that may follow from a swap before it counts as impossible."""
+"""Maximum number of coordinates that a swap may change before it counts as impossible."""
 
 _BELOW_ONE = float(np.nextafter(1.0, 0.0))
 
@@ -31,7 +31,7 @@ Ints = NDArray[np.int64]
 def _tightest(
     ends: Floats, ranks: Ints, points: Ints, level: float, a: int, b: int, c: int, i: int, j: int, high: bool
 ) -> int:
-    """Return the rank on axis c of the box that demands most of rank i on axis a, given j on axis b."""
+    """Return the rank on axis c of the tightest box for rank i on axis a, given j on axis b."""
     n = ends.shape[1]
     adds = np.zeros(n + 1, np.int64)
     shift = 0 if high else 1
@@ -51,7 +51,7 @@ def _tightest(
 def _settle(
     ends: Floats, ranks: Ints, points: Ints, level: float, queue: Ints, length: int, limit: int
 ) -> bool:
-    """Fulfil the constraints, if those are that belong to no coordinate, as axis * n + rank, in the queue.
+    """Satisfy the constraints of the queue, if all others hold; a coordinate is axis * n + rank.
 
     ``ends[a]`` are the sorted coordinates along an axis, ``ranks[a, p]`` is the rank of point p there and
     ``points[a]`` the inverse. Gives up, with the coordinates in disorder, after ``limit`` of them.
@@ -142,7 +142,7 @@ def _settle(
 
 @compiled
 def tighten(ends: Floats, ranks: Ints, points: Ints, level: float, rounds: int) -> bool:
-    """Change the coordinates so that they reach a level, if this is found possible; else leave them."""
+    """Change the coordinates so that they reach a level, if possible; else leave them."""
     size = ends.size
     kept = ends.copy()
     if _settle(ends, ranks, points, level, np.arange(size), size, rounds * size):
@@ -153,7 +153,7 @@ def tighten(ends: Floats, ranks: Ints, points: Ints, level: float, rounds: int) 
 
 @compiled
 def _swap(ends: Floats, ranks: Ints, points: Ints, level: float, a: int, i: int, queue: Ints) -> bool:
-    """Swap the ranks i and i + 1 along an axis, if the level can be kept; else leave all as it is."""
+    """Swap the ranks i and i + 1 along an axis, if the level can be kept; else leave everything as it is."""
     n = ends.shape[1]
     p, q = points[a, i], points[a, i + 1]
     points[a, i], points[a, i + 1] = q, p

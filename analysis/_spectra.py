@@ -1,4 +1,4 @@
-"""How the error of an image, or the power of a point set, is distributed over frequencies."""
+"""Spectra of the error of an image, or of the power of a point set."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.
 
     The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
-    each of them if the error is white noise. The image is taken as periodic: there is no window.
+    each of them if the error is white noise. The image is taken as periodic, without a window.
 
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-        Both of one shape. Powers and variances of channels are added up before they are divided.
+        Of equal shape. Powers and variances of channels are summed before they are divided.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     Raises
     ------
     ValueError
-        If the shapes differ, a value is not finite, or the error is constant.
+        If the error is constant.
 
     Examples
     --------
@@ -61,20 +61,15 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     Returns
     -------
     frequency : float64 array, shape (max(height, width) // 2,)
-        1, 2, ... up to the Nyquist frequency: cycles per longer side of the image. Annulus k
-        holds frequencies in [k - 1/2, k + 1/2); the corners beyond the last are left out.
+        1, 2, ... up to the Nyquist frequency: cycles per longer side of the image. Annulus k contains
+        frequencies in [k - 1/2, k + 1/2); the corners beyond the last are left out.
     power : float64 array, of the same shape
         The mean of each annulus.
 
-    Raises
-    ------
-    ValueError
-        If the spectrum is not an array of rows and columns, or a single value.
-
     Notes
     -----
-    Frequencies are measured in space, not in elements of the array: where an image is not square,
-    the frequencies along its shorter side are farther apart, and fewer fall into an annulus.
+    Frequencies are measured in space, not in elements of the array: if an image is not square, the
+    frequencies along its shorter side are farther apart, and fewer are in an annulus.
 
     Examples
     --------
@@ -91,10 +86,10 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
 
 
 def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how much the power varies along annuli of width 1: variance / mean^2, in decibels.
+    """Return the variation of the power along annuli of width 1: variance / mean^2, in decibels.
 
-    The power of one realisation is exponentially distributed at each frequency if it is isotropic noise, and
-    the anisotropy about 0 dB; that of a mean of m realisations is about -10 log10(m) dB [1]_.
+    The power of one realisation of isotropic noise is exponentially distributed at each frequency, with an
+    anisotropy of about 0 dB; that of a mean of m realisations is about -10 log10(m) dB [1]_.
 
     Parameters
     ----------
@@ -107,18 +102,13 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
         The annuli of :func:`radial_average`.
     anisotropy : float64 array, of the same shape
         10 log10(s^2 / mean^2), where s^2 is the sum of squared deviations divided by their number less 1:
-        -inf if all are equal, not a number for annuli of a single value or of none but zeros.
-
-    Raises
-    ------
-    ValueError
-        If the spectrum is not an array of rows and columns, or a single value.
+        -inf if all are equal, NaN for annuli with a single value or zeros only.
 
     Notes
     -----
-    Where frequencies k and -k have the same power, as they have for points and for images of real numbers,
-    an annulus of 2m values has m different ones: the expectation of s^2 is smaller than the variance, by
-    (2m - 2) / (2m - 1).
+    If frequencies k and -k have the same power, as for points and for real images, an annulus of 2m values
+    has m different ones: the expectation of s^2 is smaller than the variance, by the factor (2m - 2) / (2m -
+    1).
 
     References
     ----------
@@ -150,8 +140,8 @@ def mean_spectrum(
     Parameters
     ----------
     make : Callable
-        From a key to a spectrum of points or of an error image, or to anything that is computed from it, such
-        as a radial average. All must have one shape. One at a time is kept.
+        From a key to a spectrum of points or of an error image, or to anything computed from it, such as a
+        radial average. All must have one shape. One at a time is stored.
     keys : Iterable
         At least two keys, for independent realisations.
 
@@ -159,11 +149,6 @@ def mean_spectrum(
     -------
     mean, standard_error : float64 arrays, of the shape that ``make`` returns
         The standard error is the root of the sample variance (divisor m - 1) over the number m of keys.
-
-    Raises
-    ------
-    ValueError
-        If the keys are fewer than two, or the shapes differ.
 
     Examples
     --------

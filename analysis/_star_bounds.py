@@ -19,7 +19,7 @@ _COMPARISONS = 2**29
 """Regions times points times dimensions, unless a number of regions is given."""
 
 _MANY = 2**18
-"""Points in space above which walks on the critical grid take minutes."""
+"""Number of points in space above which walks on the critical grid take minutes."""
 
 
 def star_discrepancy_bounds(
@@ -40,13 +40,8 @@ def star_discrepancy_bounds(
     Returns
     -------
     lower, upper : float
-        They differ by rounding errors, (d + 2) 2^-50, where the regions suffice, and always in one
+        They differ by rounding errors, (d + 2) 2^-50, if the regions suffice, and always in one
         and two dimensions.
-
-    Raises
-    ------
-    ValueError
-        If the points are none, not floats, or outside of [0, 1)^d, or another argument is out of range.
 
     Notes
     -----
@@ -73,12 +68,12 @@ def star_discrepancy_bounds(
     larger than the lower bound are done with. A bound on the rounding errors is added, and no star
     discrepancy exceeds 1.
 
-    **Many points.** More than 2^18 points in three dimensions are counted once in 251^3 cells: boxes that
-    end at their edges give a lower bound, and the cells themselves are a cover, whose upper bound is up to
+    **Many points.** More than 2^18 points in three dimensions are counted once in 251^3 cells: boxes that end
+    at their edges give a lower bound, and the cells themselves are a cover, with an upper bound that is up to
     3/251 larger. This takes O(n) time.
 
     The upper bound decays slowly with the number of regions in many dimensions: above about ten
-    it says little, and may be 1, while the lower bound is still close to the star discrepancy.
+    it is loose, and may be 1, while the lower bound is still close to the star discrepancy.
 
     References
     ----------

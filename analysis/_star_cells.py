@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 __all__ = ["cell_bounds"]
 
 _CELLS = 2**24
-"""Fewer cells than that."""
+"""Upper limit of the number of cells."""
 
 _BLOCK = 2**16
 """Points that are counted together."""

@@ -14,16 +14,16 @@ from analysis._star_space import space_star_discrepancy
 __all__ = ["star_discrepancy"]
 
 _REGIONS = 2**22
-"""Regions that are examined before the star discrepancy is given up as infeasible."""
+"""Regions that are examined before the computation gives up."""
 
 _COMPARISONS = 2**35
 """The same limit for large sets: regions times points times dimensions."""
 
 _TILED = range(256, 2**16 + 1)
-"""Numbers of points in space for which tiles are the faster way, and fit into memory."""
+"""Numbers of points in space for which tiles are faster, and fit the memory."""
 
 _MANY = 2**17
-"""Points in the plane from which on compiled loops take less time, with compiling them."""
+"""Number of points in the plane from which on compiled loops are faster, including their compilation."""
 
 
 def star_discrepancy(points: ArrayLike) -> float:
@@ -46,22 +46,20 @@ def star_discrepancy(points: ArrayLike) -> float:
     Raises
     ------
     ValueError
-        If the points are none, not floats, or outside of [0, 1)^d; or if n points in d dimensions
-        proved infeasible: then `star_discrepancy_bounds` brackets it.
+        Also if the computation is infeasible: then `star_discrepancy_bounds` brackets the result.
 
     Notes
     -----
     One dimension takes O(n log n) steps. Two take O(n) memory and O(n^1.5) steps, or up to O(n^2) if
-    many boxes come close to the largest difference; from 2^17 points on on all cores where Numba is
+    many boxes come close to the largest difference; from 2^17 points on, all cores are used if Numba is
     installed, in three times the memory of float64 points. Three take O(n^1.5) memory and O(n^2.5) steps in
     the same case, for up to 2^16 points.
 
     From three dimensions on, regions of boxes are bounded and halved until the largest difference is
     certain; [1]_ surveys other algorithms. No useful bound on the number of regions is known: it grows
-    with the dimension, and the better the points are distributed. A search of more than 2^22 regions, or
+    with the dimension, and with the quality of the points. A search of more than 2^22 regions, or
     2^35 / (n d) if that is less, gives up. Feasible are the first n Sobol' points for n = 4096 in 4
-    dimensions, 2048 in 5, 512 in 6, 128 in 8 and 64 in 12, and larger sets of points that are less well
-    distributed.
+    dimensions, 2048 in 5, 512 in 6, 128 in 8 and 64 in 12, and larger sets of less well distributed points.
 
     References
     ----------
@@ -84,7 +82,7 @@ def star_discrepancy(points: ArrayLike) -> float:
     regions = max(1, min(_REGIONS, _COMPARISONS // (n * dims)))
     lower, upper = 0.0, 1.0
     if dims == 3 and n in _TILED:
-        # Points that are badly distributed need no tiles.
+        # Badly distributed points need no tiles.
         lower, upper = refine(grid, lower, n // 16)
         if lower < upper:
             lower, upper = space_star_discrepancy(array, lower)

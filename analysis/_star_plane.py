@@ -11,7 +11,7 @@ _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""
 
 _BATCH = 32
-"""Tiles that are evaluated together, at most: the best one first, then two, four and so on."""
+"""Maximum number of tiles that are evaluated together: the best one first, then two, four and so on."""
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ Floats = NDArray[np.float64]
 def plane_star_discrepancy(points: Floats) -> float:
     """Return the star discrepancy of points in the unit square.
 
-    Row i and column j of the grid stand for the boxes that hold the points of ranks below i in x and
+    Row i and column j of the grid stand for the boxes with the points of ranks below i in x and
     below j in y: an open box that ends at the next coordinates, and a closed one that ends at the
     last. Equal coordinates need no care: a box of the wrong rank among them has a smaller value.
 
@@ -29,9 +29,9 @@ def plane_star_discrepancy(points: Floats) -> float:
         x_i y_j - C(i, j)/n  <=  max_j (x_i y_j - C(I, j)/n) - R_i/n,
 
     R_i the number of points of ranks I to i - 1 in x and below J in y. The maximum of lines is convex
-    in x_i and so below the chord between the tile's first and last row. The like holds for closed
+    in x_i and so below the chord between the tile's first and last row. The same holds for closed
     boxes, with R_i up to the tile's last column. All tiles are bounded in O(n^1.5) steps and O(n)
-    memory. Those with a bound above the largest value found are evaluated, and of these the rows with
+    memory. Those with a bound above the largest value found are evaluated, and in them the rows with
     such a bound.
     """
     n = len(points)
@@ -84,7 +84,7 @@ def plane_star_discrepancy(points: Floats) -> float:
 
 
 def _ends(coordinates: Floats, padding: int, shape: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return where open and closed boxes end in sorted coordinates, tile by tile."""
+    """Return the ends of open and closed boxes in sorted coordinates, tile by tile."""
     opened = np.append(coordinates, np.ones(padding))
     closed = np.concatenate([[0.0], coordinates, np.full(padding - 1, coordinates[-1])])
     return opened.reshape(shape), closed.reshape(shape)

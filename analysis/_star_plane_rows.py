@@ -1,8 +1,8 @@
 """The star discrepancy of very many points in the plane: the tiles of `_star_plane`, in compiled loops.
 
 Bounds and values are those of `plane_star_discrepancy`, where they are proved, and so is the result, to the
-last bit. Other than there, only a bound and a count are kept of each tile, and tiles are bounded in stripes
-of a few columns that caches hold: from band to band of rows the counts change by the few points of a tile.
+last bit. Unlike there, only a bound and a count are stored per tile, and tiles are bounded in stripes
+of a few columns that fit the cache: from band to band of rows the counts change by the few points of a tile.
 Threads share the stripes.
 """
 
@@ -33,7 +33,7 @@ Ints = NDArray[np.int32]
 def many_star_discrepancy(points: Floats) -> float:
     """Return the star discrepancy of points in the unit square, by loops that Numba compiles.
 
-    Three times the points' memory, for float64.
+    It takes three times the memory of float64 points.
     """
     n = len(points)
     side = max(8, math.isqrt(n) & ~1)
@@ -55,7 +55,7 @@ def many_star_discrepancy(points: Floats) -> float:
         def stripe(first: int) -> float:
             return _bound(x, y, y_rank, side, first, min(first + _STRIPE, tiles), bounds, counts)
 
-        # The values on the way are rounded otherwise: only those of evaluated tiles count.
+        # Intermediate values are rounded differently: only those of evaluated tiles count.
         floor = max(pool.map(stripe, range(0, tiles, _STRIPE))) - _MARGIN
         chosen = np.flatnonzero(bounds > floor - _MARGIN).astype(np.int32)
         worst = bounds.ravel()[chosen]
@@ -117,7 +117,7 @@ def _bound(
             start = (j - left) * side
             ys, under = y[j * side : (j + 1) * side + 1], below[start : start + side]
             counts[i, j] = under[0]
-            # A maximum waits for the one before: eight of them at a time wait together.
+            # Each maximum depends on the previous one: eight of them are interleaved.
             a0, a1, b0, b1, c0, c1, d0, d1 = -2.0, -2.0, -2.0, -2.0, -2.0, -2.0, -2.0, -2.0
             for c in range(0, side, 2):
                 part, next_part = under[c] * share, under[c + 1] * share
@@ -164,7 +164,7 @@ def _bound(
 def _evaluate(
     x: Floats, y: Floats, x_rank: Ints, y_rank: Ints, side: int, i: int, j: int, count: int, best: float
 ) -> float:
-    """Return the largest value of a tile, or what was the largest before; rows below it are left out."""
+    """Return the larger of the previous maximum and the largest value of a tile; lower rows are skipped."""
     n = len(x_rank)
     first, start = i * side, j * side
     xs, ys = x[first : first + side + 1], y[start : start + side + 1]

@@ -1,9 +1,9 @@
 """Branch and bound over regions of boxes: the star discrepancy between two bounds that close.
 
-A region holds the boxes whose corners q lie between two corners l <= h of the critical grid. Regions
+A region contains the boxes with corners q between two corners l <= h of the critical grid. Regions
 that cover all corners are halved, those with the largest upper bounds first, until no bound exceeds
-the largest local discrepancy found: that is the star discrepancy. Stopped before, the largest bound
-is still an upper one, as the regions are a bracketing cover, refined where it matters.
+the largest local discrepancy found: that is the star discrepancy. If the search stops earlier, the largest
+bound is still an upper one, as the regions are a bracketing cover, refined where it matters.
 
 The bound adds one slab per dimension to the box l. Let V be the volume and N the number of points.
 Raising the coordinates of l to those of q one after the other, from the last to the first,
@@ -22,8 +22,8 @@ l, here the first. Then N(q) - N(l) <= sum_j e_j(q_j) and
 
     N(q)/n - V(q)  <=  N(l)/n - V(l) + sum_j max_(q_j) (e_j(q_j)/n - B_j (q_j - l_j)).
 
-Each maximum is over one coordinate and taken exactly. What is lost are products of two or more
-slabs: the bound is off by a second-order term in the size of the region, where a bracket
+Each maximum is over one coordinate and exact. Only products of two or more slabs are lost:
+the bound is off by a second-order term in the size of the region, where a bracket
 V(h) - N(l)/n is off by a first-order one. It is exact if l and h differ in one dimension, and the
 halves of a region have no larger ones. The coordinates that attain the maxima are a good guess at the
 region's worst box.
@@ -37,10 +37,10 @@ from analysis._critical_grid import CriticalGrid, contained, local_discrepancy
 __all__ = ["climb", "refine", "region_bounds"]
 
 _CELLS = 2**20
-"""Regions times points in one batch: what fits into caches."""
+"""Regions times points in one batch: fits the cache."""
 
 _BATCH = 4096
-"""Regions in one batch, at most."""
+"""Maximum number of regions in one batch."""
 
 Corners = NDArray[np.signedinteger]
 
@@ -52,7 +52,7 @@ def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float
     ----------
     grid : CriticalGrid
     lower : float
-        A lower bound that is known: the better, the fewer regions.
+        A known lower bound: the better, the fewer regions.
     regions : int
         Regions that may be examined, at least 1.
 
@@ -83,7 +83,7 @@ def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float
 
 
 def climb(grid: CriticalGrid, corners: Corners) -> float:
-    """Return the largest local maximum above the corners: no change of one coordinate exceeds it."""
+    """Return the largest local maximum reached from the corners: no change of one coordinate exceeds it."""
     values = local_discrepancy(grid, corners)
     best = float(values.max())
     while len(corners):
@@ -104,7 +104,7 @@ def climb(grid: CriticalGrid, corners: Corners) -> float:
 def _examine(
     grid: CriticalGrid, low: Corners, high: Corners, lower: float
 ) -> tuple[tuple[Corners, Corners, NDArray[np.float64]], float]:
-    """Return the regions that may hold more than the lower bound, with their bounds, and the lower bound."""
+    """Return the regions that may exceed the lower bound, with their bounds, and the lower bound."""
     upper, corners = region_bounds(grid, low, high)
     values = local_discrepancy(grid, corners)
     best = int(values.argmax())

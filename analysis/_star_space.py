@@ -12,7 +12,7 @@ _MARGIN = 2.0**-19
 """More than the rounding errors of a bound: 32 roundings to float32 of numbers of at most 1."""
 
 _BOXES = 2**33
-"""Boxes that are evaluated at most."""
+"""Maximum number of boxes that are evaluated."""
 
 Doubles = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -43,7 +43,7 @@ class _Bounds(NamedTuple):
 def space_star_discrepancy(points: Doubles, lower: float) -> tuple[float, float]:
     """Return a lower and an upper bound of the star discrepancy of points in space, given a lower one.
 
-    They are equal unless very many boxes come close to the largest difference: then it is given up.
+    They are equal unless very many boxes come close to the largest difference: then the search gives up.
 
     The (n + 1)^3 boxes of the grid, as in `plane_star_discrepancy`, are cut into tiles of about sqrt(n)
     ranks in each dimension. In a tile that begins at the ranks I, J and K, an open box has the local
@@ -52,11 +52,11 @@ def space_star_discrepancy(points: Doubles, lower: float) -> tuple[float, float]
         x_i y_j z_k - C(i, j, k)/n  <=  x_i y_j z_K - C(i, j, K)/n  +  x y (z_k - z_K) - S_k/n,
 
     x and y the tile's largest coordinates and S_k the number of points of ranks K to k - 1 in z that are
-    below I and J. What the layer K has, the first difference, is bounded as in the plane: by the chord
-    between the peaks of the first and the last row, less the points that enter. What another layer adds
-    is a number. The like holds for closed boxes, with the tile's least coordinates, and all points that
-    may enter. All tiles are bounded in O(n^2.5) steps and O(n^1.5) memory. Those with a bound above the
-    largest value found are evaluated, the largest bound first, and of these the layers with such a bound.
+    below I and J. The first difference, of the layer K, is bounded as in the plane: by the chord between the
+    peaks of the first and the last row, less the points that enter. The contribution of another layer is a
+    number. The same holds for closed boxes, with the tile's smallest coordinates, and all points that may
+    enter. All tiles are bounded in O(n^2.5) steps and O(n^1.5) memory. Those with a bound above the largest
+    value found are evaluated, the largest bound first, and in them the layers with such a bound.
     """
     n = len(points)
     tiling = _tiling(points)
@@ -112,8 +112,8 @@ def _tiling(points: Doubles) -> _Tiling:
 def _bounds(tiling: _Tiling) -> tuple[float, _Bounds]:
     """Return n times the largest local discrepancy of tiles' first rows in first layers, and the bounds.
 
-    The loops are over the ranks in a tile, and over all tiles of the same z at once: matrices fit into
-    the fastest cache.
+    The loops are over the ranks in a tile, and over all tiles of the same z at once: matrices fit the L1
+    cache.
     """
     n, side, opened, closed, ranks, edges, corners = tiling
     tiles = (len(edges) - 1,) * 2
@@ -168,7 +168,7 @@ def _bounds(tiling: _Tiling) -> tuple[float, _Bounds]:
         np.add(above[0], peaks[0], out=first[0, layer])
         np.subtract(above[1], peaks[2], out=first[1, layer])
 
-        # What the other layers add.
+        # The contributions of the other layers.
         rows = _singles(ranks[0, 2][layer][:, None] < edges)[:, :, None]
         columns = _singles(ranks[1, 2][layer][:, None] < edges)[:, None, :]
         steps_opened, steps_closed = (

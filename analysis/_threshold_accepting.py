@@ -1,4 +1,4 @@
-"""Threshold accepting: boxes of large local discrepancy, found by random walks on the critical grid."""
+"""Threshold accepting: random walks on the critical grid to boxes of large local discrepancy."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,12 @@ _CLIMBERS = 16
 def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> float:
     """Return a large local discrepancy: a lower bound of the star discrepancy, to ``rounding(grid.dims)``.
 
-    Chains move from box to box and accept a loss up to a threshold that falls to zero [1]_. As there,
+    Chains move from box to box and accept a loss up to a threshold that decreases to zero [1]_. As there,
     the thresholds are differences between random neighbours, in descending order, the steps shrink from
     half of the grid to single coordinates, and large coordinates are preferred, since large local
-    discrepancies are at large boxes. Other than there, a step moves one coordinate, open and closed
+    discrepancies are at large boxes. Unlike there, a step moves one coordinate, open and closed
     boxes share the chains, and the best boxes are improved in the end until no change of one coordinate
-    helps, which includes what snapping does there.
+    helps, which includes the effect of snapping.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> f
 def _neighbours(
     grid: CriticalGrid, generator: np.random.Generator, corners: NDArray[np.signedinteger], time: float
 ) -> NDArray[np.signedinteger]:
-    """Move one coordinate of each corner, the less the closer ``time`` in [0, 1) comes to 1."""
+    """Move one coordinate of each corner, by less the closer ``time`` in [0, 1) is to 1."""
     reach = (1 + (grid.sizes // 2) * (1 - time)).astype(corners.dtype)
     low, high = np.maximum(corners, reach) - reach, np.minimum(corners, grid.sizes - reach) + reach
     moving = np.arange(grid.dims) == generator.integers(grid.dims, size=(len(corners), 1))

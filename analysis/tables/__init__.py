@@ -1,6 +1,6 @@
-"""Programs that made the tables in ``qmcjax``: ``python -m analysis.tables.make_joe_kuo``, for example.
+"""Programs that made the tables in ``qmcjax``, for example ``python -m analysis.tables.make_joe_kuo``.
 
-They are run once, and write into the ``_data`` of the package that reads the table.
+They are run once, and write to the ``_data`` of the package that reads the table.
 """
 
 from pathlib import Path
@@ -8,16 +8,16 @@ from pathlib import Path
 import qmcjax
 
 SEQUENCES = Path(qmcjax.__file__).parent / "sequences" / "_data"
-"""Where tables of sequences are kept."""
+"""Folder of the tables of sequences."""
 
 ORDERS = Path(qmcjax.__file__).parent / "orders" / "_data"
-"""Where tables of orders are kept."""
+"""Folder of the tables of orders."""
 
 SAMPLERS = Path(qmcjax.__file__).parent / "samplers" / "_data"
-"""Where tables of samplers are kept."""
+"""Folder of the tables of samplers."""
 
 CHOOSING = Path(qmcjax.__file__).parent / "choosing" / "_data"
-"""Where what was measured of samplers is kept."""
+"""Folder of the measurements of samplers."""
 
 TRACED = Path(qmcjax.__file__).parent / "scenes" / "traced" / "_data"
-"""Where images of ray-traced scenes are kept."""
+"""Folder of the images of ray-traced scenes."""

@@ -2,11 +2,11 @@
 
 Run once (minutes on one core): ``python -m analysis.tables.make_blue_noise``.
 
-Both the mask of vectors and the tables are a pool of 64**2 candidates, of which each pixel of a tile takes
-one so that an energy of pairs of close pixels becomes small. This is usually annealed, swapping two pixels
-at a time. Here it is descended 64 pixels at a time: for pixels that are farther apart than the energy
-reaches, it is a sum of costs of single pixels, and the best of all 64! permutations is the solution of a
-linear assignment problem.
+Both the mask of vectors and the tables are a pool of 64**2 candidates, one for each pixel of a tile, arranged
+so that an energy of pairs of close pixels becomes small. The usual method is annealing by swaps of two
+pixels. Here 64 pixels are reassigned at a time: for pixels that are farther apart than the energy reaches, it
+is a sum of costs of single pixels, and the best of all 64! permutations is the solution of a linear
+assignment problem.
 """
 
 from collections.abc import Callable
@@ -34,11 +34,11 @@ MASK_WIDTH = 2.1
 """The weight of two pixels of a mask at distance r is exp(-(r / width)**2), by Georgiev and Fajardo."""
 
 FILTER = 1.5
-"""Standard deviation in pixels of the Gaussian filter after which the errors of ranked samples are small."""
+"""Standard deviation in pixels of the Gaussian filter for the errors of ranked samples."""
 
 SPP = 16
 SEEDS = np.array([0x25D8381F, 0x24B8881F, 0xADBE1108, 0x19DA7FB2], np.uint32)
-"""Of the scramblings: how small errors can be arranged to be depends on the points, and those of
+"""Of the scramblings: the smallest possible errors depend on the points, and those of
 ``np.random.default_rng(1).integers(2**32, size=4)`` leave up to two fifths more in two dimensions.
 """
 
@@ -46,13 +46,13 @@ LEVELS = 5
 """Prefixes of 1, 2, 4, 8 and 16 samples."""
 
 WEIGHTS = (4, 2, 1, 1, 1)
-"""Of the levels: fewer samples have more error to hide."""
+"""Of the levels: fewer samples have larger errors."""
 
 HALF_SPACES, COMPONENTS = 1024, 64
-"""Integrands, and principal components of their errors that are kept at each level."""
+"""Number of integrands, and of principal components of their errors that are kept at each level."""
 
 SWEEPS = 200
-"""How often each pixel is reassigned on average."""
+"""Mean number of reassignments per pixel."""
 
 Cost = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]], NDArray[np.floating]]
 
@@ -62,7 +62,7 @@ def void_and_cluster(rng: np.random.Generator, sigma: float = 1.5) -> NDArray[np
 
     The largest void of the ones is the tightest cluster of the zeros, since the filter's sums over both add
     up to a constant on the torus: so the paper's second and third phase are one here. The sums are of
-    integers, so that ties do not hang on rounding.
+    integers, so that ties do not depend on rounding.
     """
     distance = np.minimum(np.arange(LARGE_SIDE), LARGE_SIDE - np.arange(LARGE_SIDE))
     bump = np.exp(-(distance[:, None] ** 2 + distance**2) / (2 * sigma**2))
@@ -108,7 +108,7 @@ def void_and_cluster(rng: np.random.Generator, sigma: float = 1.5) -> NDArray[np
 
 
 def far_apart(rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return 64 pixels of a sheared grid, at random: over time, any two come together."""
+    """Return 64 pixels of a sheared grid, at random: over time, any two occur together."""
     column, row = np.mgrid[: SIDE // REACH, : SIDE // REACH].reshape(2, -1)
     shear, top, left = rng.integers(REACH), rng.integers(SIDE), rng.integers(SIDE)
     y, x = (REACH * row + top) % SIDE, (REACH * column + shear * row + left) % SIDE

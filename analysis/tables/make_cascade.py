@@ -3,10 +3,10 @@
 ``python -m analysis.tables.make_cascade`` prints the tuple in
 ``qmcjax/sequences/_digital/cascaded.py`` (minutes).
 
-One dimension after the other takes the component that costs least. The cost is the sum over m of the square
-of t of all pairs with a dimension before, and of the last three and four dimensions together. Pairs next to
-each other have t = 0 whatever is taken. No pair is left out: a component that is taken again and again makes
-the same dimensions again, after a while.
+The components are chosen greedily, dimension by dimension. The cost is the sum over m of the square of t of
+all pairs with a previous dimension, and of the last three and four dimensions together. Adjacent pairs
+have t = 0 for any component. No pair is left out: a component that is repeated eventually makes the same
+dimensions again.
 """
 
 import numpy as np
@@ -21,13 +21,13 @@ SIZES = range(4, 15)
 
 
 def following(columns: NDArray[np.uint32], m: int, matrix: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Return the columns of a dimension from those of the one before: its points are the indices."""
+    """Return the columns of a dimension from those of the previous one: its points are the indices."""
     digits = columns[:, None] >> np.uint32(32 - m) >> np.arange(m, dtype=np.uint32) & np.uint32(1)
     return np.bitwise_xor.reduce(digits * matrix[:m], axis=1)
 
 
 def cost(nets: dict[int, list[NDArray[np.uint32]]], most: float) -> float:
-    """Return the cost of the last dimension, or of what came first and reached ``most``."""
+    """Return the cost of the last dimension, or a partial cost that reached ``most``."""
     last = len(nets[SIZES[0]]) - 1
     sets = [(j, last) for j in range(last - 2, -1, -1)]
     sets += [tuple(range(last - k, last + 1)) for k in (2, 3) if last >= k]

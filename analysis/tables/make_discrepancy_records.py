@@ -1,9 +1,9 @@
-"""Search point sets of small star discrepancy, and keep the best of each size.
+"""Search for point sets of small star discrepancy, and keep the best of each size.
 
-Run as long as you like, again and again: ``python -m analysis.tables.make_discrepancy_records 60`` searches
-each size for 60 seconds and goes on from what is kept. ``... 60 2:100,220 3:64`` does so for some sizes in
-two and in three dimensions. Points are kept as 32-bit fractions, and the exact star discrepancy of these is
-what counts. A set is replaced only by a better one.
+Run as long and as often as you like: ``python -m analysis.tables.make_discrepancy_records 60`` searches
+each size for 60 seconds, starting from the stored points. ``... 60 2:100,220 3:64`` does so for some sizes in
+two and in three dimensions. Points are stored as 32-bit fractions, and their exact star discrepancy counts. A
+set is replaced only by a better one.
 """
 
 import sys
@@ -18,7 +18,7 @@ SIZES = {
     2: (16, 20, 32, 60, 64, 100, 128, 140, 220, 256, 500, 512, 1020, 1024, 2048),
     3: (16, 32, 64, 128, 256),
 }
-"""Powers of 2, and sizes for which others have published values."""
+"""Powers of 2, and sizes with published values."""
 
 FILE = "discrepancy_records.npz"
 

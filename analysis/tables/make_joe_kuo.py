@@ -1,4 +1,4 @@
-"""Read Joe and Kuo's table off scipy's Sobol' engine, through its public interface, and pack it.
+"""Extract Joe and Kuo's table from scipy's Sobol' engine, through its public interface, and pack it.
 
 Run once (half a minute): ``python -m analysis.tables.make_joe_kuo``.
 

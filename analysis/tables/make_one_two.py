@@ -1,4 +1,4 @@
-"""Search direction numbers with which pairs of Sobol' components are (1,2)-sequences.
+"""Search for direction numbers that make pairs of Sobol' components (1,2)-sequences.
 
 ``python -m analysis.tables.make_one_two`` writes ``one_two.txt`` (minutes).
 
@@ -9,12 +9,12 @@ p L_r = L_(r - s), so
 
     L_(j s + i) = h_i / p**(j + 1) for i < s,
 
-where h_i is a polynomial of degree s - 1 - i. Any h_i will do, and nothing else is free. The rows of q are
+where h_i is a polynomial of degree s - 1 - i. Any h_i is valid, and nothing else is free. The rows of q are
 written in terms of those of p. Then t is at most 1 if for all a and b the first b of them, in columns a to
 a + b, have rank b. For random h_i, those of q are drawn one after the other, and the first that fits the
-rows before is kept, with a step back where none does. Of several pairs found that way the one is taken that
-goes best with those before: by the sum of t, over several m, of the four dimensions of the last two pairs
-and of each dimension with each one before.
+previous rows is kept, with backtracking. Of several pairs found that way, the best with the previous ones
+is taken: by the sum of t, over several m, of the four dimensions of the last two pairs and of each dimension
+with each previous one.
 """
 
 import random
@@ -32,7 +32,7 @@ DEGREES = 7
 """Largest degree of p."""
 TRIES = 20_000
 FOUND = 8
-"""Pairs that the best is taken of."""
+"""Number of pairs from which the best is taken."""
 SIZES = (4, 7, 10, 13)
 
 
@@ -51,7 +51,7 @@ def quadratic(p: int) -> int:
 
 
 def is_irreducible(polynomial: int) -> bool:
-    """Tell whether no polynomial of at most half the degree divides one."""
+    """Return whether no polynomial of at most half the degree divides one."""
     degree = polynomial.bit_length() - 1
     return all(_remainder(polynomial, divisor) for divisor in range(2, 2 ** (degree // 2 + 1)))
 
@@ -92,7 +92,7 @@ def in_terms_of(basis: list[int], row: int) -> int:
 
 
 def fits(rows: list[int]) -> bool:
-    """Tell whether in any len(rows) + 1 consecutive columns the rows are independent."""
+    """Return whether the rows are independent in any len(rows) + 1 consecutive columns."""
     for first in range(SIZE - len(rows)):
         reduced: list[int] = []
         for row in rows:
@@ -149,7 +149,7 @@ def _fitting(basis: list[int], q: int, draw: random.Random) -> list[int]:
 
 
 def cost(matrices: NDArray[np.uint32], most: float) -> float:
-    """Return the cost of the last pair, or of what came first and reached ``most``."""
+    """Return the cost of the last pair, or a partial cost that reached ``most``."""
     last = len(matrices) - 2
     sets = [tuple(range(last - 2, last + 2))]
     sets += [(j, k) for j in range(last - 1, -1, -1) for k in (last, last + 1)]

@@ -1,15 +1,15 @@
-"""Search generator matrices of (0,m,2)-nets with large minimum distance by simulated annealing.
+"""Search for generator matrices of (0,m,2)-nets with large minimum distance by simulated annealing.
 
 Run once (half a minute): ``python -m analysis.tables.make_optimized_nets``.
 
 Together with i / 2**m, a matrix C gives a (0,m,2)-net if and only if all its leading minors are 1. The
-annealing flips entries and rejects what loses this. Its energy is the number of pairs of points that are
-closer than a target: zero when that is reached. Matrices of order 7 and 9 that reach theirs have smaller such
-matrices in their middle, which are kept.
+annealing flips entries and rejects matrices without this property. Its energy is the number of pairs of
+points closer than a target: zero if that is reached. Matrices of order 7 and 9 that reach theirs have smaller
+such matrices in their middle, which are kept.
 
-Larger nets come from two of the matrices, of order 6 and 9, as diag(1, C, 1), again and again: see
-:func:`qmcjax.sequences.optimized_net`. There a pair that crosses a border to the side may in the end come
-closer by a unit in y, and one that crosses a border upwards by a unit in x. These two matrices are searched
+Larger nets come from two of the matrices, of order 6 and 9, as diag(1, C, 1), repeatedly: see
+:func:`qmcjax.sequences.optimized_net`. There a pair that crosses a side border may in the end come
+closer by a unit in y, and one that crosses the upper border by a unit in x. These two matrices are searched
 until one reaches its target in spite of this loss.
 """
 
@@ -33,11 +33,11 @@ EXTENSIBLE = (6, 9)
 CHAINS, STEPS = 128, 20000
 
 HOT, COLD = 0.45, 0.02
-"""The energy may grow by a factor whose logarithm has this mean, at the start and at the end of a chain."""
+"""Mean logarithm of the factor by which the energy may grow, at the start and at the end of a chain."""
 
 
 def is_net(matrices: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Tell which matrices, shape (chains, m, m), have leading minors of 1, eliminating without pivots."""
+    """Return which matrices, shape (chains, m, m), have leading minors 1, by elimination without pivots."""
     rest, m = matrices.copy(), matrices.shape[-1]
     for k in range(m):
         rest[:, k + 1 :] ^= rest[:, k + 1 :, k, None] & rest[:, k, None]
@@ -61,9 +61,9 @@ def energies(y: NDArray[np.int16], target: int, limits: NDArray[np.float64]) -> 
     ----------
     y : int16 array, shape (chains, 2**m)
     target : int
-        Pairs whose squared distance is below are counted.
+        Pairs with a smaller squared distance are counted.
     limits : float array, shape (chains,)
-        A chain is left alone once its count exceeds the limit.
+        A chain is skipped once its count exceeds the limit.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def energies(y: NDArray[np.int16], target: int, limits: NDArray[np.float64]) -> 
 
 
 def is_extensible(y: NDArray[np.int16], target: int) -> bool:
-    """Tell whether no pair of points is too close once those across a border have lost their unit."""
+    """Return whether no pair of points is too close once those across a border have lost their unit."""
     n, i = len(y), np.arange(len(y))
     for dx in range(1, math.isqrt(target - 1) + 2):
         dy = np.abs(np.roll(y, -dx).astype(np.int64) - y)
@@ -108,7 +108,7 @@ def anneal(m: int, core: NDArray[np.uint8] | None, rng: np.random.Generator) -> 
             trial[np.arange(CHAINS), rows[entry], columns[entry]] ^= flipped
         temperature = HOT + (COLD - HOT) * step / STEPS
         limits = (energy + 0.5) * np.exp(temperature * rng.exponential(size=CHAINS))
-        # What has reached the target but cannot be extended stays where it is.
+        # A matrix that reaches the target but cannot be extended stays where it is.
         limits[(energy == 0) | ~is_net(trial)] = -1
         y = second_coordinates(trial)
         found = energies(y, TARGETS[m], limits)

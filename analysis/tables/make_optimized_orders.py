@@ -1,30 +1,31 @@
-"""Search the optimised orders: permutations of quadrants, and numbers of the first samples of pixels.
+"""Search for the optimised orders: permutations of quadrants, and numbers of the first samples of pixels.
 
-Run with ``python -m analysis.tables.make_optimized_orders FOLDER`` (minutes on one core; Numba is needed).
-What is found goes into a file of the folder for each number of samples; what is there is not searched again.
-The tables are written when all are there.
+Run with ``python -m analysis.tables.make_optimized_orders FOLDER`` (minutes on one core; needs Numba).
+Results go to one file per number of samples in the folder; those that exist are not searched again.
+The tables are written when all are complete.
 
-What is descended is the mean square of an image's error after a Gaussian filter, in closed form. For random
+The objective is the mean square of an image's error after a Gaussian filter, in closed form. For random
 half-planes as integrands the covariance of the values at two points is, up to constants, minus their
-distance: of the lines that meet a square, as many part two points as these are apart. Over all nested uniform
-scramblings of the Sobol' sequence, the expected distance of two of its points depends on nothing but how many
-leading digits their coordinates have in common. That is how many zeros the point has whose index is the xor
-of theirs; so the covariance of the means of two aligned blocks is a function of the xor of their numbers, a
-short array. No integrand and no scrambling is drawn, so that none has an advantage.
+distance: the number of lines through a square that separate two points is proportional to it. Over all nested
+uniform scramblings of the Sobol' sequence, the expected distance of two of its points depends only on the
+number of leading digits that their coordinates share. That is the number of zeros of the point with the xor
+of their indices as index; so the covariance of the means of two aligned blocks is a function of the xor of
+their numbers, a short array. No integrand and no scrambling is drawn, so none has an advantage.
 
-What was tried beside this, as filtered errors relative to white noise by half-planes, and in brackets by the
+Alternatives, as filtered errors relative to white noise by half-planes, and in brackets by the
 kernel exp(-4 |a - b|**2) of smooth integrands; the order for 4 samples has 0.522 (0.258):
 
-- A free permutation of the pixels of the tile, which keeps no blocks together: annealed with 600 trials for
-  each pixel from a random one, it ends at 0.549 (0.308), with 4000 trials from our order, melted at a sixth
-  of the temperature, at 0.527 (0.273). At one sample, 0.488 (0.360) beside our 0.465 (0.324). No search found
-  that the hierarchy costs anything.
-- Both kernels in the cost, four times as much weight on the smooth one: 0.532 (0.257), nothing is gained.
-- For the first samples of 64, both kernels in the cost (the same few trials each): 16 samples go from 0.654
-  (0.505) to 0.668 (0.473), 4 from 0.635 (0.456) to 0.648 (0.451), 1 from 0.570 (0.481) to 0.572 (0.478): too
-  little beside orders made for so many, 0.529 (0.248), 0.522 (0.258) and 0.465 (0.324).
-- The first 16 alone, with no weight on fewer: 0.618 (0.445); the first one alone: 0.512 (0.399). They take
-  what the order for 64 leaves, since that is searched first.
+- A free permutation of the pixels of the tile, which keeps no blocks together: annealed with 600 trials per
+  pixel from a random one, it ends at 0.549 (0.308), with 4000 trials from our order, melted at a sixth
+  of the temperature, at 0.527 (0.273). At one sample, 0.488 (0.360) compared to our 0.465 (0.324). No search
+  showed any cost of the hierarchy.
+- Both kernels in the objective, with four times as much weight on the smooth one: 0.532 (0.257), no gain.
+- For the first samples of 64, both kernels in the objective (the same few trials each): 16 samples go from
+  0.654 (0.505) to 0.668 (0.473), 4 from 0.635 (0.456) to 0.648 (0.451), 1 from 0.570 (0.481) to 0.572
+  (0.478): too little compared to orders made for these numbers, 0.529 (0.248), 0.522 (0.258) and 0.465
+  (0.324).
+- The first 16 alone, with no weight on fewer: 0.618 (0.445); the first one alone: 0.512 (0.399). They are
+  limited by the order for 64, which is searched first.
 """
 
 import sys
@@ -46,7 +47,7 @@ LOG_COUNTS = 7
 """There are tables for 1, 2, ..., 2**(LOG_COUNTS - 1) samples."""
 
 FILTER = 1.5
-"""Standard deviation in pixels of the Gaussian filter after which errors are to be small."""
+"""Standard deviation in pixels of the Gaussian filter of the objective."""
 
 LEAST = 1e-3
 """Pairs of pixels with less weight are left out; that of a pixel and itself is 1."""
@@ -61,11 +62,11 @@ HOT, COLD = 0.6, 0.01
 """First and last temperature, as parts of the variance of the mean of a pixel."""
 
 TRIALS = 1500
-"""Exchanges that are tried for each pixel, and as many other first samples."""
+"""Exchanges that are tried per pixel, and as many other first samples."""
 
 
 class Pairs(NamedTuple):
-    """Where the neighbours of a pixel are, and the weights of its pairs with them."""
+    """The neighbours of a pixel, and the weights of its pairs with them."""
 
     x: NDArray[np.int64]
     y: NDArray[np.int64]
@@ -77,7 +78,7 @@ class Covariances(NamedTuple):
 
     inside: NDArray[np.float32]
     across: NDArray[np.float32]
-    """Of blocks of two tiles, in the mean over these."""
+    """Of blocks of two tiles, averaged over these."""
 
 
 def filter_pairs() -> Pairs:
@@ -90,10 +91,10 @@ def filter_pairs() -> Pairs:
 
 
 def mean_distances(digits: int) -> NDArray[np.float64]:
-    """Return the mean distance of two scrambled points, by how many digits their coordinates have in common.
+    """Return the mean distance of two scrambled points, by the number of digits that their coordinates share.
 
     With k common digits, coordinates are uniform in the two halves of an interval of length 2**-k: their
-    difference has the triangular density on (0, 2**-k). From ``digits`` common ones on it is taken for 0.
+    difference has the triangular density on (0, 2**-k). From ``digits`` common ones on it is taken as 0.
     """
     node, weight = np.polynomial.legendre.leggauss(64)
     difference = np.concatenate([(node + 1) / 4, (node + 3) / 4])
@@ -110,7 +111,7 @@ def covariances(log_count: int, log_blocks: int) -> Covariances:
     zeros = 32 - np.frexp(np.asarray(sequences.sobol(2).bits(indices)).astype(np.float64))[1]
     zeros = np.minimum(zeros, digits)
     of_points = -mean_distances(digits)[zeros[:, 0], zeros[:, 1]]
-    # The xor of the indices of two points of a block and another one takes all values alike.
+    # The xor of the indices of two points of a block and another one takes all values equally often.
     of_blocks = of_points.reshape(AROUND, 2**log_blocks, 2**log_count).mean(axis=2)
     of_blocks -= of_blocks.mean()
     of_blocks /= of_blocks[0, 0]
@@ -119,7 +120,7 @@ def covariances(log_count: int, log_blocks: int) -> Covariances:
 
 @numba.njit(cache=True, fastmath=True)
 def change(covariance, pairs, numbers, shift, moved, x, y, flip):
-    """Return by how much the energy of the pairs of a pixel changes if its number is xored.
+    """Return the change of the energy of the pairs of a pixel if its number is xored.
 
     Numbers are shifted, to those of blocks. ``moved`` are quadrants of a square that move with the pixel.
     """
@@ -167,7 +168,7 @@ def anneal_order(covariance, pairs, numbers, trials, hot, cold, seed):
         one = np.random.randint(4)
         other = one ^ (1 + np.random.randint(3))
         moved = (left, top, half, one, other)
-        # Both exchange their digits: the xor of numbers in either one, or both, is what it was.
+        # Both exchange their digits: the xor of numbers in either one, or both, stays the same.
         flip = numbers[top + (one >> 1) * half, left + (one & 1) * half]
         flip = (flip ^ numbers[top + (other >> 1) * half, left + (other & 1) * half]) & (3 * half * half)
         delta = np.float32(0)
@@ -245,7 +246,7 @@ def search(
 
 
 def main(folder: Path, orders: Path = ORDERS, samplers: Path = SAMPLERS) -> None:
-    """Write optimized.npz and optimized_ranks.npz; search what the folder does not have."""
+    """Write optimized.npz and optimized_ranks.npz; search what is missing in the folder."""
     folder.mkdir(parents=True, exist_ok=True)
     found = []
     for log_count in range(LOG_COUNTS):

@@ -1,10 +1,10 @@
-"""Search the generator matrices of quad_optimized, over F_3: quadruples of small t made of pairs of t = 0.
+"""Search for generator matrices of quad_optimized, over F_3: quadruples of small t made of pairs of t = 0.
 
 Run once (minutes): ``python -m analysis.tables.make_quadruples``. Matrices are unit upper triangular and grow
-column by column. For t, certain rows must be independent. If their parts in the columns so far are, any new
-digits do; if these are dependent, by one vanishing sum, the same sum of the new digits must not vanish. So
-the digits of a column are such that some linear forms are not 0, and a local search finds them. Some
-partial solutions are kept side by side, as not all can be continued.
+column by column. For t, certain rows must be independent. If their parts in the known columns are, any new
+digits are valid; if these are dependent, by one vanishing sum, the same sum of the new digits must not
+vanish. So some linear forms of the digits of a column must not be 0, and a local search finds such digits.
+Several partial solutions are kept, as not all can be continued.
 """
 
 from collections.abc import Iterator
@@ -23,10 +23,10 @@ ORDER = 21
 QUADRUPLES = 8
 
 ALLOWED = {1: 8, 2: 13, 3: 17, 4: ORDER}
-"""Up to which order of the matrices a t is asked for."""
+"""Largest order of the matrices with a required t."""
 
 WIDTH = {1: 40, 2: 20, 3: 12, 4: 4}
-"""Partial solutions that are kept: few, when they all can be continued."""
+"""Partial solutions that are kept: few, if they all can be continued."""
 
 CHILDREN, STEPS = 4, 300
 RENUMBERINGS = 24
@@ -34,7 +34,7 @@ CROSS_ORDERS = (4, 7)
 
 
 def compositions(total: int, parts: int) -> Iterator[tuple[int, ...]]:
-    """Run through the ways to write a number as a sum of so many non-negative ones, in order."""
+    """Yield the ways to write a number as a sum of so many non-negative ones, in order."""
     if parts == 1:
         yield (total,)
         return
@@ -54,7 +54,7 @@ def dependencies(rows: Matrices) -> tuple[NDArray[np.int64], Matrices]:
     -------
     defects : int64 array, shape (matrices,)
     factors : int8 array, shape (matrices, rows)
-        Of the matrices whose rows are dependent.
+        For the matrices with dependent rows.
     """
     count, height, width = rows.shape
     unit = np.broadcast_to(np.eye(height, dtype=np.int8), (count, height, height))
@@ -80,9 +80,9 @@ def forms(matrices: Matrices, components: tuple[int, ...], total: int, order: in
     Parameters
     ----------
     matrices : int8 array, shape (4, ORDER, ORDER)
-        Of which ``order - 1`` columns are known.
+        With ``order - 1`` known columns.
     components : tuple of int
-        Those of which the first rows, ``total`` together, must be independent in ``order`` columns.
+        Components whose first rows, ``total`` together, must be independent in ``order`` columns.
     total, order : int
 
     Returns
@@ -110,7 +110,7 @@ def forms(matrices: Matrices, components: tuple[int, ...], total: int, order: in
 def column(wanted: Matrices, rng: np.random.Generator) -> Matrices | None:
     """Return digits for which no form is 0, shape (4, order), or None; component 0 has the unit matrix.
 
-    The digit is changed that leaves the fewest forms 0, and then kept for some steps.
+    The digit that leaves the fewest forms 0 is changed, and then kept for some steps.
     """
     order = wanted.shape[2]
     digits = rng.integers(0, 3, (4, order)).astype(np.int8)
@@ -135,7 +135,7 @@ def column(wanted: Matrices, rng: np.random.Generator) -> Matrices | None:
 
 
 def grown(matrices: Matrices, order: int, t: int, rng: np.random.Generator) -> Iterator[Matrices]:
-    """Run through some ways to add a column."""
+    """Yield some ways to add a column."""
     needed = [forms(matrices, pair, order, order) for pair in ((0, 1), (2, 3))]
     needed.append(forms(matrices, (0, 1, 2, 3), max(order - t, 0), order))
     if any(some is None for some in needed):
@@ -176,7 +176,7 @@ def pair_t(one: Matrices, other: Matrices, order: int) -> int:
 def renumbered(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Generator) -> Matrices:
     """Multiply a quadruple by one upper triangular matrix: t stays, and pairs with the others become good.
 
-    Of some random ones the matrix is taken with the least sum of squares of such pairs' t.
+    Of some random matrices, the one with the smallest sum of squares of such pairs' t is taken.
     """
 
     def cost(candidate: Matrices) -> int:

@@ -1,4 +1,4 @@
-"""Search the best three-dimensional rank-1 lattices of 2**1 to 2**16 points, all pairs of components.
+"""Search for the best three-dimensional rank-1 lattices of 2**1 to 2**16 points, all pairs of components.
 
 Run once (minutes, 5 GB of memory): ``python -m analysis.tables.make_rank1_lattices``.
 """

@@ -1,12 +1,12 @@
-"""Measure the errors of all samplers that there are to choose from: the table behind ``qmcjax.recommend``.
+"""Measure the errors of all available samplers: the table behind ``qmcjax.recommend``.
 
-Run once (some minutes on one core): ``python -m analysis.tables.make_recommendations``. Begun again, it keeps
-the rows of samplers that are there: delete those of one to measure it anew.
+Run once (some minutes on one core): ``python -m analysis.tables.make_recommendations``. If run again, it
+keeps the existing rows of samplers: delete those of a sampler to measure it again.
 
-A sampler's points are those of the most dimensions of a level; scenes of fewer take the first coordinates.
-All scenes of a level are evaluated at the same points, with 8 keys, in images of two sizes: a square of a
-power of 2, which many samplers are made for, and one that is neither. Of each scene and size the root mean
-square of its errors over the keys is kept, as 1000 ln(error / error of random samples).
+A sampler's points have the most dimensions of a level; scenes of fewer take the first coordinates. All scenes
+of a level are evaluated at the same points, with 8 keys, in images of two sizes: a square with a power of 2
+as side, which many samplers are made for, and one that is neither. For each scene and size the root mean
+square of its errors over the keys is stored, as 1000 ln(error / error of random samples).
 """
 
 import csv
@@ -29,10 +29,10 @@ from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SIZES, SPPS, Candidate
 
 KEYS = 8
 BASE = "random"
-"""What errors are relative to."""
+"""The reference for errors."""
 
 SHIFTS = (0.37, 0.61, 0.43, 0.71, 0.29, 0.55, 0.67, 0.33)
-"""Where Genz's families have peaks, kinks and jumps: at no fractions that samples are aligned to."""
+"""Positions of the peaks, kinks and jumps of Genz's families, away from fractions used by samplers."""
 
 SCENES: dict[int, dict[str, Any]] = {
     2: {
@@ -104,7 +104,7 @@ def images(sampler: Any, level: int, width: int, height: int, spp: int) -> NDArr
 
 @cache
 def exact(level: int, width: int, height: int) -> list[NDArray[np.float64]]:
-    """Return what the images tend to."""
+    """Return the limit of the images."""
     return [scene.reference(width, height)[0] for scene in SCENES[level].values()]
 
 
@@ -142,7 +142,7 @@ def rows(name: str, base: dict[tuple[int, tuple[int, int]], NDArray[np.float64]]
 
 
 def main(folder: Path = CHOOSING) -> None:
-    """Write recommendations.csv into a folder, or go on with it."""
+    """Write recommendations.csv into a folder, or continue it."""
     path = folder / "recommendations.csv"
     numbers = [f"{measure} at {spp} spp" for measure in MEASURES for spp in SPPS]
     table = [["scene", "kind", "level", "size", "sampler", *numbers]]

@@ -1,8 +1,7 @@
-"""Search the matrices of the (0,m,3)-nets and of the (0,2)-sequence of large minimum distance.
+"""Search for the matrices of the (0,m,3)-nets and of the (0,2)-sequence of large minimum distance.
 
-Run once (minutes): ``python -m analysis.tables.make_searched``. The targets are what longer searches
-with the same method, some of them compiled, had shown to be within reach in short time. Nothing says that
-they are the largest distances.
+Run once (minutes): ``python -m analysis.tables.make_searched``. Longer searches with the same method, some of
+them compiled, showed that the targets are within reach in short time. They need not be the largest distances.
 """
 
 from pathlib import Path

@@ -2,9 +2,9 @@
 
 Run once for each scene (many minutes): ``python -m analysis.tables.traced_references helicopter sports``.
 
-Replicates have points of Sobol's sequence, Owen-scrambled independently in each pixel and replicate; their
-scatter tells the standard error of their mean. Each is kept in a folder as soon as it is finished: what is
-stopped goes on with the next one.
+Replicates use points of Sobol's sequence, Owen-scrambled independently in each pixel and replicate; their
+scatter gives the standard error of their mean. Each is stored in a folder as soon as it is finished: an
+interrupted run resumes with the next one.
 """
 
 import argparse
@@ -27,7 +27,7 @@ from qmcjax.scenes import traced
 REPLICATES = 16
 
 LIMIT = 300_000
-"""Most bytes of a stored image."""
+"""Maximum number of bytes of a stored image."""
 
 KEY = 2026
 
@@ -40,9 +40,9 @@ def replicate(scene: Any, number: int, side: int, spp: int) -> NDArray[np.float3
 
 
 def replicates(scene: Any, side: int, spp: int, cache: Path) -> NDArray[np.float64]:
-    """Return all images, shape (REPLICATES, side, side, 3), of which some may be in a folder already.
+    """Return all images, shape (REPLICATES, side, side, 3); some may be in a folder already.
 
-    The name of the folder tells the scene with all its numbers: what was made of another one stays out.
+    The name of the folder identifies the scene with all its numbers: replicates of other scenes are not used.
     """
     of = traced.content(scene)
     digest = hashlib.sha256(of.numbers.tobytes() + of.choices.encode()).hexdigest()[:16]
@@ -66,7 +66,7 @@ def combined(images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     """Return the mean of replicates and its standard errors, shapes (side, side, 3) and (side, side).
 
     Variances of so few replicates scatter by a third. Each is raised to the mean over 3 x 3 pixels if that is
-    larger, and the largest of three colours is taken: what is stored is rarely too small.
+    larger, and the largest of three channels is taken: stored errors are rarely too small.
     """
     variance = images.var(axis=0, ddof=1) / len(images)
     around = uniform_filter(variance, 3, mode="nearest", axes=(0, 1))
@@ -79,15 +79,15 @@ def make(name: str, side: int, spp: int, cache: Path, folder: Path = TRACED) -> 
     Parameters
     ----------
     name : str
-        Of the scene.
+        Name of the scene.
     side : int
-        Of the image in pixels.
+        Side of the image in pixels.
     spp : int
-        Samples of each pixel, a multiple of REPLICATES.
+        Samples per pixel, a multiple of REPLICATES.
     cache : Path
-        Where replicates are kept.
+        Folder of the replicates.
     folder : Path, optional
-        Where the image goes.
+        Folder of the image.
 
     Returns
     -------
@@ -102,7 +102,9 @@ def make(name: str, side: int, spp: int, cache: Path, folder: Path = TRACED) -> 
     scene = getattr(scenes, name)()
     image, error = combined(replicates(scene, side, spp // REPLICATES, cache))
     if not np.isfinite(image).all():
-        raise ValueError(f"{name} must have finite values, got {int((~np.isfinite(image)).sum())} others")
+        raise ValueError(
+            f"{name} must have finite values, got {int((~np.isfinite(image)).sum())} that are not"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}.npz"
     unfinished = path.with_suffix(".unfinished")
@@ -121,12 +123,10 @@ def make(name: str, side: int, spp: int, cache: Path, folder: Path = TRACED) -> 
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make the images of the scenes that the command line names."""
+    """Make the images of the scenes named on the command line."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("names", nargs="*", choices=[*traced.NAMES, []], help="scenes (default: all)")
-    parser.add_argument(
-        "--spp-log2", type=int, default=14, help="samples of a pixel (default: 14, for 16384)"
-    )
+    parser.add_argument("--spp-log2", type=int, default=14, help="samples per pixel (default: 14, for 16384)")
     parser.add_argument("--size", type=int, default=256, help="side of the images in pixels (default: 256)")
     parser.add_argument(
         "--cache", type=Path, default=Path("out/replicates"), help="folder of finished replicates"

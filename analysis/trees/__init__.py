@@ -1,7 +1,6 @@
-"""Binary trees of boxes for ray tracing, to study: how they are built, what they cost, and over motion.
+"""Binary trees of boxes for ray tracing: construction, cost, and motion (thesis, Chapter 4).
 
-They are made in NumPy, in float64 (thesis, Chapter 4). What :func:`qmcjax.tracing.nearest_hit` searches with
-are trees of its own.
+They are for studies, in NumPy and float64. :func:`qmcjax.tracing.nearest_hit` uses other trees.
 """
 
 from analysis.trees._boxes import surface_area as surface_area

@@ -1,4 +1,4 @@
-"""Boxes with sides along the axes: still, with times from and to, or moving; and how many rays meet them."""
+"""Boxes with sides along the axes: still, with an interval of time, or moving; and their measures."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _LARGEST = 1e75
 
 
 def still(low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners of boxes, (n, 3), or (n, 4) with times as fourth coordinate, or raise."""
+    """Return the corners of boxes, (n, 3), or (n, 4) with time as fourth coordinate, or raise."""
     return _checked(low, high, "(n, 3) or (n, 4)", lambda s: len(s) == 2 and s[0] > 0 and s[1] in (3, 4))
 
 
 def moving(
     low: Any, high: Any, times: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the corners of boxes at some times, (k, n, 3), and these, (k,), or raise."""
+    """Return the corners of boxes at some times, (k, n, 3), and the times, (k,), or raise."""
     low, high = _checked(
         low, high, "(k, n, 3)", lambda s: len(s) == 3 and s[0] > 1 and s[1] > 0 and s[2] == 3
     )
@@ -49,7 +49,7 @@ def _checked(low: Any, high: Any, wanted: str, fits: Any) -> tuple[NDArray[np.fl
 
 
 def surface_area(low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]:
-    """Return the surface areas of boxes: lines that are spread evenly meet boxes in proportion to them.
+    """Return the surface areas of boxes: uniform lines hit boxes in proportion to them.
 
     Parameters
     ----------
@@ -59,13 +59,6 @@ def surface_area(low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]:
     Returns
     -------
     float64 ndarray, shape (...)
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
 
     Examples
     --------
@@ -83,15 +76,15 @@ def area(extent: NDArray) -> NDArray[np.float64]:
 
 
 def measure(low: NDArray, high: NDArray, times: NDArray | None = None) -> NDArray[np.float64]:
-    """Return what is in proportion to the rays that meet boxes, if these are spread evenly, in time too.
+    """Return the measure of rays that hit boxes, up to a factor, for rays uniform in space and time.
 
-    That is the area of still boxes, (..., 3); times the duration, (..., 4); the mean over time of the area of
-    moving ones, (k, ..., 3), whose corners are linear between ``times``.
+    It is the area of still boxes, (..., 3); the area times the duration, (..., 4); or the mean over time of
+    the area of moving boxes, (k, ..., 3), with corners that are linear between ``times``.
     """
     extent = high - low
     if times is None:
         return area(extent) if extent.shape[-1] == 3 else area(extent) * extent[..., 3]
-    # Areas are quadratic in time between two times, so that Simpson's rule is exact.
+    # Areas are quadratic in time between two times, so Simpson's rule is exact.
     ends, middles = area(extent), area(0.5 * (extent[:-1] + extent[1:]))
     parts = (times[1:] - times[:-1]) / (6 * (times[-1] - times[0]))
     return np.asarray(np.tensordot(parts, ends[:-1] + 4 * middles + ends[1:], 1), np.float64)
@@ -119,7 +112,7 @@ def numbers_of_rays(
 
 
 def between(times: NDArray | None, when: NDArray) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return the interval of times that others are in, for those outside the nearest, and where in it."""
+    """Return the interval of ``times`` for each time, clamped, and the position in it."""
     if times is None:
         return np.zeros(len(when), np.int64), np.zeros(len(when))
     span = np.clip(np.searchsorted(times, when, side="right") - 1, 0, len(times) - 2)

@@ -1,4 +1,4 @@
-"""Trees along curves that fill space: one order of the boxes, in which nodes are split."""
+"""Trees along space-filling curves: one order of the boxes, in which nodes are split."""
 
 from __future__ import annotations
 
@@ -13,23 +13,12 @@ from analysis.trees._sweep import swept
 def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     """Make a tree by the surface area heuristic along the Hilbert curve through the centres of boxes.
 
-    The boxes are sorted once, and each node is split where Eq. 4.1 is least along that order.
+    The boxes are sorted once, and each node is split where Eq. 4.1 is smallest along that order.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
 
     References
     ----------
@@ -50,23 +39,12 @@ def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:
 def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     """Make a tree by the surface area heuristic along the Morton order of the centres of boxes.
 
-    As :func:`hilbert_tree`, but the curve jumps.
+    Like :func:`hilbert_tree`, but the curve has jumps.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
 
     References
     ----------
@@ -84,9 +62,9 @@ def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
 
 
 def _cells(low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], int]:
-    """Return the cells of a grid that centres are in, (d, n), and how many bits a coordinate has.
+    """Return the grid cells of centres, (d, n), and the number of bits per coordinate.
 
-    Cells are as long on all three axes of space; time has a scale of its own.
+    Cells are cubes in space; time has a separate scale.
     """
     bits = 63 // low.shape[1]
     center = 0.5 * low + 0.5 * high
@@ -98,7 +76,7 @@ def _cells(low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], int]:
 
 
 def hilbert_digits(cells: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """Return numbers whose bits, interleaved, are the position of cells (d, n) on the Hilbert curve."""
+    """Return the digits of the positions of cells (d, n) on the Hilbert curve, to be interleaved."""
     x = cells.copy()
     for bit in (1 << k for k in range(bits - 1, 0, -1)):
         for axis in range(len(x)):
@@ -116,7 +94,7 @@ def hilbert_digits(cells: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
 
 
 def _interleaved(numbers: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
-    """Return one number of the bits of d others, those of the first in front."""
+    """Interleave the bits of d numbers, those of the first in front."""
     key = np.zeros_like(numbers[0])
     for k in range(bits - 1, -1, -1):
         for number in numbers:

@@ -1,4 +1,4 @@
-"""Trees from the root on, all nodes of a level at once."""
+"""Trees built from the root, all nodes of a level at once."""
 
 from collections.abc import Callable
 
@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 Split = Callable[[NDArray, NDArray, NDArray], tuple[NDArray, NDArray]]
-"""From orders of boxes (a, m), and where the runs of nodes start and how long they are, (s,), to how many
-boxes go to the first child, (s,), and which go to the second, by their numbers, bool (n,)."""
+"""From orders of boxes (a, m), and starts and lengths of the runs of nodes, (s,), to the number of boxes
+of the first child, (s,), and which boxes, by their numbers, go to the second, bool (n,)."""
 
 
 def grown(rows: NDArray, split: Split) -> NDArray[np.int64]:
     """Return the children of the inner nodes of a tree, the root's last.
 
-    ``rows`` are orders of all boxes, (a, n): each stays in order below every node.
+    ``rows`` are orders of all boxes, (a, n): they are kept below every node.
     """
     count = rows.shape[1]
     children = np.empty((count - 1, 2), np.int64)

@@ -1,4 +1,4 @@
-"""Boxes of what moves: over parts of the shutter, and split in time."""
+"""Boxes of moving objects: over parts of the shutter, and split in time."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from qmcjax.core.parameters import numbers, require
 def boxes_during(
     low: ArrayLike, high: ArrayLike, times: ArrayLike, start: Any = None, end: Any = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the boxes of all places where moving boxes are during a part of the shutter.
+    """Return the bounding boxes of moving boxes during a part of the shutter.
 
     Parameters
     ----------
@@ -25,23 +25,16 @@ def boxes_during(
     times : float ArrayLike, shape (k,)
         Increasing, two or more.
     start, end : float, optional
-        From when to when, in the range of ``times``, by default all of it. At one time they are equal.
+        In the range of ``times``, ``start <= end``; by default all of it. They may be equal.
 
     Returns
     -------
     low, high : float64 ndarray, shape (n, 3)
 
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite, not in order or out of range.
-
     Notes
     -----
-    A tree for each part of the shutter (Eq. 4.7) is one over these boxes. Then a ray goes through the tree of
-    the part that its time is in.
+    A tree for a part of the shutter (Eq. 4.7) is one over these boxes. A ray then visits the tree of the part
+    that contains its time.
 
     References
     ----------
@@ -80,8 +73,8 @@ def split_in_time(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
     """Split moving boxes in time so that parts have at most 1 / kappa of the area of the whole.
 
-    The shutter is cut into 2, 4, 8, ... equal parts, for each box as few as do, but no more than ``most``.
-    Boxes that are larger than that at one of the times alone stay whole: what is large gains little.
+    The shutter is cut into 2, 4, 8, ... equal parts, for each box as few as suffice, but at most ``most``.
+    Boxes that are already larger than that at a single time stay whole: large boxes gain little.
 
     Parameters
     ----------
@@ -90,23 +83,16 @@ def split_in_time(
     times : float ArrayLike, shape (k,)
         Increasing, two or more.
     kappa : float, optional
-        At least 1, where nothing is split.
+        At least 1; 1 splits nothing.
     most : int, optional
-        Parts of a box, in [1, 1024].
+        Maximum number of parts of a box, in [1, 1024].
 
     Returns
     -------
     low, high : float64 ndarray, shape (m, 4)
-        Boxes with the times from and to which they hold as fourth coordinate, for :func:`surface_area_tree`.
+        Boxes with their interval of time as fourth coordinate, for :func:`surface_area_tree`.
     number : int64 ndarray, shape (m,)
-        Of the box that each is a part of.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, or values are not finite, not in order or out of range.
+        The box that each is a part of.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Optimal local subtrees: a few nodes at a time in the arrangement of the least summed area."""
+"""Optimal local subtrees: a few nodes at a time in the arrangement of smallest summed area."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,40 +12,33 @@ _CHUNK = 2048
 """Subtrees that are arranged at once."""
 
 _GAIN = 1e-12
-"""Arrangements that are better by less than this, relatively, are not worth a change: rounding."""
+"""Relative improvements below this are rounding and cause no change."""
 
 
 def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> Tree:
-    """Arrange what is below each node anew, so that the sum of areas is least, from the bottom to the top.
+    """Rearrange the nodes below each node for the smallest sum of areas, bottom-up.
 
     Below a node, nodes are opened level by level until there are ``leaves`` of them, or no more: with 8 these
-    are the nodes three levels deeper, as far as they exist. Of all binary trees over them the one of the
-    least summed area takes the place of the old one; what is below them stays. The sum never grows.
+    are the nodes three levels deeper, as far as they exist. Of all binary trees over them the one with the
+    smallest summed area replaces the old one; everything below them stays. The sum never increases.
 
     Parameters
     ----------
     tree : Tree
     leaves : int, optional
-        In [3, 8]: of the subtrees.
+        Leaves of a subtree, in [3, 8].
     levels : int, optional
-        Only below nodes of so many levels from the root, at least 1; by default of all.
+        Only below nodes in so many levels from the root, at least 1; all by default.
 
     Returns
     -------
     Tree
-        More runs, each on the tree of the last one, find more.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``leaves`` or ``levels`` is out of range.
+        Repeated runs, each on the tree of the last one, may improve it further.
 
     Notes
     -----
-    The thesis tries all trees, Eq. 4.4, and prunes. Here subsets of the leaves are solved from the small to
-    the large, each by its best split into two subsets that are solved: 3025 splits for 8 leaves, in place of
+    The thesis tries all trees, Eq. 4.4, and prunes. Here subsets of the leaves are solved from small to
+    large, each by its best split into two solved subsets: 3025 splits for 8 leaves, instead of
     17,297,280 trees, with the same result.
 
     References
@@ -85,7 +78,7 @@ def _upper(tree: Tree, top: int | None) -> list[NDArray[np.int64]]:
 
 
 def _opened(children: NDArray, nodes: NDArray, most: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Return the nodes at the end of subtrees, (s, most), those inside, the root first, and how many ends."""
+    """Return the leaves of subtrees, (s, most), their inner nodes, root first, and the numbers of leaves."""
     count = len(children) + 1
     queue = np.full((len(nodes), 2 * most - 1), -1)
     queue[:, 0] = nodes
@@ -98,7 +91,7 @@ def _opened(children: NDArray, nodes: NDArray, most: int) -> tuple[NDArray, NDAr
         queue[rows[:, None], (2 * many[rows] - 1)[:, None] + [0, 1]] = children[node - count]
         queue[rows, place] = -1
         many[rows] += 1
-    # The ends to the front of each row, in their order.
+    # Move the leaves to the front of each row, in their order.
     ends = np.take_along_axis(queue, np.argsort(queue < 0, axis=1, kind="stable"), 1)
     return ends[:, :most], inner, many
 
@@ -131,10 +124,10 @@ def _arrange(
 def arranged(
     low: NDArray, high: NDArray, times: NDArray | None = None
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Return the least sum of areas of inner nodes over m boxes, (..., s, m, d), and how to get there.
+    """Return the smallest sum of areas of inner nodes over m boxes, (..., s, m, d), and the splits for it.
 
-    Parts of the boxes are numbers whose bits are the boxes: for each the part that one of its children holds,
-    (2**m, s), and its box, (..., 2**m, s, d).
+    A subset of the boxes is a number with one bit per box: for each the subset that one of its children
+    holds, (2**m, s), and its box, (..., 2**m, s, d).
     """
     many, (rows, dims) = low.shape[-2], (low.shape[-3], low.shape[-1])
     lows = np.empty((*low.shape[:-3], 1 << many, rows, dims))
@@ -159,7 +152,7 @@ def arranged(
 
 
 def _splits(part: int) -> NDArray[np.int64]:
-    """Return the parts of a part that have its lowest bit, but for itself."""
+    """Return the proper subsets of a subset that contain its lowest bit."""
     lowest = part & -part
     rest = part ^ lowest
     found, some = [], (rest - 1) & rest

@@ -13,33 +13,23 @@ from analysis.trees._structure import Tree, fitted
 from qmcjax.core.parameters import numbers, require
 
 _CHUNK = 2**19
-"""Pairs of boxes that are looked at at once."""
+"""Pairs of boxes that are examined at once."""
 
 
 def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) -> Tree:
     """Make a tree by the quadratic split of R-trees below each node [1]_, [2]_.
 
-    The two boxes that would waste most area together begin two groups. Then, one after the other, the box for
-    which it matters most goes to the group whose area grows least: of equal ones to the smaller, then to the
-    one with fewer boxes. This looks at all pairs of boxes below each node.
+    The two boxes that would waste most area together begin two groups. Then, one after the other, the box
+    with the largest difference goes to the group whose area grows least: of equal ones to the smaller, then
+    to the one with fewer boxes. This examines all pairs of boxes below each node.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`.
     fill : float, optional
-        The least part of a node's boxes in a group, in [0, 0.5]: one that needs all that are left gets them.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, values are not finite or not in order, or ``fill`` is out of range.
+        Smallest part of a node's boxes in a group, in [0, 0.5]: a group that needs all remaining boxes gets
+        them.
 
     References
     ----------
@@ -95,12 +85,12 @@ def _halves(low: NDArray, high: NDArray, least: int) -> NDArray[np.bool_]:
 
 
 def _growth(low: NDArray, high: NDArray, box: list[NDArray]) -> NDArray[np.float64]:
-    """Return by how much a group's area grows if it gets each of some boxes."""
+    """Return the growth of a group's area with each of some boxes."""
     return _boxes.measure(np.minimum(low, box[0]), np.maximum(high, box[1])) - _boxes.measure(*box)
 
 
 def _seeds(low: NDArray, high: NDArray) -> list[int]:
-    """Return the two boxes that waste most area together, of all pairs."""
+    """Return the pair of boxes that wastes most area."""
     count, own = len(low), _boxes.measure(low, high)
     best, seeds = -np.inf, [0, 1]
     step = max(1, _CHUNK // count)

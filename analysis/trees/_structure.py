@@ -1,4 +1,4 @@
-"""Binary trees of boxes: their nodes, and what is measured of them."""
+"""Binary trees of boxes: their nodes, and measures of them."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from qmcjax.core.pytrees import pytree
 class Tree:
     """A binary tree with one box in each leaf.
 
-    Nodes 0 to n - 1 are the leaves, numbered as the boxes it was made of. Node n + k has the children
-    ``children[k]``, whose numbers are smaller; the root is the last node, 2 n - 2.
+    Nodes 0 to n - 1 are the leaves, numbered like the boxes they contain. Node n + k has the children
+    ``children[k]``, which have smaller numbers; the root is the last node, 2 n - 2.
     """
 
     reported: ClassVar[tuple[str, ...]] = ("size",)
@@ -28,16 +28,16 @@ class Tree:
     children: Any
     """int64 (n - 1, 2)."""
     low: Any
-    """Corners of the nodes' boxes, float64: (2 n - 1, 3); (2 n - 1, 4) if they are there for some time only,
-    the fourth coordinate; (k, 2 n - 1, 3) if they move."""
+    """Corners of the nodes' boxes, float64: (2 n - 1, 3); (2 n - 1, 4) with an interval of time as fourth
+    coordinate; (k, 2 n - 1, 3) if they move."""
     high: Any
     """The opposite corners."""
     times: Any = None
-    """(k,): when moving boxes are there; between, their corners move linearly. None for others."""
+    """(k,): times of moving boxes; in between, corners move linearly. None for others."""
 
     @property
     def size(self) -> int:
-        """How many boxes it was made of."""
+        """Number of leaves."""
         return len(self.children) + 1
 
 
@@ -49,7 +49,7 @@ def tree_given(value: Any) -> Tree:
 
 
 def depths(children: NDArray) -> NDArray[np.int64]:
-    """Return how deep nodes are, by pointers that double their reach; children may have any numbers."""
+    """Return the depths of nodes, by pointer jumping; children may have any numbers."""
     root = 2 * len(children)
     depth = np.ones(root + 1, np.int64)
     above = np.full(root + 1, root)
@@ -69,7 +69,7 @@ def levels(children: NDArray) -> Iterator[NDArray[np.int64]]:
 
 
 def fitted(children: NDArray, low: NDArray, high: NDArray, times: NDArray | None = None) -> Tree:
-    """Return a tree with the boxes of its leaves, numbered anew: children before their parents."""
+    """Return a tree with the boxes of its leaves, renumbered: children before their parents."""
     count = len(children) + 1
     number = np.arange(2 * count - 1)
     by_level = list(levels(children)) if count > 1 else []
@@ -87,30 +87,19 @@ def fitted(children: NDArray, low: NDArray, high: NDArray, times: NDArray | None
 
 
 def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | None = None) -> Tree:
-    """Return a tree of the same nodes around other boxes, in time that is linear in their number.
+    """Return a tree of the same nodes fitted to other boxes, in linear time.
 
-    Boxes that move get the boxes of nodes at each of their times; at any time between, the interpolated box
-    of a node holds those below it [1]_.
+    Moving boxes give boxes of nodes at each of their times; at any time in between, the interpolated box
+    of a node contains those below it [1]_.
 
     Parameters
     ----------
     tree : Tree
-        Of n boxes.
+        With n leaves.
     low, high : float ArrayLike, shape (n, 3), (n, 4) or (k, n, 3)
-        Corners of the boxes, as of a :class:`Tree`.
+        Corners of the boxes, as in a :class:`Tree`.
     times : float ArrayLike, shape (k,), optional
-        For boxes that move, increasing.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
+        Increasing, for moving boxes.
 
     References
     ----------
@@ -135,9 +124,9 @@ def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | Non
 def summed_area(tree: Tree) -> float:
     """Return the sum of the surface areas of all nodes, leaves included.
 
-    Divided by the area of the root it is the mean number of nodes that lines meet which are spread evenly
-    over those through the root. Of boxes that move it is the mean over time, of boxes that are there for some
-    time only the sum of areas times durations.
+    Divided by the area of the root it is the mean number of nodes hit by uniform lines through the root. For
+    moving boxes it is the mean over time, for boxes with an interval of time only the sum of areas times
+    durations.
 
     Parameters
     ----------
@@ -146,11 +135,6 @@ def summed_area(tree: Tree) -> float:
     Returns
     -------
     float
-
-    Raises
-    ------
-    TypeError
-        If ``tree`` is no tree.
 
     References
     ----------
@@ -167,7 +151,7 @@ def summed_area(tree: Tree) -> float:
 
 
 def node_depths(tree: Tree) -> NDArray[np.int64]:
-    """Return how many nodes are above each node: 0 for the root, the leaves first.
+    """Return the depth of each node: 0 for the root, leaves first.
 
     Parameters
     ----------
@@ -176,11 +160,6 @@ def node_depths(tree: Tree) -> NDArray[np.int64]:
     Returns
     -------
     int64 ndarray, shape (2 n - 1,)
-
-    Raises
-    ------
-    TypeError
-        If ``tree`` is no tree.
 
     Examples
     --------

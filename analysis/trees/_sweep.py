@@ -1,4 +1,4 @@
-"""Splits where the surface area heuristic is least, of all in one or several orders of the boxes."""
+"""Splits with the smallest surface area heuristic, in one or several orders of the boxes."""
 
 from __future__ import annotations
 
@@ -10,38 +10,28 @@ from analysis.trees._levels import grown
 from analysis.trees._structure import Tree, fitted
 
 _TIE = 1e-12
-"""Costs that differ by so much, relatively, are the same: then the split that is more even is taken."""
+"""Costs with a smaller relative difference are equal: then the more even split is taken."""
 
 _CHUNK = 2**18
-"""So many places of boxes are looked at at once, or one node, so that caches hold them."""
+"""Number of boxes that are examined at once, or one node: fits the cache."""
 
 
 def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
-    r"""Make a tree by the surface area heuristic, from the root on, with one box in each leaf.
+    r"""Make a tree by the surface area heuristic, top-down, with one box in each leaf.
 
     A node is split along the axis and at the place that make
 
     .. math:: c(j) = N_{L,j} A_{L,j} + N_{R,j} A_{R,j}
 
-    least (Eq. 4.1), of all places between boxes that are sorted by their centres: an exact sweep, no bins.
+    smallest (Eq. 4.1), of all places between boxes that are sorted by their centres: an exact sweep, no bins.
     Of equal costs the more even split is taken.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
-        Corners of the boxes. A fourth coordinate is the time: a box is there from ``low`` to ``high``. It is
-        sorted by like the others, and areas count times the duration, since rays are spread over time.
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If shapes do not fit, or values are not finite or not in order.
+        Finite corners of the boxes, ``low <= high``. A fourth coordinate is time: a box exists from ``low``
+        to ``high``. It is sorted like the others, and areas count times the duration, for rays uniform in
+        time.
 
     References
     ----------
@@ -64,14 +54,14 @@ def swept(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
 
     def split(rows: NDArray, start: NDArray, length: NDArray) -> tuple[NDArray, NDArray]:
         first, second = np.empty_like(start), np.zeros(len(low), bool)
-        # Nodes of about the same size make a table of little waste.
+        # Nodes of similar size make a table with little padding.
         power = np.frexp(length - 1)[1]
         for size in np.unique(power):
             nodes = np.flatnonzero(power == size)
             step = max(1, _CHUNK >> int(size))
             for some in (nodes[k : k + step] for k in range(0, len(nodes), step)):
                 place = np.arange(length[some].max())
-                # What is missing in a row is its last box again, which changes neither minima nor maxima.
+                # Rows are padded with their last box, which changes neither minima nor maxima.
                 at = start[some, None] + np.minimum(place, length[some, None] - 1)
                 axis, first[some] = _best(*columns, rows[:, at], length[some])
                 boxes, side = rows[axis[:, None], at], place >= first[some, None]
@@ -98,7 +88,7 @@ def _best(low: NDArray, high: NDArray, boxes: NDArray, length: NDArray) -> tuple
 
 
 def _areas(low: NDArray, high: NDArray, boxes: NDArray) -> NDArray:
-    """Return the measures of what holds the boxes of a row up to each of them, (s, w)."""
+    """Return the measures of the bounding boxes of all prefixes of a row, (s, w)."""
     extents = []
     for a, b in zip(low, high, strict=True):
         extents.append(np.maximum.accumulate(b[boxes], axis=1) - np.minimum.accumulate(a[boxes], axis=1))

@@ -13,15 +13,15 @@ from analysis.trees._structure import Tree, fitted
 from qmcjax.core import checks
 
 _ROUNDS = 20
-"""Of Lloyd's relaxation, at most."""
+"""Maximum number of iterations of Lloyd's relaxation."""
 
 
 def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: float = 2, key: int = 0) -> Tree:
     """Make a tree by splitting nodes into two clusters of boxes, by Lloyd's relaxation [1]_, [2]_.
 
-    A box goes to the mean that it has the smaller distance to: the length of the diagonal of what holds both.
-    Means are centres of gravity, with areas as weights. Of several pairs of boxes as first means the one is
-    taken whose clusters are best by Eq. 4.1.
+    A box goes to the nearer mean; its distance is the length of the diagonal of their common bounding box.
+    Means are centres of gravity, weighted by area. Of several pairs of boxes as first means the one with the
+    best clusters by Eq. 4.1 is taken.
 
     Parameters
     ----------
@@ -30,20 +30,9 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
     tries : int, optional
         Pairs of random boxes as first means, in [1, 64].
     norm : {2, inf}, optional
-        By which the length of a diagonal is measured.
+        Norm for the length of a diagonal.
     key : int, optional
-        Of random numbers, in [0, 2**32).
-
-    Returns
-    -------
-    Tree
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, values are not finite or not in order, or another argument is out of range.
+        Key of random numbers, in [0, 2**32).
 
     References
     ----------
@@ -81,7 +70,7 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
             best = np.where(np.repeat(better, length), side, best)
         best ^= np.repeat(best[start], length)  # The first box is in the first cluster.
         count = np.add.reduceat(best, start, dtype=np.int64)
-        # Boxes that no means tell apart are halved.
+        # Boxes that no means separate are halved.
         same = (count == 0) | (count == length)
         half = np.arange(len(boxes)) - np.repeat(start, length) >= np.repeat(length - length // 2, length)
         best = np.where(np.repeat(same, length), half, best)
@@ -116,7 +105,7 @@ def _relaxed(
 
 
 def _diagonal(low: NDArray, high: NDArray, point: NDArray, norm: float) -> NDArray[np.float64]:
-    """Return lengths of diagonals of what holds boxes and points; squared, if the norm is 2."""
+    """Return diagonals of the common bounding boxes of boxes and points; squared, if the norm is 2."""
     extent = np.maximum(high, point) - np.minimum(low, point)
     return np.square(extent).sum(axis=1) if norm == 2 else extent.max(axis=1)
 
@@ -124,7 +113,7 @@ def _diagonal(low: NDArray, high: NDArray, point: NDArray, norm: float) -> NDArr
 def _mean(
     center: NDArray, weight: NDArray, part: NDArray, start: NDArray, node: NDArray, old: NDArray
 ) -> NDArray[np.float64]:
-    """Return centres of gravity of clusters; those of nothing stay. Without any area all weigh the same."""
+    """Return centres of gravity of clusters; unchanged for empty ones. Without any area all weights are 1."""
     weights = np.where(part, weight, 0)
     weights = np.where((np.add.reduceat(weights, start) == 0)[node], part, weights)
     total = np.add.reduceat(weights, start)[:, None]

@@ -1,4 +1,4 @@
-"""The nodes of a tree that rays visit, all rays at once."""
+"""The nodes of a tree that rays visit, for all rays at once."""
 
 from __future__ import annotations
 
@@ -24,34 +24,26 @@ def nodes_visited(
     *,
     time: ArrayLike | None = None,
 ) -> NDArray[np.int64]:
-    """Count the nodes, leaves included, whose boxes rays enter on their way through a tree.
+    """Count the nodes, leaves included, whose boxes rays enter during traversal.
 
     Of two children that are hit, the one whose box is entered first is visited first [1]_, [2]_; boxes behind
-    what has been hit are left out.
+    the nearest hit are skipped.
 
     Parameters
     ----------
     tree : Tree
     origin, direction : float ArrayLike, shape (..., 3)
-        Of rays; directions need no unit length.
+        Directions need not be normalized.
     distance : callable, optional
-        Tells how far away rays hit what is in leaves, in lengths of their directions, inf where they do not:
+        Returns distances of hits in leaves, in units of the directions' lengths, inf without a hit:
         from numbers of rays, of all in one row, and of leaves, int64 (m,) both, to float (m,). See
         :func:`triangle_distances`. Without it nothing is hit, and all nodes in front of the origin count.
     time : float ArrayLike, shape (...), optional
-        When the rays are, for trees of boxes that move, or that are there for some time only.
+        Times of the rays, required for trees of boxes that move or have an interval of time.
 
     Returns
     -------
     int64 ndarray, shape (...)
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or ``time`` is missing.
-    ValueError
-        If shapes do not fit, values are not finite, a direction has no length, or ``distance`` returns
-        another shape or NaN.
 
     References
     ----------
@@ -111,7 +103,7 @@ def _counted(
         top[some] += 1
         goes = np.minimum(first, second) < limit[inside]
         on, next_node = inside[goes], ahead[goes]
-        # The others take what waits for them, until it is not behind what they hit.
+        # The others pop from their stacks, until a node is not behind their hit.
         back = np.concatenate([active[leaf], inside[~goes]])
         taken, nodes = [on], [next_node]
         while len(back := back[top[back] > 0]):
@@ -127,7 +119,7 @@ def _counted(
 def _entries(
     tree: Tree, start: NDArray, inverse: NDArray, when: NDArray
 ) -> Callable[[NDArray, NDArray], NDArray[np.float64]]:
-    """Return the function that tells how far away rays enter the boxes of nodes: inf if they do not."""
+    """Return a function for the distances at which rays enter the boxes of nodes: inf without a hit."""
     span, part = between(tree.times, when)
 
     def corners(rays: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray]:
@@ -154,11 +146,11 @@ def _entries(
 
 
 def _known(found: Any, count: int) -> NDArray[np.float64]:
-    """Return what a user's function says of distances."""
-    found = known("what distance returns", found)
+    """Return the checked result of a user's ``distance``."""
+    found = known("the result of distance", found)
     if found.shape != (count,):
         raise ValueError(f"distance must return distances of shape ({count},), got {found.shape}")
-    require("what distance returns", found, lambda d: ~np.isnan(d), "no NaN")
+    require("the result of distance", found, lambda d: ~np.isnan(d), "no NaN")
     return found
 
 
@@ -171,32 +163,24 @@ def triangle_distances(
     time: ArrayLike | None = None,
     number: ArrayLike | None = None,
 ) -> Distances:
-    """Return the function that tells :func:`nodes_visited` how far away rays hit triangles.
+    """Return the function ``distance`` of :func:`nodes_visited` for triangles.
 
     Parameters
     ----------
     vertices : float ArrayLike, shape (n, 3, 3) or (k, n, 3, 3)
-        Triangle, vertex and coordinate; of triangles that move, at each of ``times``, and between on straight
-        lines.
+        Triangle, vertex and coordinate; for moving triangles, at each of ``times``, linear in between.
     origin, direction : float ArrayLike, shape (..., 3)
         Of rays.
     times : float ArrayLike, shape (k,), optional
-        For triangles that move, increasing.
+        Increasing, two or more, for moving triangles.
     time : float ArrayLike, shape (...), optional
-        When the rays are, for triangles that move.
+        Times of the rays, for moving triangles.
     number : int ArrayLike, shape (m,), optional
-        Of the triangle that is in each leaf; leaf i has triangle i by default.
+        The triangle in each leaf; leaf i has triangle i by default.
 
     Returns
     -------
     callable
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or ``time`` is missing.
-    ValueError
-        If shapes do not fit, values are not finite, times do not increase, or there is no such number.
 
     References
     ----------

@@ -1,6 +1,7 @@
-"""Ways into other programs: plain Python, tables for shaders, files.
+"""Interfaces to other programs: plain Python, tables for shaders, files.
 
-``import qmcjax`` does not import them.
+``import qmcjax`` does not import them. Arguments are checked: TypeError and ValueError name the argument,
+what it must be and what was given.
 """
 
 from qmcjax.bridges._bake import bake as bake

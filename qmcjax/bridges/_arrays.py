@@ -1,4 +1,4 @@
-"""Arrays in NumPy's files, and for everything that is none the byte where it is wrong."""
+"""Arrays in NumPy's file formats; errors name the byte."""
 
 import ast
 import io
@@ -14,7 +14,7 @@ _KEYS = {"descr", "fortran_order", "shape"}
 def parsed_npy(data: bytes) -> NDArray:
     """Return the array of a ``.npy`` file, or raise a ValueError that begins with a place.
 
-    The same as ``numpy.load``, but that nothing is unpickled, and nothing may follow the array.
+    Like ``numpy.load``, but nothing is unpickled, and nothing may follow the array.
     """
     if data[:6] != _MAGIC or data[6:7] not in (b"\x01", b"\x02", b"\x03"):
         raise ValueError(f"byte 0, must begin as a .npy file of version 1, 2 or 3, got {data[:8]!r}")
@@ -44,15 +44,15 @@ def _header(text: bytes, first: int) -> tuple[np.dtype, tuple[int, ...], bool]:
         if dtype.hasobject:
             raise ValueError("a dtype without objects")
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
-        # literal_eval and dtype raise all of these, for what is no Python and what is no dtype.
+        # literal_eval and dtype raise all of these, for invalid Python and invalid dtypes.
         raise ValueError(f"byte {first}, must be the header of an array, got {text[:60]!r}") from None
     return dtype, shape, header["fortran_order"]
 
 
 def parsed_npz(data: bytes, max_bytes: int) -> dict[str, NDArray]:
-    """Return the arrays of a ``.npz`` file, their checksums compared; see :func:`parsed_npy`.
+    """Return the arrays of a ``.npz`` file with matching checksums; see :func:`parsed_npy`.
 
-    What the directory says is checked before anything is unpacked, and no more than that is.
+    Sizes in the directory are checked before anything is unpacked, and limit what is unpacked.
     """
     arrays = {}
     place = max(data.rfind(b"PK\x05\x06"), 0)  # the directory, at the end

@@ -1,4 +1,4 @@
-"""Tables of samplers, masks, keys and orders, for programs that look points up."""
+"""Tables of samplers, masks, keys and orders, for lookup by other programs."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -16,7 +16,7 @@ from qmcjax.samplers import Ranked, as_sampler
 from qmcjax.sequences import BinarySequence
 
 MOST = 2**27
-"""Most coordinates of a table, which take 1 GiB in float64."""
+"""Maximum number of coordinates of a table, which take 1 GiB in float64."""
 
 _BITS = (8, 16, 24, 32)
 _LONGEST = 300
@@ -30,36 +30,24 @@ def bake(
     Parameters
     ----------
     sampler : Sampler
-        Or any object that is one. In base 2 the table has the exact leading bits of its points.
+        Any object with the methods of one. In base 2 the table has the exact leading bits of its points.
     tile : tuple of int
-        Columns and rows of the pixels from (0, 0) on. Readers repeat them, beyond, as they are.
+        Columns and rows of the pixels from (0, 0) on. Readers repeat the tile.
     spp : int
-        Samples of each pixel, from 0 on.
+        Samples per pixel, from 0 on.
     dims : tuple of int
         The coordinates.
     bits : {8, 16, 24, 32}
-        Of each value: unsigned integers, and of 24 bits floats. See :class:`BakedTable` for what files can
-        have.
-
-    Returns
-    -------
-    BakedTable
-
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none, or a number no integer.
-    ValueError
-        If the sampler has no such pixels, samples or coordinates; or if ``bits`` is none of these, or too few
-        for the strata of a pixel's points.
+        Bits per value: unsigned integers, or floats for 24 bits; enough for a pixel's strata. See
+        :class:`BakedTable` for the formats of files.
 
     Notes
     -----
-    Coordinates are cut off, not rounded, so that each point stays in its elementary intervals down to a side
-    of ``2**-bits``: of spp = 2**m <= 2**bits samples all of them. For more samples, points of pixels are
-    counted in elementary intervals of volume 2**-m of the first and second of the coordinates, the third and
-    fourth, ..., before and after; if fewer intervals have a point, this is an error. All points of the tile
-    together are counted, too, and what is lost is said in ``about``: a net over the tile may be finer.
+    Coordinates are truncated, not rounded, so that each point stays in its elementary intervals down to a
+    side of ``2**-bits``: in all of them if spp = 2**m <= 2**bits. For more samples, the points of pixels are
+    counted in elementary intervals of volume 2**-m of the first and second coordinate, the third and fourth,
+    ..., before and after; if fewer intervals have a point, this is an error. All points of the tile together
+    are counted, too: losses are noted in ``about``, since a net over the tile may be finer.
 
     Examples
     --------
@@ -96,7 +84,7 @@ def bake(
 
 
 def _of_tile(words: NDArray[np.uint32], bits: int) -> str:
-    """Return what is to be said of the strata of all points together."""
+    """Return a note on the strata of all points together."""
     lost = broken(words.reshape(1, -1, words.shape[-1]), bits)
     if lost is None:
         return "All points together keep their elementary intervals."
@@ -111,19 +99,12 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
     mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels)
         In [0, 1).
     bits : {8, 16, 24, 32}
-        Of each value, cut off as by :func:`bake`.
+        Bits per value, truncated as by :func:`bake`.
 
     Returns
     -------
     BakedTable
-        Of one sample, with the channels as coordinates.
-
-    Raises
-    ------
-    TypeError
-        If the mask is not of floats.
-    ValueError
-        If it has another shape or leaves [0, 1), or ``bits`` is none of these.
+        With one sample, and channels as coordinates.
 
     Examples
     --------
@@ -152,19 +133,12 @@ def bake_order(order: Any) -> BakedTable:
     Parameters
     ----------
     order : Order
-        Or any object that is one.
+        Any object with the methods of one, of at most 2**27 pixels.
 
     Returns
     -------
     BakedTable
-        Of integers, one for each pixel, in as few of 8, 16 or 32 bits as hold the order's length.
-
-    Raises
-    ------
-    TypeError
-        If ``order`` is none.
-    ValueError
-        If it has more than 2**27 pixels.
+        Integers, one per pixel, in the smallest of 8, 16 or 32 bits that hold the order's length.
 
     Examples
     --------
@@ -185,7 +159,7 @@ def bake_order(order: Any) -> BakedTable:
 
 
 def bake_matrices(sequence: Any) -> BakedTable:
-    """Make a table of generator matrices, for programs that make points of a digital sequence.
+    """Make a table of generator matrices, for programs that compute points of a digital sequence.
 
     Parameters
     ----------
@@ -195,13 +169,8 @@ def bake_matrices(sequence: Any) -> BakedTable:
     Returns
     -------
     BakedTable
-        Of 32-bit integers, for one pixel: "sample" j has the 32 columns of matrix j, the first row in bit 31.
-        Coordinate j of point i, as a 32-bit fraction, is the xor of the columns k for which bit k of i is 1.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` has no such matrices.
+        32-bit integers, for one pixel: "sample" j has the 32 columns of matrix j, with the first row in bit
+        31. Coordinate j of point i, as a 32-bit fraction, is the xor of all columns k with bit k of i set.
 
     Examples
     --------
@@ -221,29 +190,23 @@ def bake_matrices(sequence: Any) -> BakedTable:
 
 
 def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
-    """Make the tables of a sampler with ranking and scrambling keys: keys, and the points of its sequence.
+    """Make the tables of a ranked sampler: its ranking and scrambling keys, and the points of its sequence.
 
     Parameters
     ----------
     sampler : Ranked
         From :func:`qmcjax.samplers.ranked`.
     spp : int
-        Most samples of a pixel that will be asked for.
+        Maximum number of samples of a pixel, in [1, 65536].
 
     Returns
     -------
     keys : BakedTable
         16-bit integers: coordinate 0 is the ranking key of a pixel, j + 1 the scrambling key of dimension j.
     sequence : BakedTable
-        16-bit integers: the points, as samples of one pixel, a power of two that keys do not leave. In 16-bit
-        fractions, coordinate j of sample s of a pixel is ``sequence[s ^ keys[0]][j] ^ keys[j + 1]``.
-
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none from there, or ``spp`` no integer.
-    ValueError
-        If ``spp`` is not in [1, 65536].
+        16-bit integers: the points, as samples of one pixel. Their number is a power of two that keys map to
+        itself. As 16-bit fractions, coordinate j of sample s of a pixel is
+        ``sequence[s ^ keys[0]][j] ^ keys[j + 1]``.
 
     Examples
     --------
@@ -272,7 +235,7 @@ def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
 
 
 def _described(noun: Any) -> str:
-    """Return what an object is, for a file: its repr where it is one line, as those of ours are."""
+    """Return a description of an object for a file: its repr if that is one line."""
     text = repr(noun)
     return checks.shown(noun) if "\n" in text or len(text) > _LONGEST else text
 

@@ -1,4 +1,4 @@
-"""Generators of points of other libraries as sequences, and ours as engines of scipy."""
+"""Point generators of other libraries as sequences, and sequences of qmcjax as engines of scipy."""
 
 from typing import Any
 
@@ -11,34 +11,34 @@ from qmcjax.sequences import Sequence, as_sequence, tabulated
 
 
 def tabulate(generator: Any, n: int) -> Sequence:
-    """Make a sequence of points that another library's generator draws.
+    """Make a sequence of the points that another library's generator draws.
 
     Parameters
     ----------
     generator : object
-        An engine of ``scipy.stats.qmc``, which draws its next points: any object with ``random(n)``. Or a
-        discrete distribution of QMCPy [1]_, which draws its first ones: any object with ``gen_samples(n)``.
+        An engine of ``scipy.stats.qmc``, or any object with ``random(n)``, which draws the next points. Or a
+        discrete distribution of QMCPy [1]_, or any object with ``gen_samples(n)``, which draws the first
+        points.
     n : int
         Number of points.
 
     Returns
     -------
     Sequence
-        A table, of ``size`` n: these points and no more, whatever the generator could draw. Rounded down to
-        32-bit fractions.
+        A table, of ``size`` n: these points only, whatever the generator could draw. Rounded down to 32-bit
+        fractions.
 
     Raises
     ------
     TypeError
-        If the generator has no such method, ``n`` is no integer, or what is drawn is not of floats.
+        Also if the points are not floats.
     ValueError
-        If ``n`` is out of range, or what is drawn is not n points in [0, 1), such as replications, or points
-        of another distribution.
+        Also if they are not n points in [0, 1), such as replications, or points of another distribution.
 
     Notes
     -----
-    Our own construction, where there is one, has random access and compiles into programs: this is to compare
-    with, and for what is not here.
+    Prefer a sequence of qmcjax where there is one: it has random access and compiles into programs. This is
+    for comparisons, and for other constructions.
 
     References
     ----------
@@ -68,24 +68,21 @@ def tabulate(generator: Any, n: int) -> Sequence:
 
 
 class SequenceEngine(qmc.QMCEngine):
-    """A sequence as an engine of ``scipy.stats.qmc``: for code that draws points one block after the other.
+    """A sequence as an engine of ``scipy.stats.qmc``: for code that draws points block by block.
 
     Parameters
     ----------
     sequence : Sequence
-        Or any object that is one. Owen-scrambled or not: what scipy calls ``scramble`` is the sequence's own
-        matter.
+        Any object with the methods of one. Scrambling, scipy's ``scramble``, is part of the sequence.
 
     Raises
     ------
-    TypeError
-        If ``sequence`` is none.
     ValueError
-        From ``random`` or ``fast_forward``, if it has no more points.
+        From ``random`` or ``fast_forward``, if there are no more points.
 
     Notes
     -----
-    The opposite way, :func:`tabulate` makes a sequence of an engine's points.
+    The reverse, :func:`tabulate`, makes a sequence of an engine's points.
 
     Examples
     --------
@@ -114,12 +111,12 @@ class SequenceEngine(qmc.QMCEngine):
         Parameters
         ----------
         n : int
-            How many.
+            Number of points.
 
         Returns
         -------
         SequenceEngine
-            This one.
+            This object.
         """
         left = self.sequence.limit - int(self.num_generated)
         self.num_generated += checks.integer("n", n, 0, left)

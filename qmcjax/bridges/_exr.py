@@ -1,7 +1,7 @@
-"""EXR files of one image in scanlines, in and out; what is otherwise, by the package ``OpenEXR``.
+"""EXR files of one image in scanlines, in and out; other files by the package ``OpenEXR``.
 
-Of damaged chunks the package (3.3 to 3.5) prints a warning, and returns whatever was in memory. Here they are
-errors: ZIP has checksums, and our own files have one of all pixels.
+For damaged chunks the package (3.3 to 3.5) prints a warning and returns uninitialized memory. Here they are
+errors: ZIP has checksums, and our own files have one over all pixels.
 """
 
 import struct
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 _MAGIC = struct.pack("<II", 20000630, 2)
 _NAMES = {1: "Y", 3: "RGB", 4: "RGBA"}
 _LINES = {0: 1, 2: 1, 3: 16}
-"""Lines of a chunk, by compression: none, ZIPS and ZIP, which are the same but for that."""
+"""Lines per chunk, by compression: none, ZIPS and ZIP, which differ only in that."""
 
 _ZIP = 3
 DEFLATES = 1032
-"""Times that ZIP makes data smaller, at most."""
+"""Maximum compression ratio of ZIP."""
 
 _CHECKSUM = "qmcjaxCrc32"
 
@@ -80,7 +80,7 @@ def read_exr(path: Path) -> NDArray[np.float32]:
 
 
 def _header(data: bytes) -> _Header | None:
-    """Return what is needed of a header; None for a compression that is not done here."""
+    """Return the relevant fields of a header; None for a compression that is not supported here."""
     attributes, place = {}, 8
     while data[place : place + 1] != b"\0":
         parts = data[place : place + 512].split(b"\0", 2)
@@ -106,7 +106,7 @@ def _header(data: bytes) -> _Header | None:
 
 
 def _dtype(channels: bytes, width: int) -> np.dtype:
-    """Return the type of a line: channels after each other."""
+    """Return the dtype of a line: channels one after the other."""
     fields = []
     while channels != b"\0":
         name, rest = channels.split(b"\0", 1)
@@ -147,7 +147,7 @@ def _decoded(data: bytes, header: _Header) -> NDArray[np.float32]:
 def _inflated(body: bytes, size: int, place: int) -> bytes:
     try:
         flat = zlib.decompressobj().decompress(body, size + 1)
-        # All of the stream, so that its checksum was compared.
+        # Read the whole stream, so that its checksum is compared.
         if len(flat) != size or zlib.decompress(body) != flat:
             raise zlib.error(f"{len(flat)} bytes for {size}")
     except zlib.error as error:
@@ -156,7 +156,7 @@ def _inflated(body: bytes, size: int, place: int) -> bytes:
 
 
 def _predicted(raw: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return bytes with even places first, and differences plus 128 of neighbours."""
+    """Return bytes with even places first, as differences plus 128 of neighbours."""
     split = np.concatenate([raw[0::2], raw[1::2]])
     split[1:] = split[1:] - split[:-1] + np.uint8(128)
     return split
@@ -180,13 +180,13 @@ def _chosen(channels: dict[str, NDArray]) -> NDArray[np.float32]:
 
 
 def _read_by_package(path: Path) -> NDArray[np.float32]:
-    """Read other compressions, tiles, and files of several images, of which the first is taken."""
+    """Read other compressions, tiles, and the first image of files with several."""
     try:
         import OpenEXR  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ImportError(
-            f"path must be an EXR file of scanlines without compression or with ZIP, or the package OpenEXR "
-            f"there (pip install 'qmcjax[exr]'), got {path}"
+            f"path must be an EXR file of scanlines, uncompressed or ZIP, without the package OpenEXR "
+            f"(pip install 'qmcjax[exr]'), got {path}"
         ) from None
     package: Any = OpenEXR
     try:

@@ -21,28 +21,19 @@ _SHAPES = "(height, width) or (height, width, 3)"
 def write_image(
     path: str | PathLike[str], image: ArrayLike, *, transfer: str | None = None, bits: int = 8
 ) -> None:
-    """Write an image, such as :func:`qmcjax.render` makes it, to a file.
+    """Write an image, such as the result of :func:`qmcjax.render`, to a file.
 
     Parameters
     ----------
     path : path
-        Ends in ``.exr`` or ``.npy``, for all values in float32; or in ``.png``, for those in [0, 1].
+        Ends in ``.exr`` or ``.npy``, for all values in float32; or in ``.png``, for values in [0, 1].
     image : float ArrayLike, shape (height, width) or (height, width, 3)
-        Finite light, linear.
+        Finite linear light.
     transfer : {"srgb", "linear"}
-        What PNG files hold of the light, and say so: values of sRGB, which programs show as they are, or
-        the light itself. There is no default, and nothing to choose in other files.
+        Required for PNG files, which store it: sRGB values, which programs show as they are, or linear light.
+        None for other files.
     bits : {8, 16}
-        Of each channel of a PNG file. Values are rounded to the nearest, after those below 0 or above 1 were
-        made 0 or 1.
-
-    Raises
-    ------
-    TypeError
-        If the image is of no floats, or another argument of another type.
-    ValueError
-        If it has another shape or is not finite, the path has another ending, or ``transfer`` or ``bits`` is
-        none of these.
+        Per channel of a PNG file. Values are clamped to [0, 1] and rounded to nearest.
 
     Examples
     --------
@@ -72,7 +63,7 @@ def write_image(
         path.write_bytes(encoded(whole, {"Software": "qmcjax"}, transfer))
         return
     if transfer is not None:
-        raise ValueError(f"transfer must be None but for PNG files, got {checks.shown(transfer)}")
+        raise ValueError(f"transfer must be None except for PNG files, got {checks.shown(transfer)}")
     with np.errstate(over="ignore"):
         exact = known.astype(np.float32)
     if not np.isfinite(exact).all():
@@ -91,30 +82,28 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
     path : path
         Ends in ``.exr``, ``.npy`` or ``.png``.
     transfer : {"srgb", "linear"}, optional
-        What values of a PNG file are, see :func:`write_image`. Not needed if the file says so, and must not
-        contradict it.
+        Transfer of the values of a PNG file, see :func:`write_image`. Not needed if the file states it, and
+        must not contradict the file.
 
     Returns
     -------
     float32 array, shape (height, width) or (height, width, channels)
-        Light: 3 channels, or 4 with alpha; grey with alpha has 2.
+        Linear light: 3 channels, or 4 with alpha; grey with alpha has 2.
 
     Raises
     ------
-    TypeError
-        If an argument is of another type.
     ValueError
-        If the file holds something else, is damaged or is not finite: names the file and what is known of
-        the place. If a PNG file does not say what its values are, and ``transfer`` does not either.
+        If the file holds something else, is damaged or is not finite: names the file and, if known, the
+        place. If neither a PNG file nor ``transfer`` states the transfer.
     ImportError
-        For EXR files in tiles, or with another compression than ZIP, without the package ``OpenEXR``, which
-        ``pip install 'qmcjax[exr]'`` installs. It does not notice all damage.
+        For EXR files with tiles, or with a compression other than ZIP, without the package ``OpenEXR``, which
+        ``pip install 'qmcjax[exr]'`` installs. The package does not detect all damage.
     """
     path = checked_path(path)
     suffix = suffix_of(path, _KNOWN)
     transfer = None if transfer is None else checks.choice("transfer", transfer, _TRANSFERS)
     if transfer is not None and suffix != ".png":
-        raise ValueError(f"transfer must be None but for PNG files, got {transfer!r}")
+        raise ValueError(f"transfer must be None except for PNG files, got {transfer!r}")
     try:
         pixels = _light(path, suffix, transfer)
         if not np.isfinite(pixels).all():
@@ -155,7 +144,7 @@ def _decoded(png: Png, transfer: str | None) -> NDArray[np.float32]:
 
 
 def _srgb_of(light: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return sRGB's values of light in [0, 1] (IEC 61966-2-1)."""
+    """Return sRGB values of light in [0, 1] (IEC 61966-2-1)."""
     return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
 
 

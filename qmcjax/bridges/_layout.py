@@ -1,4 +1,4 @@
-"""How a table of pixels, samples and coordinates lies in the two dimensions of a texture."""
+"""The layout of a table of pixels, samples and coordinates in a texture."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Layout:
-    """Layers beside and below each other: each is the tile, with coordinates of one sample as channels."""
+    """Layers side by side and in rows: each is the tile, with coordinates of one sample as channels."""
 
     rows: int
     columns: int
@@ -18,7 +18,7 @@ class Layout:
 
     @property
     def groups(self) -> int:
-        """Layers of a sample."""
+        """Layers per sample."""
         return -(-self.coordinates // self.channels)
 
     @property
@@ -28,7 +28,7 @@ class Layout:
 
     @property
     def across(self) -> int:
-        """Layers beside each other: a power of two, for a texture that is about as high as wide."""
+        """Layers in a row: a power of two, for a texture that is about square."""
         return 1 << (self.layers - 1).bit_length() // 2
 
     @property
@@ -44,7 +44,7 @@ class Layout:
     def texels(self, values: NDArray) -> NDArray:
         """Return values, shape (rows, columns, samples, coordinates), as (height, width, channels).
 
-        What is not used is 0.
+        Unused texels are 0.
         """
         full = np.zeros((self.rows, self.columns, self.samples, self.groups * self.channels), values.dtype)
         full[..., : self.coordinates] = values

@@ -1,4 +1,4 @@
-"""Paths of files, and what their endings say."""
+"""Paths of files and their suffixes."""
 
 from collections.abc import Iterable
 from os import PathLike
@@ -16,7 +16,7 @@ def checked_path(path: Any) -> Path:
 
 
 def suffix_of(path: Path, known: Iterable[str]) -> str:
-    """Return the ending of a path in small letters, or raise a ValueError if it is not known."""
+    """Return the suffix of a path in lower case, or raise a ValueError if it is unknown."""
     suffix = path.suffix.lower()
     if suffix not in known:
         raise ValueError(f"path must end in one of {', '.join(known)}, got {checks.shown(str(path))}")

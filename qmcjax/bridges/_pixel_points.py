@@ -1,4 +1,4 @@
-"""Points of some samples of the pixels of a rectangle, as arrays of NumPy's."""
+"""Points of some samples of the pixels of a rectangle, as NumPy arrays."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +11,7 @@ from qmcjax.core.pytrees import jit
 from qmcjax.samplers import Sampler
 
 PIECE = 2**20
-"""Coordinates that are made together, about: 8 MiB in float64."""
+"""Approximate number of coordinates computed together: 8 MiB in float64."""
 
 
 @jit("width", "height", "count", "dims", "dtype")
@@ -51,7 +51,7 @@ def pixel_points(
     ----------
     sampler : Sampler
     corner, size : tuple of int
-        First column and row of the rectangle; how many there are.
+        First column and row of the rectangle; number of columns and rows.
     first, count : int
         Samples.
     dims : tuple of int
@@ -66,7 +66,7 @@ def pixel_points(
     found = np.empty((height, width, count, len(dims)), dtype)
     with checks.precision(dtype):
         for start in range(0, height, rows):
-            # The last piece begins early enough to be as large as the others: they have one program.
+            # The last piece begins early enough to be as large as the others: they share one program.
             top = min(start, height - rows)
             at = np.array([x, y + top], np.uint32)
             piece = _piece(sampler, at, np.uint32(first), width, rows, count, dims, np.dtype(dtype))

@@ -1,4 +1,4 @@
-"""Samplers as plain objects: numbers, one after the other, and arrays of NumPy's."""
+"""Samplers as plain objects: one number at a time, or NumPy arrays."""
 
 from functools import lru_cache
 from typing import Any
@@ -13,37 +13,30 @@ from qmcjax.samplers import as_sampler
 
 _TILE = 16
 _SAMPLES = 8
-"""Pixels in a row, rows, and samples of a table: at most."""
+"""Maximum number of columns, rows, and samples of a table."""
 
 _LARGEST = 2**16
-"""Coordinates of a table, about: it has fewer pixels if there are many dimensions."""
+"""Approximate number of coordinates of a table: it has fewer pixels if there are many dimensions."""
 
 _KEPT = 2**24
-"""Coordinates of the tables that are kept, 64 MiB in float32: those of a row of tiles, in most images."""
+"""Number of cached coordinates, 64 MiB in float32: the tables of a row of tiles, in most images."""
 
 
 class PlainSampler:
-    """A sampler for programs that ask for one number after the other, or for arrays, and know nothing of JAX.
+    """A sampler for programs without JAX: one number at a time, or whole arrays.
 
     Parameters
     ----------
     sampler : Sampler
-        Or any object that is one.
+        Any object with the methods of one.
     dtype : float32 or float64
-        Of the coordinates.
-
-    Raises
-    ------
-    TypeError
-        If ``sampler`` is none, or ``dtype`` no dtype.
-    ValueError
-        If ``dtype`` is another one.
+        dtype of the coordinates.
 
     Notes
     -----
-    Numbers are looked up in tables of 16 x 16 pixels and 8 samples, which are made as they are needed; the
-    latest stay, 64 MiB of them. So any order of pixels and samples has the same numbers, and those near each
-    other are fast. :meth:`start` changes the object: threads want one each.
+    Numbers are looked up in tables of 16 x 16 pixels and 8 samples, computed on demand; the latest 64 MiB are
+    cached. So any order of pixels and samples gives the same numbers, and access is fast for samples close
+    together. :meth:`start` changes the object: use one object per thread.
 
     Examples
     --------
@@ -72,7 +65,7 @@ class PlainSampler:
 
     @property
     def dims(self) -> int:
-        """Number of coordinates that can be asked for after each start."""
+        """Number of coordinates per sample."""
         return self.sampler.dims
 
     def start(self, pixel: tuple[int, int], sample: int) -> None:
@@ -83,14 +76,7 @@ class PlainSampler:
         pixel : tuple of int
             Column and row.
         sample : int
-            Its number.
-
-        Raises
-        ------
-        TypeError
-            If ``pixel`` is no pair of integers, or ``sample`` no integer.
-        ValueError
-            If the sampler has no such pixel or sample.
+            Its index.
         """
         x, y, sample = self._checked(pixel, sample)
         width, height, count = self._sides
@@ -109,7 +95,7 @@ class PlainSampler:
         Raises
         ------
         ValueError
-            If there is none: before :meth:`start`, or if the sampler has no more coordinates.
+            Before :meth:`start`, or if the sampler has no more coordinates.
         """
         return self._taken(1)[0]
 
@@ -124,7 +110,7 @@ class PlainSampler:
         Raises
         ------
         ValueError
-            If there are none: before :meth:`start`, or if the sampler has no more coordinates.
+            Before :meth:`start`, or if the sampler has fewer than two more coordinates.
         """
         u, v = self._taken(2)
         return u, v
@@ -137,21 +123,14 @@ class PlainSampler:
         width, height : int
             Of the image.
         spp : int
-            Samples of each pixel, from 0 on.
+            Samples per pixel, from 0 on.
         dims : tuple of int, optional
-            The coordinates, by default all.
+            The coordinates, all by default.
 
         Returns
         -------
         array of the sampler's ``dtype``, shape (height, width, spp, len(dims)), in [0, 1)
-            Other libraries take it over as it is by DLPack, such as ``torch.from_dlpack``.
-
-        Raises
-        ------
-        TypeError
-            If an argument is no integer.
-        ValueError
-            If the sampler has no such image, samples or coordinates.
+            Other libraries can take it by DLPack without a copy, for example by ``torch.from_dlpack``.
         """
         width, height = checks.image_size(width, height)
         spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
@@ -175,7 +154,7 @@ class PlainSampler:
         )
 
     def _made(self, *place: int) -> tuple[NDArray, int, int, int]:
-        """Return a table, and where it begins: the last ones early enough to be as large as the others."""
+        """Return a table and its start: the last ones start early enough to be as large as the others."""
         sizes = zip(place, self._sides, self._limits, strict=True)
         x, y, first = (min(k * side, limit - side) for k, side, limit in sizes)
         width, height, count = self._sides
@@ -185,7 +164,9 @@ class PlainSampler:
     def _taken(self, count: int) -> list[float]:
         end = self._next + count
         if end > len(self._point):
-            got = f"{self._next} of dims={self.dims} taken" if self._point else "none before start"
+            if not self._point:
+                raise ValueError("call start(pixel, sample) before get1d() or get2d()")
+            got = f"{self._next} of dims={self.dims} taken"
             raise ValueError(f"sampler must have {count} more coordinates, got {got}")
         taken = self._point[self._next : end]
         self._next = end

@@ -1,6 +1,6 @@
-"""PNG with 8 or 16 bits a channel, in and out, and its words about itself.
+"""PNG with 8 or 16 bits per channel, in and out, and its metadata.
 
-Pillow reads 16 bits of one channel only; for tables all bits of all channels count.
+Pillow reads 16 bits of one channel only; tables need all bits of all channels.
 """
 
 import struct
@@ -25,13 +25,13 @@ class Png:
     """uint8 or uint16 (height, width, channels)."""
 
     texts: dict[str, str]
-    """Its words, by keyword."""
+    """Text chunks, by keyword."""
 
     gamma: float | None
     """Exponent of the transfer from light to values, if the file has one."""
 
     srgb: bool
-    """Whether it says that values are sRGB's."""
+    """Whether it declares sRGB values."""
 
 
 def encoded(pixels: NDArray, texts: dict[str, str], transfer: str | None = None) -> bytes:
@@ -41,15 +41,15 @@ def encoded(pixels: NDArray, texts: dict[str, str], transfer: str | None = None)
     ----------
     pixels : uint8 or uint16 array, shape (height, width, channels)
     texts : dict
-        Latin words by keyword.
+        Latin-1 text by keyword.
     transfer : {"srgb", "linear"}, optional
-        What the file says of its values.
+        The transfer that the file declares.
     """
     height, width, channels = pixels.shape
     kind = {n: k for k, n in _CHANNELS.items()}[channels]
     head = struct.pack(">IIBBBBB", width, height, 8 * pixels.itemsize, kind, 0, 0, 0)
     rows = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)
-    # No filter: neighbours in tables of points have nothing in common.
+    # No filter: neighbouring points in tables are unrelated.
     lines = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1).tobytes()
     says = {
         None: [],
@@ -67,7 +67,7 @@ def encoded(pixels: NDArray, texts: dict[str, str], transfer: str | None = None)
 
 
 def decoded(data: bytes) -> Png:
-    """Return what is in a PNG file, or raise a ValueError that begins with the byte where it is wrong."""
+    """Decode a PNG file, or raise a ValueError that begins with the invalid byte."""
     if not data.startswith(_SIGNATURE):
         raise ValueError(f"byte 0, must be a PNG file, got {data[:8]!r}")
     name, body, place = _chunk(data, len(_SIGNATURE))
@@ -109,7 +109,7 @@ def decoded(data: bytes) -> Png:
 
 
 def _chunk(data: bytes, at: int) -> tuple[bytes, bytes, int]:
-    """Return the name and body of a chunk, and where the next one begins."""
+    """Return the name and body of a chunk, and the start of the next one."""
     size = int.from_bytes(data[at : at + 4], "big")
     end = at + 12 + size
     if end > len(data):
@@ -133,9 +133,9 @@ def _head(name: bytes, body: bytes, at: int) -> tuple[int, int, int, int]:
 
 
 def _unfiltered(filters: NDArray[np.uint8], differences: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Undo the filters of rows: each byte had a prediction subtracted, made of those left and above.
+    """Undo the filters of rows: each byte had a prediction from the left and upper bytes subtracted.
 
-    A byte waits for its neighbours left, above, and left above; those on a diagonal are done at once.
+    A byte depends on those left, above, and left above; the bytes of a diagonal are computed at once.
     """
     height, width, size = differences.shape
     if not filters.any():

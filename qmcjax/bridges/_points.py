@@ -28,40 +28,36 @@ def read_points(
     Parameters
     ----------
     path : path
-        ``.npy`` or ``.npz``: arrays of NumPy's. ``.bin``: UTK's binary files [1]_, for each point set its
-        number of points as uint32 and the coordinates as float64, least byte first. Anything else: text with
-        one point a line, its coordinates separated by commas or else by blanks, as in ``.csv`` and in UTK's
-        ``.dat`` files. Lines that begin with ``#`` separate point sets. A byte order mark of UTF-8 or UTF-16
-        is read as such.
+        ``.npy`` or ``.npz``: NumPy arrays. ``.bin``: UTK's binary files [1]_, for each point set its number
+        of points as uint32 and the coordinates as float64, little-endian. Anything else: text with one point
+        per line, coordinates separated by commas or blanks, as in ``.csv`` and UTK's ``.dat`` files. Lines
+        that begin with ``#`` separate point sets. A byte order mark of UTF-8 or UTF-16 is honoured.
     which : int or str
-        The number of the point set in the file, from 0 on; or the name of an array in a ``.npz`` file.
+        The index of the point set in the file, from 0 on; or the name of an array in a ``.npz`` file.
     header : bool, optional
-        Whether the first line of a text, after comments, is a heading. Not needed but where it could be
-        either: if it holds nothing but different integers.
+        Whether the first line of a text, after comments, is a heading. Only needed if it is ambiguous: if it
+        holds only distinct integers.
     dims : int, optional
-        The number of coordinates, which is not in ``.bin`` files; others must have as many, if it is given.
+        The number of coordinates. Required for ``.bin`` files, which do not store it; checked for others.
     max_bytes : int
-        Largest size of the file, and of all arrays in an archive: nothing larger is read or unpacked.
+        Maximum size of the file, and of all arrays in an archive: nothing larger is read or unpacked.
 
     Returns
     -------
     float64 array, shape (n, dims)
-        Finite. Their range is not checked. Text has the decimals that were printed; that moves a discrepancy
+        Finite. The range is not checked. Text has the printed decimals; rounding them changes a discrepancy
         by as much.
 
     Raises
     ------
-    TypeError
-        If an argument is of another type.
     ValueError
-        If the file holds something else or too much, or there is no such point set: names file and place, in
-        text line and column, else the byte.
+        If the file is too large, damaged, of another kind, or has no such point set: names the file and the
+        place, in text line and column, else the byte.
 
     Notes
     -----
-    Archives have checksums, and text that :func:`write_points` wrote to ``.dat`` or ``.txt`` files has one
-    too, in a comment: as long as it is there, nothing that was changed goes unnoticed. In the other formats
-    a digit that became another one makes another point.
+    Archives have checksums, and so has text that :func:`write_points` wrote to ``.dat`` or ``.txt`` files, in
+    a comment: with it every change is detected. In the other formats a changed digit gives another point.
 
     References
     ----------
@@ -95,7 +91,7 @@ def read_points(
 
 
 def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> dict[str | int, NDArray]:
-    """Return what is in a file, by name in archives, else by number."""
+    """Return the contents of a file, by name in archives, else by number."""
     data, suffix = path.read_bytes(), path.suffix.lower()
     if suffix == ".npz":
         return {name: array for name, array in parsed_npz(data, max_bytes).items()}
@@ -111,7 +107,7 @@ def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> 
 
 
 def _place(which: str | int, places: list[str | int], path: Path) -> str | int:
-    """Return where a point set is, or raise an error that names the argument."""
+    """Return the key of a point set, or raise an error that names the argument."""
     if isinstance(which, str):
         if which not in places:
             raise ValueError(f"which must be one of {places} or a number, got {which!r}")
@@ -155,16 +151,10 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     ----------
     path : path
         Ends in ``.npy``; ``.npz``, for the array ``points``; ``.csv``, without a heading; ``.dat`` or
-        ``.txt``, for text of UTK's whose first line is a comment with a checksum; or ``.bin``, for UTK's.
+        ``.txt``, for UTK's text with a checksum in a comment on the first line; or ``.bin``, for UTK's
+        format.
     points : float ArrayLike, shape (n, dims)
-        Finite. Float32 stays float32 in NumPy's files; elsewhere it becomes the same numbers in float64.
-
-    Raises
-    ------
-    TypeError
-        If ``path`` is none, or the points are no floats.
-    ValueError
-        If the points have another shape or are not finite, or the path another ending.
+        Finite. NumPy files keep float32; other files store the same numbers in float64.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Programs of a few lines that read tables: GLSL for textures, C++ for raw files, C for headers."""
+"""Short programs that read tables: GLSL for textures, C++ for raw files, C for headers."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,13 @@ from qmcjax.bridges._layout import Layout
 
 @dataclass(frozen=True)
 class Coding:
-    """What stored values mean."""
+    """The meaning of stored values."""
 
     bits: int
-    """8, 16 or 32 of an unsigned integer; 24 of a float."""
+    """8, 16 or 32 for an unsigned integer; 24 for a float."""
 
     fractions: bool
-    """Whether they are coordinates, or numbers as they are."""
+    """Whether values are coordinates, or plain numbers."""
 
     @property
     def c_type(self) -> str:
@@ -21,7 +21,7 @@ class Coding:
         return "float" if self.bits == 24 else f"uint{self.bits}_t"
 
     def point(self, value: str) -> str:
-        """Return the expression in C for the coordinate that a value stands for, in float, exact."""
+        """Return the C expression for the coordinate of a value, in float, exact."""
         if self.bits == 24:
             return value
         if self.bits == 32:

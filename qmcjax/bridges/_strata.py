@@ -1,4 +1,4 @@
-"""What fewer bits do to stratification, by counting points in elementary intervals."""
+"""The effect of fewer bits on stratification, by counting points in elementary intervals."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 
 class Broken(NamedTuple):
-    """Boxes of one shape that fewer points are in as stored than before."""
+    """Boxes of one shape, fewer of which contain a point after truncation."""
 
     log_width: int
     log_height: int
@@ -16,7 +16,7 @@ class Broken(NamedTuple):
 
     before: int
     stored: int
-    """How many boxes have a point, of all sets together."""
+    """Number of boxes with a point, over all sets."""
 
     def __str__(self) -> str:
         size = f"{_length(self.log_width)} x {_length(self.log_height)}"
@@ -28,15 +28,15 @@ def _length(log: int) -> str:
 
 
 def broken(words: NDArray[np.uint32], bits: int) -> Broken | None:
-    """Return the boxes that break most if only the leading bits of coordinates are kept.
+    """Return the boxes that lose most if only the leading bits of coordinates are kept.
 
     Parameters
     ----------
     words : uint32 array, shape (sets, n, dims)
-        32-bit fractions. Counted are boxes of volume 2**-m, where 2**m is the largest power of two up to n,
-        of the coordinates 0 and 1, 2 and 3, ...; intervals of single ones are the most slender boxes.
+        32-bit fractions. Boxes have volume 2**-m, where 2**m is the largest power of two up to n, in the
+        coordinates 0 and 1, 2 and 3, ...; intervals of single coordinates are the most slender boxes.
     bits : int
-        How many are kept.
+        Number of bits that are kept.
 
     Returns
     -------
@@ -44,8 +44,8 @@ def broken(words: NDArray[np.uint32], bits: int) -> Broken | None:
 
     Notes
     -----
-    A side of 2**-k is told by the first k digits. So no box with k <= ``bits`` on both sides gains or loses a
-    point, and only the others need to be counted.
+    The first k digits determine the position on a grid of side 2**-k. So no box with k <= ``bits`` on both
+    sides gains or loses a point, and only the others need to be counted.
     """
     found = [Broken(*shape, *_counts(words, pair, shape, bits)) for pair, shape in _finer(words.shape, bits)]
     lost = [each for each in found if each.stored < each.before]
@@ -53,7 +53,7 @@ def broken(words: NDArray[np.uint32], bits: int) -> Broken | None:
 
 
 def _finer(shape: tuple[int, ...], bits: int) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
-    """Run through pairs of coordinates and shapes of boxes with a side finer than 2**-bits."""
+    """Yield pairs of coordinates and shapes of boxes with a side finer than 2**-bits."""
     m = shape[1].bit_length() - 1
     for j in range(0, shape[2], 2):
         for a in range(m + 1):
@@ -65,7 +65,7 @@ def _finer(shape: tuple[int, ...], bits: int) -> Iterator[tuple[tuple[int, int],
 def _counts(
     words: NDArray[np.uint32], pair: tuple[int, int], shape: tuple[int, int], bits: int
 ) -> tuple[int, int]:
-    """Return how many boxes have a point before and after all but the leading bits are cut off."""
+    """Return the number of boxes with a point before and after truncation to the leading bits."""
     wide = words[..., pair].astype(np.uint64)
     kept = wide >> np.uint64(32 - bits) << np.uint64(32 - bits)
     return _occupied(wide, shape), _occupied(kept, shape)

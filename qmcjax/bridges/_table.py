@@ -1,4 +1,4 @@
-"""Baked tables: what is stored of points or integers, and the files for textures and programs."""
+"""Baked tables: values, their meaning, and files for textures and programs."""
 
 import re
 from dataclasses import dataclass, field
@@ -16,31 +16,31 @@ from qmcjax.bridges._sources import Coding, c_header, cpp, glsl
 from qmcjax.core import checks
 
 _DEPTHS = {".png": (8, 16), ".rg16": (16,), ".rgba32f": (24,), ".exr": (24,)}
-"""Bits that files other than ``.npz`` and ``.h`` can have."""
+"""Bits that files other than ``.npz`` and ``.h`` support."""
 
 
 @dataclass(frozen=True, eq=False)
 class BakedTable:
-    """What :func:`bake` and its kin make, for textures, headers and arrays."""
+    """The result of :func:`bake` and related functions, for textures, headers and arrays."""
 
     values: NDArray = field(repr=False)
-    """uint8, uint16, uint32 or (of 24 bits) float32, shape (rows, columns, samples, coordinates)."""
+    """uint8, uint16, uint32 or (for 24 bits) float32, shape (rows, columns, samples, coordinates)."""
 
     bits: int
-    """8, 16 or 32 of unsigned integers; 24 of floats, exactly."""
+    """8, 16 or 32 for unsigned integers; 24 for floats, exactly."""
 
     fractions: bool
-    """Whether values are coordinates, or integers as they are."""
+    """Whether values are coordinates, or plain integers."""
 
     about: tuple[str, ...]
-    """What is in the table, line by line."""
+    """A description of the table, line by line."""
 
     @property
     def points(self) -> NDArray:
-        """The coordinates that readers make of the values: float32, and of 32 bits float64, exact.
+        """The coordinates that readers compute from the values: float32, and for 32 bits float64, exact.
 
-        Of 8 and 16 bits they are the centres of the intervals that values tell, ``(value + 1/2) / 2**bits``,
-        so that means are right; of 24 and 32 the lower bounds, the sampler's own numbers.
+        For 8 and 16 bits they are the centres of the intervals of values, ``(value + 1/2) / 2**bits``, so
+        that means are right; for 24 and 32 bits the lower bounds, the sampler's own numbers.
         """
         if not self.fractions:
             raise ValueError("table must be of coordinates to have points, got one of integers")
@@ -52,7 +52,7 @@ class BakedTable:
 
     @property
     def readme(self) -> str:
-        """What is in the table, as files say it."""
+        """The description that is written to files."""
         rows, columns, samples, coordinates = self.values.shape
         meaning = {
             8: "(value + 1/2) / 2**8",
@@ -73,22 +73,15 @@ class BakedTable:
         Parameters
         ----------
         language : {"glsl", "cpp"}
-            Functions in GLSL from 1.30 on, or ES 3.0, for a texture made of a ``.png``, ``.exr`` or raw file;
-            or a class in C++11 for a raw file. A ``.h`` file has its own.
+            Functions in GLSL from 1.30 on, or ES 3.0, for a texture made of a ``.png``, ``.exr`` or raw file
+            of at most 24 bits; or a class in C++11 for a raw file of 16 or 24 bits. A ``.h`` file includes
+            its reader.
         name : str
-            That functions in GLSL begin with, or that of the class.
+            Prefix of the functions in GLSL, or name of the class; an identifier of C.
 
         Returns
         -------
         str
-
-        Raises
-        ------
-        TypeError
-            If an argument is no string.
-        ValueError
-            If the language is neither, or ``name`` no name, or values have 32 bits, or 8 in C++: there are no
-            such textures or raw files.
         """
         language = checks.choice("language", language, ("glsl", "cpp"))
         depths = (8, 16, 24) if language == "glsl" else (16, 24)
@@ -102,23 +95,17 @@ class BakedTable:
         return (glsl if language == "glsl" else cpp)(layout, Coding(self.bits, self.fractions), name)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write a file, and in it what it is.
+        """Write a file that includes a description of the table.
 
         Parameters
         ----------
         path : path
             Ends in ``.npz``, for the arrays ``values``, ``bits`` and ``readme``; ``.h``, for a header in C99
-            and C++ with functions to read it, named as the file; ``.png``, of 8 or 16 bits, two coordinates
-            as red and green (a single one as grey); ``.rg16``, the same as raw uint16; ``.exr`` or raw
-            ``.rgba32f``, of 24 bits in float32, four coordinates as red, green, blue and alpha. Raw files
-            have no room for words: these go to a second file, with ``.txt`` after its name.
-
-        Raises
-        ------
-        TypeError
-            If ``path`` is none.
-        ValueError
-            If it has another ending, or values do not have its bits.
+            and C++ with functions to read it, named like the file; ``.png``, for 8 or 16 bits, two
+            coordinates as red and green (a single one as grey); ``.rg16``, the same as raw uint16; ``.exr``
+            or raw ``.rgba32f``, for 24 bits in float32, four coordinates as red, green, blue and alpha. Raw
+            files have no room for text: the description goes to a second file with ``.txt`` appended to the
+            name.
         """
         path = checked_path(path)
         suffix = suffix_of(path, (*_DEPTHS, ".npz", ".h"))
@@ -153,7 +140,7 @@ class BakedTable:
     def _header(self, stem: str) -> str:
         name = re.sub(r"\W", "_", stem, flags=re.ASCII)
         name = f"table_{name}" if not name or name[0].isdigit() else name
-        # A line that ended in a backslash would take the next one into the comment.
+        # A line that ended in a backslash would continue the comment on the next line.
         comment = "\n".join(f"// {line}".replace("\\", "/") for line in self.readme.splitlines())
         ends = {8: "", 16: "", 24: "f", 32: "u"}[self.bits]
         numbers = [f"{number}{ends}" for number in self.values.ravel().tolist()]
@@ -164,7 +151,7 @@ class BakedTable:
 
 
 def _arrangement(layout: Layout) -> str:
-    """Return where texels are."""
+    """Return the description of texels."""
     names = "red, green, blue, alpha".split(", ")[: min(layout.channels, max(layout.coordinates, 2))]
     return (
         f"Texels: {layout.width} x {layout.height}, from the top. Sample s of pixel (x, y) has value j in "

@@ -1,4 +1,4 @@
-"""Points in text: one a line, and for everything that is not a point its line and column."""
+"""Points in text, one per line; errors name line and column."""
 
 import codecs
 import re
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-"""What C and Python print; float() also takes "nan", "1_0" and the digits of all scripts."""
+"""The format of C and Python; float() also accepts "nan", "1_0" and the digits of all scripts."""
 
 _SEAL = re.compile(r"# ([0-9]+) points, ([0-9]+) coordinates, crc32 ([0-9a-f]{8})")
 _SEALED = re.compile(r"# [0-9]+ points,|.*, crc32 ")
@@ -24,17 +24,17 @@ _MARKS = (
 
 @dataclass
 class PointSet:
-    """Some points, and what a comment before them says of them."""
+    """Points, and the checksum in the comment before them."""
 
     lines: list[int] = field(default_factory=list)
-    """Where each point is, from 1 on."""
+    """The line of each point, from 1 on."""
 
     points: list[list[float]] = field(default_factory=list)
     sealed: tuple[int, tuple[int, int, str]] | None = None
     """The line of the comment; numbers of points and coordinates, and the checksum."""
 
     def array(self) -> NDArray[np.float64]:
-        """Return the points, or raise if they are not those of the comment."""
+        """Return the points, or raise if they do not match the comment."""
         points = np.array(self.points)
         if self.sealed is not None and (*points.shape, checksum(points)) != self.sealed[1]:
             count, dims, crc = self.sealed[1]
@@ -52,14 +52,14 @@ def checksum(points: NDArray[np.float64]) -> str:
 
 
 def text_of(points: NDArray[np.float64], separator: str, sealed: bool) -> str:
-    """Return points as text, in as many decimals as it takes to read the same floats again."""
+    """Return points as text, with enough decimals to read back the same floats."""
     n, dims = points.shape
     head = [f"# {n} points, {dims} coordinates, crc32 {checksum(points)}"] if sealed else []
     return "\n".join([*head, *(separator.join(map(repr, point)) for point in points.tolist()), ""])
 
 
 def point_sets(data: bytes, header: bool | None) -> list[PointSet]:
-    """Return the point sets of a file; what is wrong raises a ValueError that begins with its place."""
+    """Return the point sets of a file; a ValueError begins with the invalid place."""
     sets = [PointSet()]
     first = True
     for number, line in enumerate(_decoded(data).split("\n"), start=1):
@@ -96,7 +96,7 @@ def _decoded(data: bytes) -> str:
 
 
 def _words(line: str) -> list[tuple[int, str]]:
-    """Return the words of a line with their columns, from 1 on: between commas if it has one."""
+    """Return the words of a line with their columns, from 1 on, split at commas if there are any."""
     if "," not in line:
         return [(match.start() + 1, match[0]) for match in _WORD.finditer(line)]
     words, column = [], 1
@@ -107,13 +107,13 @@ def _words(line: str) -> list[tuple[int, str]]:
 
 
 def _is_heading(number: int, line: str, words: list[tuple[int, str]], header: bool | None) -> bool:
-    """Tell whether the first line is a heading, or raise if it may be one and may be a point."""
+    """Whether the first line is a heading; raise if it may be a heading or a point."""
     if header is not None:
         return header
     if not any(_NUMBER.fullmatch(word) for _, word in words):
         return True
     if len({word for _, word in words}) == len(words) and all(word.isdecimal() for _, word in words):
-        # Names that pandas gives to columns, a number of points; or a point, as C++ prints zeros and ones.
+        # Column names of pandas, or a number of points; or a point, as C++ prints zeros and ones.
         raise ValueError(
             f"line {number}, column 1, may be a heading or a point: header=True or header=False must say "
             f"which, got {line.strip()!r}"

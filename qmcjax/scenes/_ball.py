@@ -19,16 +19,16 @@ from qmcjax.scenes._constancy import disc_sides
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Ball(ExactScene):
-    """A disc, 1 inside, which moves evenly along one straight line after the other and may jump between."""
+    """A disc, 1 inside, that moves at constant speed along straight lines and may jump between them."""
 
     starts: Any
-    """Where the centre is at the beginning of each line, shape (lines, 2)."""
+    """Position of the centre at the start of each line, shape (lines, 2)."""
 
     ends: Any
-    """Where it arrives, shape (lines, 2); None does not move along the lines."""
+    """Position at the end, shape (lines, 2); None for no motion along the lines."""
 
     times: Any
-    """When each line but the first begins, shape (lines - 1,)."""
+    """Start times of all lines but the first, shape (lines - 1,)."""
 
     radius: Any
 
@@ -51,12 +51,12 @@ class Ball(ExactScene):
         return (x * x + y * y < scene.radius * scene.radius).astype(point.dtype)
 
     def _interval(self, line: int) -> tuple[Any, Any]:
-        """Return when a line begins and ends."""
+        """Return the start and end time of a line."""
         last = line == self.times.shape[0]
         return (self.times[line - 1] if line else 0.0), (1.0 if last else self.times[line])
 
     def _centre(self, line: int, time: Array) -> tuple[Any, Any]:
-        """Return where the centre is on a line."""
+        """Return the position of the centre on a line."""
         start = self.starts[line]
         if self.ends is None:
             return start[0], start[1]
@@ -81,7 +81,6 @@ class Ball(ExactScene):
         return image, bound
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
         scene = cast(self, low.dtype)
         if len(self.needs) == 2:
             outside, inside = disc_sides(low, high, scene._centre(0, low[..., 0]), scene.radius)
@@ -111,9 +110,9 @@ class Ball(ExactScene):
 
 
 def _beside(low: Array, high: Array, a: tuple[Array, Array], b: tuple[Array, Array], radius: Array) -> Array:
-    """Tell which boxes a disc certainly does not touch while its centre moves from ``a`` to ``b``.
+    """Return which boxes a disc certainly does not touch while its centre moves from ``a`` to ``b``.
 
-    A box is replaced by the disc around it.
+    A box is replaced by its circumscribed disc.
     """
     mx, my = 0.5 * (low[..., 0] + high[..., 0]) - a[0], 0.5 * (low[..., 1] + high[..., 1]) - a[1]
     wx, wy = b[0] - a[0], b[1] - a[1]
@@ -132,28 +131,19 @@ def ball(
     times: Any = (0.5,),
     radius: Any = 0.15,
 ) -> Ball:
-    """Return a disc whose centre moves evenly along one straight line after the other, with jumps between.
+    """Return a disc that moves at constant speed along straight lines, with jumps between them.
 
     Parameters
     ----------
     starts : float array, shape (lines, 2)
-        Where the centre is at the beginning of each line.
+        Position of the centre at the start of each line; 1 to 64 lines.
     ends : float array, shape (lines, 2), or None
-        Where it arrives at the end of each line. None does not move in between: with a single line the
-        scene then does not need time.
+        Position at the end of each line. None for no motion in between: with a single line the scene then
+        does not need time.
     times : float array, shape (lines - 1,)
-        When each line but the first begins, between 0 and 1 and increasing.
+        Start times of all lines but the first, increasing between 0 and 1.
     radius : float
         Positive.
-
-    Returns
-    -------
-    Ball
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
 
     Examples
     --------

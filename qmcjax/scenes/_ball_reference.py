@@ -1,8 +1,8 @@
 """Exact pixel means of a disc that moves along a straight line, in NumPy and float64.
 
-At any time the mean is the area of the disc within the pixel. Over time this is analytic but where the
+At any time the mean is the area of the disc within the pixel. Over time it is analytic except where the
 circle passes a corner of the pixel or touches one of its edges; there it grows like the power 3/2 of the time
-since. Between these times ``s**2 (3 - 2 s)`` in place of the time takes the powers away, and Gauss-Legendre
+since. Between these times the substitution ``s**2 (3 - 2 s)`` removes these powers, and Gauss-Legendre
 quadrature converges fast.
 """
 
@@ -16,13 +16,13 @@ Floats = NDArray[np.float64]
 
 _NODES = 32
 _CHUNK = 2**12
-"""How many pixels are integrated at a time: what fits into the cache."""
+"""Number of pixels that are integrated at a time: fits the cache."""
 
 
 def swept_means(
     start: Floats, way: Floats, radius: float, width: int, height: int, nodes: int = _NODES
 ) -> tuple[Floats, float]:
-    """Return the means over time and pixels of a disc whose centre goes from ``start`` along ``way``."""
+    """Return the means over time and pixels of a disc whose centre moves from ``start`` by ``way``."""
     size = 1 + float(abs(start).max() + abs(way).max()) + radius
     bound = 5e-13 + 8 * EPS * size * max(width, height)
     x, y = np.arange(width + 1) / width, np.arange(height + 1) / height
@@ -77,7 +77,7 @@ def _kinks(start: Floats, way: Floats, radius: float, box: tuple[Floats, ...]) -
 def _sides(
     start: Floats, way: Floats, radius: float, x: Floats, y: Floats
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Tell which pixels the disc never touches, as far as circles around them say, or always covers."""
+    """Return pixels that the disc certainly never touches or always covers, by circles around them."""
     inside = np.ones((len(y) - 1, len(x) - 1), bool)
     for end in (start, start + way):
         dx, dy = abs(x - end[0]), abs(y - end[1])

@@ -1,4 +1,4 @@
-"""What a scene is: a function on the unit cube, with names for its dimensions."""
+"""Scenes: functions on the unit cube with named dimensions."""
 
 import abc
 import inspect
@@ -21,21 +21,22 @@ EPS = float(np.finfo(float).eps)
 
 
 class Scene(Protocol):
-    """A pure function from a point to a value; any object with these three is a scene.
+    """A pure function from a point to a value. Any object with ``needs`` and a call is a scene.
 
     Dimensions 0 and 1 are the position on the screen: x to the right, y downward, so that pixel
     ``(x, y)`` covers ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
 
-    A scene may have four more attributes:
+    A scene may have more attributes, ``reference`` and:
 
     - ``varies(low, high)``, from opposite corners of boxes of points, shape (..., len(needs)), to a bool
-      Array of that shape: False in place j says for certain that within the box the value does not depend
-      on coordinate j. All False: it is constant.
-    - ``boundary(u)``, the edges where the value jumps, for :func:`qmcjax.boundary_gradient`, which says how.
-    - ``unrolled``, an int: at most so many samples are evaluated by one program together. It is 1 for scenes
-      whose program is long.
+      Array of that shape: False in place j guarantees that within the box the value does not depend on
+      coordinate j. All False: it is constant.
+    - ``boundary(u)``, the edges where the value jumps; see :func:`qmcjax.boundary_gradient`.
+    - ``unrolled``, an int: the maximum number of samples evaluated together in one program. It is 1 for
+      scenes with a long program.
     - ``reference_gradient(width, height)``, the exact derivatives of the pixel means with respect to the
-      parameters, as that function returns them but in float64, and a bound on their errors.
+      parameters, in the form that :func:`qmcjax.boundary_gradient` returns but in float64, and a bound on
+      their errors.
     """
 
     needs: ClassVar[tuple[str, ...]]
@@ -74,7 +75,7 @@ def _takes_points(method: Callable[..., Any], names: tuple[str, ...]) -> Callabl
 
 
 class ExactScene(abc.ABC):
-    """A scene of this package: its pixel means are known."""
+    """A scene of this package, with known pixel means; see `Scene` for its attributes."""
 
     def __init_subclass__(cls) -> None:
         for name, points in {"__call__": ("point",), "varies": ("low", "high"), "boundary": ("u",)}.items():
@@ -93,13 +94,8 @@ class ExactScene(abc.ABC):
         -------
         image : float64 ndarray, shape (height, width)
         bound : float
-            No pixel is off by more, nearly all of it rounding: mostly below 2e-12 at 512 x 512, in proportion
-            to the resolution.
-
-        Raises
-        ------
-        ValueError
-            If the resolution is out of range.
+            On the absolute error of every pixel. It is nearly all rounding: mostly below 2e-12 at 512 x 512,
+            in proportion to the resolution.
         """
         width, height = checks.image_size(width, height)
         return self._pixel_means(width, height)
@@ -121,15 +117,15 @@ def cast(scene: Any, dtype: DTypeLike) -> Any:
 
 
 def in_float64(scene: Any) -> Any:
-    """Return the scene with all parameters as float64 NumPy arrays, as references want them."""
+    """Return the scene with all parameters as float64 NumPy arrays, for references."""
     return jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), scene)
 
 
 def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
-    """Return the scene with all parameters in ``dtype``, none of which JAX can differentiate.
+    """Return the scene with all parameters in ``dtype``, guarded against differentiation.
 
-    A parameter that moves an edge changes the value nowhere but on the edge: its plain derivative is 0
-    almost everywhere, and wrong.
+    A parameter that moves an edge changes the value only on the edge: its plain derivative is 0 almost
+    everywhere, and wrong.
     """
     leaves, tree = jax.tree_util.tree_flatten_with_path(scene)
     name = type(scene).__name__

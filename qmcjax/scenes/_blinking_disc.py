@@ -1,4 +1,4 @@
-"""A disc that is there for a part of the time."""
+"""A disc that is visible for a part of the time."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -19,7 +19,7 @@ from qmcjax.scenes._constancy import disc_sides
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class BlinkingDisc(ExactScene):
-    """A disc, 1 inside, which is there for ``on[0] <= time < on[1]``."""
+    """A disc, 1 inside, visible for ``on[0] <= time < on[1]``."""
 
     centre: Any
     """Shape (2,)."""
@@ -27,11 +27,11 @@ class BlinkingDisc(ExactScene):
     radius: Any
 
     on: Any
-    """When it appears and when it goes, shape (2,); None is there always and does not need time."""
+    """When it appears and disappears, shape (2,); None is always visible and does not need time."""
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension; time only if the disc comes or goes."""
+        """The name of each dimension; time only if the disc appears or disappears."""
         return ("x", "y") if self.on is None else ("x", "y", "time")
 
     def __call__(self, point: Array) -> Array:
@@ -45,7 +45,7 @@ class BlinkingDisc(ExactScene):
         return inside.astype(point.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a share of the time, times one of the pixel."""
+        """Return the exact mean over each pixel: a part of the time, times a part of the pixel."""
         scene = in_float64(self)
         x, y = np.arange(width + 1) / width, (np.arange(height + 1) / height)[:, None]
         areas = disc_in_boxes(scene.centre[0], scene.centre[1], scene.radius, x[:-1], x[1:], y[:-1], y[1:])
@@ -54,7 +54,6 @@ class BlinkingDisc(ExactScene):
         return share * (width * height) * areas, 8 * EPS * size * max(width, height)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
         scene = cast(self, low.dtype)
         outside, inside = disc_sides(low, high, scene.centre, scene.radius)
         if scene.on is None:
@@ -68,7 +67,7 @@ class BlinkingDisc(ExactScene):
 
 
 def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25, 0.75)) -> BlinkingDisc:
-    """Return a disc that is there for a part of the time that the shutter is open.
+    """Return a disc that is visible for a part of the time that the shutter is open.
 
     Parameters
     ----------
@@ -76,17 +75,8 @@ def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25,
     radius : float
         Positive.
     on : float array, shape (2,), or None
-        When the disc appears and when it goes, ``0 <= on[0] < on[1] <= 1``. None is there always: the
-        scene then does not need time.
-
-    Returns
-    -------
-    BlinkingDisc
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
+        When the disc appears and disappears, ``0 <= on[0] < on[1] <= 1``. None is always visible: the scene
+        then does not need time.
 
     Examples
     --------

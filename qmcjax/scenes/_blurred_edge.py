@@ -1,4 +1,4 @@
-r"""Exact pixel means of a half plane whose edge is smeared, in NumPy and float64.
+r"""Exact pixel means of a blurred half plane, in NumPy and float64.
 
 With the unit vector ``n`` across the edge and a random displacement ``B``, the mean over a pixel is
 the probability of ``n . p + B < offset`` for ``p`` uniform in the pixel. So it is
@@ -7,7 +7,7 @@ the probability of ``n . p + B < offset`` for ``p`` uniform in the pixel. So it 
 
 where ``d`` is the offset from the pixel's centre, ``f`` the density of ``n . p`` about the centre, a
 trapezoid, and ``C`` the distribution function of ``B``. On each piece between their kinks the integrand is
-polynomial or analytic, and Gauss-Legendre quadrature exact. Everything that is added is positive.
+polynomial or analytic, and Gauss-Legendre quadrature exact. All terms are positive.
 """
 
 import math
@@ -81,11 +81,11 @@ def _image(
     scale: float,
     spread: float,
 ) -> tuple[Floats, float]:
-    """Return the means of the pixels that the smeared edge meets, and 0 and 1 elsewhere; and a bound.
+    """Return the means of the pixels that the blurred edge meets, and 0 and 1 elsewhere; and a bound.
 
-    Distances are taken from the centre of the image, so that nothing is lost where ``scale`` is small. They
-    are off by a few units of what they are made of, and means by that times the largest density of
-    ``n . p + B``: 1 over the width of a pixel, or over ``spread``, that of ``B``.
+    Distances are measured from the centre of the image, so that nothing is lost for small ``scale``. Their
+    error is a few units of rounding, and that of means is the same times the largest density of ``n . p +
+    B``: 1 over the width of a pixel, or over ``spread``, that of ``B``.
     """
     normal = math.cos(angle), math.sin(angle)
     sides = scale * abs(normal[0]) / width, scale * abs(normal[1]) / height

@@ -1,4 +1,4 @@
-"""The checkerboard of a ground plane that runs to the horizon."""
+"""A checkerboard on a ground plane that extends to the horizon."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -18,20 +18,19 @@ from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Checkerboard(ExactScene):
-    """A checkerboard seen in perspective up to the horizon, which is the upper edge of the image.
+    """A checkerboard in perspective up to the horizon, the upper edge of the image.
 
     At depth ``Z = squares / y`` and lateral position ``X = (x - 1/2) Z`` the value is 1 where
-    ``floor(X) + floor(Z)`` is even and 0 elsewhere. Where the squares are finer than floating point
-    numbers can tell apart, ``Z >= 1 / (2 eps)`` (2**22 in float32), it is their mean 1/2.
+    ``floor(X) + floor(Z)`` is even and 0 elsewhere. Where squares are too fine for floating point numbers,
+    ``Z >= 1 / (2 eps)`` (2**22 in float32), it is their mean 1/2.
     """
 
     squares: Array | float
-    """How many squares fit across the lower edge of the image."""
+    """Number of squares across the lower edge of the image."""
 
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         x, y, squares = coordinates(point, cast_edges(self, point.dtype).squares)
         farthest = float(0.5 / jnp.finfo(point.dtype).eps)
         depth = jnp.minimum(squares / y, farthest)
@@ -39,7 +38,6 @@ class Checkerboard(ExactScene):
         return jnp.where(depth < farthest, 1 - 2 * (half - jnp.floor(half)), 0.5)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Say which boxes are not within one square; see `Scene`."""
         squares, dtype = jnp.asarray(self.squares).astype(low.dtype), low.dtype
         farthest, slack = float(0.5 / jnp.finfo(dtype).eps), 8 * jnp.finfo(dtype).eps
         near = jnp.minimum(squares / high[..., 1] * (1 - slack), farthest)
@@ -55,9 +53,9 @@ class Checkerboard(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Raise a ValueError: see `qmcjax.boundary_gradient`.
 
-        Towards the horizon the edges become infinitely many. What they sweep adds up to a derivative, but by
-        cancellation: without signs it is infinite, ``1/k`` for the line ``Z = k`` alone, so that no estimator
-        that samples the edges one by one has a mean.
+        There are infinitely many edges towards the horizon. Their contributions add up to a derivative only
+        by cancellation: the sum of absolute values is infinite, ``1/k`` for the line ``Z = k`` alone, so no
+        estimator that samples the edges one by one has a mean.
         """
         raise ValueError(
             "scene must have finitely many edges, got a Checkerboard: towards the horizon they sweep an "
@@ -78,21 +76,12 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
     Parameters
     ----------
     squares : float
-        How many squares fit across the lower edge of the image; positive.
-
-    Returns
-    -------
-    Checkerboard
-
-    Raises
-    ------
-    ValueError
-        If ``squares`` is not positive and finite.
+        Number of squares across the lower edge of the image; positive.
 
     Notes
     -----
-    Section 6.1.1 shows the scene without a formula. The camera here is ours: it looks along the ground
-    plane with the horizon at the upper edge of the image, and the squares are as deep as they are wide.
+    Section 6.1.1 shows the scene without a formula. We chose the camera: it looks along the ground plane,
+    with the horizon at the upper edge of the image, and squares are as deep as they are wide.
 
     References
     ----------

@@ -9,7 +9,7 @@ nearest even integer, so that the mean over a pixel between the column edges ``c
 over the pixel's rows. Two facts make ``G`` a finite sum.
 
 *Away from the horizon* it is a sum of trapezoids: ``S(1/v)`` is constant between ``1/(n+1)`` and ``1/n``, and
-there ``v T(c/v)`` is linear in ``v`` but for one kink, since ``|c| <= 1/2``.
+there ``v T(c/v)`` is linear in ``v`` except for one kink, since ``|c| <= 1/2``.
 
 *At the horizon* there are infinitely many of them, but in ``u = 1/v`` the integrand is ``F(u) u**-3`` with
 ``F(u) = S(u) T(c u)``, and ``F`` is periodic: a column edge is a rational number, ``2 width c`` an integer.
@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 _HORIZON = 1024
-"""The least ``u`` from which on periods are summed: the Taylor series are too short before."""
+"""Smallest ``u`` from which on periods are summed: before it the Taylor series are too short."""
 
 _CHUNK = 2**17
-"""How many (column edge, piece) pairs are held at a time: what fits into the cache."""
+"""Number of (column edge, piece) pairs in memory at a time: fits the cache."""
 
 
 def pixel_means(
@@ -40,7 +40,7 @@ def pixel_means(
 ) -> tuple[NDArray[np.float64], float]:
     """Return the means over all pixels, shape (height, width), and a bound on their errors.
 
-    ``horizon`` is the least ``u`` from which on the pattern is summed by periods; the result does not
+    ``horizon`` is the smallest ``u`` from which on the pattern is summed by periods; the result does not
     depend on it.
     """
     period = (2 if width % 2 == 0 else 4) * width
@@ -50,7 +50,7 @@ def pixel_means(
     # F is even in c, and G(0) = 0.
     distances = np.arange(2 - width % 2, width + 1, 2)
     rows = np.arange(1, height + 1)
-    # Rows that hold the horizon or more than two periods: the top ones.
+    # Rows with the horizon or more than two periods: the top ones.
     top = min(height, 1 + int(np.count_nonzero(2.0 * period * rows * (rows + 1) < squares * height)))
     edges = rows / (squares * height)
     halves = np.zeros((height, width // 2 + 1))

@@ -11,7 +11,7 @@ def disc_in_boxes(
 ) -> Floats:
     """Return the areas of the discs around (cx, cy) of radius r within the boxes [x0, x1] x [y0, y1].
 
-    All arguments broadcast; ``r > 0``, ``x0 <= x1`` and ``y0 <= y1``. Nothing larger than the box is
+    All arguments broadcast; ``r > 0``, ``x0 <= x1`` and ``y0 <= y1``. Only areas within the box are
     subtracted: the error is a few units of rounding of the coordinates times the sides of the box.
     """
     cx, cy, r, x0, x1, y0, y1 = (np.asarray(a, dtype=np.float64) for a in (cx, cy, r, x0, x1, y0, y1))

@@ -1,4 +1,4 @@
-"""Where a scene made of one edge is certainly constant."""
+"""Where a scene of one edge is certainly constant."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,7 +16,7 @@ def linear(point: Array, constant: Array, slopes: Sequence[Array]) -> Array:
 def sign_varies(
     low: Array, high: Array, constant: Array, slopes: Sequence[Array], reach: ArrayLike = 0.0
 ) -> Array:
-    """Tell in which boxes `linear`, give or take ``reach``, may change its sign.
+    """Return in which boxes `linear`, up to ``reach``, may change its sign.
 
     The rounding of the scene's own evaluation of the sum is within the margin.
     """
@@ -27,7 +27,7 @@ def sign_varies(
 
 
 def disc_sides(low: Array, high: Array, centre: Any, radius: Array) -> tuple[Array, Array]:
-    """Tell whether boxes, by their first two coordinates, are certainly outside or inside of a disc."""
+    """Return which boxes, by their first two coordinates, are certainly outside or inside of a disc."""
     cx, cy = centre[0], centre[1]
     margin = 16 * jnp.finfo(low.dtype).eps * (1 + abs(cx) + abs(cy) + radius)
     left, right = cx - high[..., 0], cx - low[..., 0]

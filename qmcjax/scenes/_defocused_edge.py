@@ -27,7 +27,7 @@ class DefocusedEdge(ExactScene):
     offset: Any
 
     blur: Any
-    """The radius of the disc, or half the side of the square, as which a point appears; None is sharp."""
+    """The radius of the blur disc, or half the side of the blur square, of a point; None is sharp."""
 
     aperture: str = field(metadata={"static": True})
 
@@ -66,7 +66,6 @@ class DefocusedEdge(ExactScene):
         return smeared_by_box(angle, offset, sides, width, height)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
         scene = cast(self, low.dtype)
         constant, slopes = scene._edge()
         if scene.blur is None:
@@ -86,7 +85,7 @@ def defocused_edge(
     blur: Any = 0.15,
     aperture: str = "disc",
 ) -> DefocusedEdge:
-    """Return a half plane seen by a camera that is focused on another distance.
+    """Return a half plane seen by a camera that is focused at another distance.
 
     Through the point ``q`` of the aperture, at most 1 from its centre in each direction, the camera sees the
     point ``p + blur q``. The value is 1 where this has ``x cos(angle) + y sin(angle) < offset``.
@@ -94,24 +93,15 @@ def defocused_edge(
     Parameters
     ----------
     angle : float
-        The direction in which the value drops, in radians from x to y.
+        The direction in which the value decreases, in radians from x to y.
     offset : float
         The distance of the edge from the corner (0, 0) along that direction.
     blur : float or None
-        The radius of the disc, or half the side of the square, as which a point of light appears;
-        positive. None is in focus: the scene then does not need the lens.
+        The radius of the blur disc, or half the side of the blur square, of a point of light; positive.
+        None is in focus: the scene then does not need the lens.
     aperture : {"disc", "square"}
         The shape of the aperture. The lens coordinates are mapped to the disc by ``q = sqrt(u)
         (cos(2 pi v), sin(2 pi v))`` and to the square by ``q = (2u - 1, 2v - 1)``.
-
-    Returns
-    -------
-    DefocusedEdge
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
 
     Examples
     --------

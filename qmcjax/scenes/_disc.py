@@ -32,13 +32,11 @@ class Disc(ExactScene):
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         x, y = point[..., 0] - scene.centre[0], point[..., 1] - scene.centre[1]
         return (x * x + y * y < scene.radius * scene.radius).astype(point.dtype)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Say which boxes the circle meets; see `Scene`."""
         scene = cast(self, low.dtype)
         outside, inside = disc_sides(low, high, scene.centre, scene.radius)
         met = ~outside & ~inside
@@ -47,7 +45,7 @@ class Disc(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Return points on the circle and the jumps there; see `qmcjax.boundary_gradient`.
 
-        The circle is cut where it leaves the image: at most eight angles. Its visible arcs are sampled.
+        The circle is cut where it leaves the image, at eight angles at most. Its visible arcs are sampled.
         """
         scene = cast(self, u.dtype)
         x, y, radius = jax.lax.stop_gradient((scene.centre[0], scene.centre[1], scene.radius))
@@ -86,7 +84,7 @@ class Disc(ExactScene):
     def reference_gradient(self, width: int, height: int) -> tuple["Disc", float]:
         """Return the exact derivatives of the pixel means; see `Scene`.
 
-        A moved circle sweeps the integral of its normal (cos, sin) over the arcs in a pixel, a growing one
+        A moving circle sweeps the integral of its normal (cos, sin) over the arcs in a pixel, a growing one
         their length.
         """
         width, height = checks.image_size(width, height)
@@ -122,15 +120,6 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
         (x, y); it may lie outside of the image.
     radius : float
         Positive, in widths of the image.
-
-    Returns
-    -------
-    Disc
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or the radius not positive.
 
     Examples
     --------

@@ -15,8 +15,8 @@ def visible(start: Array, end: Array) -> tuple[Array, Array]:
     Returns
     -------
     low, high : float Array, shape (...)
-        Both 0 where nothing is visible. They have no derivatives: where an edge is cut off does not matter
-        for what it sweeps.
+        Both 0 where nothing is visible. They have no derivatives: moving the point where an edge is clipped
+        does not change the area that the edge sweeps.
 
     References
     ----------
@@ -36,7 +36,7 @@ def visible(start: Array, end: Array) -> tuple[Array, Array]:
 
 
 def spread(u: Array, lengths: Array) -> tuple[Array, Array]:
-    """Return which of consecutive pieces ``u`` in [0, 1) falls on and how far from its beginning.
+    """Return the piece, of consecutive ones, that contains ``u`` in [0, 1), and the distance from its start.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def spread(u: Array, lengths: Array) -> tuple[Array, Array]:
 
 
 def along(starts: Array, ends: Array, u: Array) -> tuple[Array, Array]:
-    """Return points on the visible parts of segments, evenly by length, and each one's segment.
+    """Return points on the visible parts of segments, uniform by length, and the segment of each.
 
     Parameters
     ----------

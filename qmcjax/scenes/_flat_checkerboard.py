@@ -20,7 +20,7 @@ from qmcjax.scenes._edges import visible
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class FlatCheckerboard(ExactScene):
-    """A checkerboard seen from above, turned about the centre of the image.
+    """A checkerboard seen from above, rotated about the centre of the image.
 
     With ``X = squares ((x - 1/2) cos(angle) + (y - 1/2) sin(angle))`` and
     ``Y = squares ((y - 1/2) cos(angle) - (x - 1/2) sin(angle))`` the value is 1 where
@@ -28,21 +28,19 @@ class FlatCheckerboard(ExactScene):
     """
 
     squares: Array | NDArray[np.float64]
-    """How many squares fit across the image."""
+    """Number of squares across the image."""
     angle: Array | NDArray[np.float64]
     """In radians, from x to y."""
 
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         x, y = point[..., 0] - 0.5, point[..., 1] - 0.5
         cosine, sine = scene.squares * jnp.cos(scene.angle), scene.squares * jnp.sin(scene.angle)
         return (1 + _parity(jnp.floor(x * cosine + y * sine) + jnp.floor(y * cosine - x * sine))) * 0.5
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Say which boxes are not within one square; see `Scene`."""
         scene = cast(self, low.dtype)
         low, high = low - 0.5, high - 0.5
         cosine, sine = scene.squares * jnp.cos(scene.angle), scene.squares * jnp.sin(scene.angle)
@@ -59,8 +57,8 @@ class FlatCheckerboard(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Return points on the edges and the jumps there; see `qmcjax.boundary_gradient`.
 
-        All lines ``X = k`` and ``Y = k`` that meet the image are sampled equally often. On the left of the
-        direction in which a line is followed is what has the lesser X or Y.
+        All lines ``X = k`` and ``Y = k`` that meet the image are sampled equally often. The side of smaller X
+        or Y is on the left of a line's direction.
         """
         scene = cast(self, u.dtype)
         cosine, sine = jnp.cos(scene.angle), jnp.sin(scene.angle)
@@ -90,7 +88,6 @@ class FlatCheckerboard(ExactScene):
         return _flat_checkerboard_reference.pixel_means(float(self.squares), float(self.angle), width, height)
 
     def reference_gradient(self, width: int, height: int) -> tuple["FlatCheckerboard", float]:
-        """Return the exact derivatives of the pixel means; see `Scene`."""
         width, height = checks.image_size(width, height)
         squares, angle, bound = _flat_checkerboard_reference.pixel_gradients(
             float(self.squares), float(self.angle), width, height
@@ -115,18 +112,9 @@ def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) 
     Parameters
     ----------
     squares : float
-        How many squares fit across the image; positive.
+        Number of squares across the image; positive.
     angle : float
-        By how much it is turned about the centre of the image, in radians, from x to y.
-
-    Returns
-    -------
-    FlatCheckerboard
-
-    Raises
-    ------
-    ValueError
-        If ``squares`` is not positive and finite, or the angle not finite.
+        Rotation about the centre of the image, in radians, from x to y.
 
     Examples
     --------

@@ -6,9 +6,9 @@ integer. By Green's theorem, for any constant ``C``, a pixel's
 
     \iint S(X) S(Y) dX dY = \oint (T(X) - C) S(Y) dY
 
-along its four sides. On a side the integrand is linear between the crossings of lines of the board: a sum of
-trapezoids. With ``C = T(X)`` at the pixel's centre, a crossing that rounding displaces matters no more than
-the pixel is large.
+along its four sides. On a side the integrand is linear between the crossings with lines of the board: a sum
+of trapezoids. With ``C = T(X)`` at the pixel's centre, the effect of a crossing displaced by rounding is
+limited by the size of the pixel.
 """
 
 import math
@@ -23,15 +23,15 @@ from qmcjax.scenes._pixel_cuts import split_segments
 Floats = NDArray[np.float64]
 
 _CHUNK = 2**18
-"""How many pieces of the borders of pixels are held at a time."""
+"""Number of pieces of the borders of pixels in memory at a time."""
 
 
 def pixel_means(squares: float, angle: float, width: int, height: int) -> tuple[Floats, float]:
     """Return the means over all pixels, shape (height, width), and a bound on their errors.
 
-    Positions on the image are off by a few EPS, and a line that is displaced by that much changes the mean of
-    a pixel by that much times its sides' inverse, ``width`` or ``height``; a pixel of many squares has many
-    lines, of which each matters less.
+    Positions on the image are off by a few EPS. A line displaced by that much changes the mean of a pixel by
+    that much times the inverse of its sides, ``width`` or ``height``; a pixel of many squares has many
+    lines, each with a smaller effect.
     """
     axis = squares * math.cos(angle), squares * math.sin(angle)
     columns, rows = np.arange(width + 1) / width - 0.5, np.arange(height + 1) / height - 0.5
@@ -49,8 +49,8 @@ def pixel_gradients(squares: float, angle: float, width: int, height: int) -> tu
     """Return the derivatives with respect to ``squares`` and ``angle``, and a bound on their errors.
 
     A point ``s`` along the line ``X = k`` moves across it, towards greater X, by ``-k / squares**2`` and
-    ``-s``, one on ``Y = k`` by ``-k / squares**2`` and ``s`` if s is measured along X. The jump is what is
-    before the line less what is behind. A pixel has at most ``many`` lines each way.
+    ``-s``, one on ``Y = k`` by ``-k / squares**2`` and ``s`` if s is measured along X. The jump is the value
+    before the line minus the value behind. A pixel has at most ``many`` lines in each direction.
     """
     axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     half = 0.5 * squares * float(np.abs(axes[0]).sum())

@@ -30,7 +30,6 @@ class Gaussian(ExactScene):
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         scene = cast(self, point.dtype)
         x = (point[..., 0] - scene.centre[0]) / scene.width
         y = (point[..., 1] - scene.centre[1]) / scene.width
@@ -49,23 +48,14 @@ class Gaussian(ExactScene):
 
 
 def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
-    """Return a Gaussian bump: infinitely smooth, so that every good sampler shows its best rate.
+    """Return a Gaussian bump: infinitely smooth, so that samplers reach their best rates.
 
     Parameters
     ----------
     centre : float array, shape (2,)
-        Where the bump is 1; anywhere.
+        Position of the maximum 1; anywhere.
     width : float
         The standard deviation, in units of the unit square; positive.
-
-    Returns
-    -------
-    Gaussian
-
-    Raises
-    ------
-    ValueError
-        If ``centre`` is not finite or ``width`` is not positive and finite.
 
     Examples
     --------

@@ -26,23 +26,21 @@ FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuou
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Genz(ExactScene):
-    """A member of one of Genz's families; see `genz`."""
+    """An integrand of one of Genz's families; see `genz`."""
 
     difficulty: Any
     """How fast the value changes along each coordinate, shape (dims,)."""
 
     shift: Any
-    """Where the peak, kink or jump is, shape (dims,)."""
+    """Position of the peak, kink or jump, shape (dims,)."""
 
     family: str = field(metadata={"static": True})
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension."""
         return named(self.difficulty.shape[0])
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., dims); see `Scene`."""
         scene = cast(self, point.dtype)
         a, u = scene.difficulty, scene.shift
         dims = range(self.difficulty.shape[0])
@@ -94,20 +92,11 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     shift : float array, scalar or shape (dims,)
         The parameters ``u``. Unused by the corner peak.
 
-    Returns
-    -------
-    Genz
-
-    Raises
-    ------
-    ValueError
-        If the family is unknown or a parameter is out of range.
-
     Notes
     -----
-    The functions are not normalised: the product peak is as high as the product of all ``a_j**2``, which
-    must be in the range of the type. The plain derivative of the discontinuous family with respect to
-    ``shift`` is wrong, and an error.
+    The functions are not normalised: the maximum of the product peak is the product of all ``a_j**2``, which
+    must be in the range of the type. Differentiating the discontinuous family with respect to ``shift``
+    raises an error, since the plain derivative is wrong.
 
     References
     ----------

@@ -27,7 +27,7 @@ def oscillatory(a: Floats, u: Floats, width: int, height: int) -> Means:
         return np.exp(1j * a[j] * (low + 0.5 * length)) * np.sinc(a[j] * length / (2 * math.pi))
 
     waves = separable(mean, len(a), width, height) * np.exp(2j * math.pi * u[0])
-    # All factors have modulus at most 1: the rounded phases count, and a few units for each product.
+    # All factors have modulus at most 1: only the rounded phases count, and a few units for each product.
     return waves.real, EPS * (8 * len(a) + 2 * float(a.sum()) + 7 * abs(float(u[0])))
 
 
@@ -44,7 +44,7 @@ def product_peak(a: Floats, u: Floats, width: int, height: int) -> Means:
 def corner_peak(a: Floats, u: Floats, width: int, height: int) -> Means:
     del u
     dims, step = len(a), 0.125
-    # Below t = 1 / (1 + sum a) all falls like t**(d+1): a part of exp(-48) is left out, or less.
+    # Below t = 1 / (1 + sum a) the integrand falls like t**(d+1): a part of at most exp(-48) is left out.
     first = -16 - math.log1p(a.sum())
     z = first + step * np.arange(math.ceil((7 - first) / step))
     t = np.exp(z)

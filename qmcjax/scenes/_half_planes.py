@@ -25,7 +25,7 @@ _REACH = 1.5
 
 
 class HalfPlanes(ExactScene):
-    """Steps along one direction: a share of the sum of ``sign [x cos(angle) + y sin(angle) < offset]``."""
+    """Steps along one direction: a multiple of the sum of ``sign [x cos(angle) + y sin(angle) < offset]``."""
 
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
@@ -40,14 +40,12 @@ class HalfPlanes(ExactScene):
         return 1.0
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         distance = point[..., 0] * jnp.cos(scene.angle) + point[..., 1] * jnp.sin(scene.angle)
         count = sum(sign * (distance < offset).astype(point.dtype) for offset, sign in scene._steps())
         return jnp.asarray(self._share, point.dtype) * count
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Say which boxes an edge meets; see `Scene`."""
         scene = cast(self, low.dtype)
         slopes = jnp.cos(scene.angle), jnp.sin(scene.angle)
         met = jnp.zeros(low.shape[:-1], bool)
@@ -56,7 +54,6 @@ class HalfPlanes(ExactScene):
         return jnp.stack([met, met], axis=-1)
 
     def boundary(self, u: Array) -> tuple[Array, Array]:
-        """Return points on the edges and the jumps there; see `qmcjax.boundary_gradient`."""
         scene = cast(self, u.dtype)
         normal = jnp.stack([jnp.cos(scene.angle), jnp.sin(scene.angle)])
         tangent = jnp.stack([-normal[1], normal[0]])
@@ -81,7 +78,7 @@ class HalfPlanes(ExactScene):
     def _step_gradients(self, width: int, height: int) -> tuple[list[Floats], Floats, float]:
         """Return the derivatives with respect to each step's offset, and to the angle, and their bound.
 
-        An edge that its offset moves sweeps its length; turned about the origin, a point at ``s`` along the
+        An edge moved by its offset sweeps its length; rotated about the origin, a point at ``s`` along the
         edge moves across it by ``-s``: the mean over a piece is that of its middle.
         """
         width, height = checks.image_size(width, height)
@@ -100,11 +97,11 @@ class HalfPlanes(ExactScene):
 
 
 def half_plane_means(angle: float, offset: float, width: int, height: int) -> Floats:
-    """Return the share of each pixel where ``x cos(angle) + y sin(angle) < offset``.
+    """Return the part of each pixel where ``x cos(angle) + y sin(angle) < offset``.
 
     Seen along the normal, a pixel is the sum of two uniform distributions, over ``across`` and ``down``: the
-    share has a parabola, a straight line and a parabola, and is taken from the nearer end, so that nothing
-    cancels.
+    part is piecewise a parabola, a straight line and a parabola, and is computed from the nearer end, so
+    that nothing cancels.
     """
     normal = math.cos(angle), math.sin(angle)
     across, down = abs(normal[0]) / width, abs(normal[1]) / height
@@ -125,7 +122,7 @@ class Step(HalfPlanes):
     """A half plane: 1 where ``x cos(angle) + y sin(angle) < offset``, 0 elsewhere."""
 
     angle: Array | float
-    """The direction in which the value drops, in radians from x to y."""
+    """The direction in which the value decreases, in radians from x to y."""
     offset: Array | float
     """The distance of the edge from the corner (0, 0), along that direction."""
 
@@ -133,7 +130,6 @@ class Step(HalfPlanes):
         return [(self.offset, 1)]
 
     def reference_gradient(self, width: int, height: int) -> tuple["Step", float]:
-        """Return the exact derivatives of the pixel means; see `Scene`."""
         (offset,), angle, bound = self._step_gradients(width, height)
         return Step(angle, offset), bound  # pyright: ignore[reportArgumentType]
 
@@ -141,10 +137,10 @@ class Step(HalfPlanes):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Staircase(HalfPlanes):
-    """Stairs: the share of the offsets with ``x cos(angle) + y sin(angle) < offset``."""
+    """A staircase: the part of the offsets with ``x cos(angle) + y sin(angle) < offset``."""
 
     angle: Array | float
-    """The direction in which the value drops, in radians from x to y."""
+    """The direction in which the value decreases, in radians from x to y."""
     offsets: Array | Floats
     """The distance of each edge from the corner (0, 0), shape (steps,)."""
 
@@ -156,7 +152,6 @@ class Staircase(HalfPlanes):
         return 1 / len(self.offsets)
 
     def reference_gradient(self, width: int, height: int) -> tuple["Staircase", float]:
-        """Return the exact derivatives of the pixel means; see `Scene`."""
         offsets, angle, bound = self._step_gradients(width, height)
         return Staircase(angle, np.stack(offsets, axis=-1)), bound  # pyright: ignore[reportArgumentType]
 
@@ -176,7 +171,6 @@ class Line(HalfPlanes):
         return [(self.offset + 0.5 * self.thickness, 1), (self.offset - 0.5 * self.thickness, -1)]
 
     def reference_gradient(self, width: int, height: int) -> tuple["Line", float]:
-        """Return the exact derivatives of the pixel means; see `Scene`."""
         (far, near), angle, bound = self._step_gradients(width, height)
         return Line(angle, far + near, 0.5 * (far - near)), bound  # pyright: ignore[reportArgumentType]
 
@@ -187,18 +181,9 @@ def step(angle: Array | float = 0.4, offset: Array | float = 0.6) -> Step:
     Parameters
     ----------
     angle : float
-        The direction in which the value drops from 1 to 0, in radians: 0 to the right, pi/2 downward.
+        The direction in which the value decreases from 1 to 0, in radians: 0 to the right, pi/2 downward.
     offset : float
         The distance of the edge from the corner (0, 0) along that direction; it may be negative.
-
-    Returns
-    -------
-    Step
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite.
 
     Examples
     --------
@@ -211,23 +196,15 @@ def step(angle: Array | float = 0.4, offset: Array | float = 0.6) -> Step:
 def staircase(
     angle: Array | float = 0.4, offsets: Any = (0.15, 0.35, 0.5, 0.65, 0.85, 1.05, 1.2)
 ) -> Staircase:
-    """Return stairs at any angle, which fall from 1 to 0 in equal steps.
+    """Return a staircase at any angle, which falls from 1 to 0 in equal steps.
 
     Parameters
     ----------
     angle : float
-        The direction in which the value drops, in radians: 0 to the right, pi/2 downward.
+        The direction in which the value decreases, in radians: 0 to the right, pi/2 downward.
     offsets : array_like, shape (steps,)
-        Where the steps are, in any order: distances from the corner (0, 0) along that direction.
-
-    Returns
-    -------
-    Staircase
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or there is no step.
+        Positions of the steps, at least one, in any order: distances from the corner (0, 0) along that
+        direction.
 
     Examples
     --------
@@ -249,15 +226,6 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
         The distance of its middle from the corner (0, 0) along that direction.
     thickness : float
         Positive, in widths of the image.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite or the thickness not positive.
 
     Examples
     --------

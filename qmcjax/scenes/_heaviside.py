@@ -30,17 +30,14 @@ class Heaviside(ExactScene):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension."""
         return named(self.dims)
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., dims); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         total = sum(point[..., j] for j in range(self.dims))
         return jnp.where(total < scene.threshold, jnp.ones((), point.dtype), 0)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Say which boxes the edge meets; see `Scene`."""
         scene = cast(self, low.dtype)
         least = sum(low[..., j] for j in range(self.dims))
         most = sum(high[..., j] for j in range(self.dims))
@@ -51,7 +48,7 @@ class Heaviside(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Return points on the edge and the jumps there; see `qmcjax.boundary_gradient`.
 
-        All coordinates but y are free; where there is no such y, the point is outside of the cube.
+        All coordinates except y are free; if no such y exists, the point is outside of the cube.
         """
         scene = cast(self, u.dtype)
         y = scene.threshold - sum(u[..., j] for j in range(self.dims - 1))
@@ -66,7 +63,6 @@ class Heaviside(ExactScene):
         return self._means(width, height, _distribution)
 
     def reference_gradient(self, width: int, height: int) -> tuple["Heaviside", float]:
-        """Return the exact derivatives of the pixel means; see `Scene`."""
         if self.dims > 2:
             image, bound = self._means(width, height, _density)
             return Heaviside(image, self.dims), bound
@@ -82,12 +78,12 @@ class Heaviside(ExactScene):
         """Return the mean over each pixel of ``function(threshold - x - y)``, a polynomial between integers.
 
         Within a pixel the density of ``x + y`` is a trapezoid: Gauss-Legendre quadrature between its corners
-        and the integers is exact, and adds nothing but positive terms.
+        and the integers is exact, with positive terms only.
         """
         width, height = checks.image_size(width, height)
         small, large = sorted((1 / width, 1 / height))
         column, row = np.arange(1, width + 1), np.arange(1, height + 1)[:, None]
-        # Pixels with the same sum of coordinates are the same.
+        # Pixels with the same sum of coordinates have the same mean.
         sums, pixels = np.unique(column * height + row * width, return_inverse=True)
         lowest = float(self.threshold) - sums / (width * height)
         integers = np.floor(lowest) + np.arange(1, 4)[:, None] - lowest
@@ -140,18 +136,9 @@ def heaviside(dims: int = 2, threshold: Array | float | None = None) -> Heavisid
     Parameters
     ----------
     dims : int
-        In [2, 64]: x and y on the screen and others called u2, u3, ...
+        In [2, 64]: x and y on the screen and others named u2, u3, ...
     threshold : float, optional
-        The value is 1 where the sum is less; half the number of dimensions by default.
-
-    Returns
-    -------
-    Heaviside
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range or the threshold not finite.
+        The value is 1 where the sum is smaller; half the number of dimensions by default.
 
     Examples
     --------

@@ -21,10 +21,10 @@ class MovingEdge(ExactScene):
     """The half plane ``x < offset + velocity time``: 1 inside, 0 outside."""
 
     offset: Any
-    """Where the edge is when the shutter opens."""
+    """Position of the edge when the shutter opens."""
 
     velocity: Any
-    """How far it moves until the shutter closes; None stands still and does not need time."""
+    """Distance until the shutter closes; None is still and does not need time."""
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -47,7 +47,6 @@ class MovingEdge(ExactScene):
         return smeared_by_box(0.0, float(scene.offset) + 0.5 * velocity, (abs(velocity), 0.0), width, height)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
         constant, slopes = cast(self, low.dtype)._edge()
         met = sign_varies(low, high, constant, slopes)
         return jnp.stack([met & (slope != 0) for slope in slopes], axis=-1)
@@ -59,19 +58,10 @@ def moving_edge(offset: Any = 0.3, velocity: Any = 0.4) -> MovingEdge:
     Parameters
     ----------
     offset : float
-        Where the edge is when the shutter opens, at time 0.
+        Position of the edge when the shutter opens, at time 0.
     velocity : float or None
-        How far it moves until the shutter closes, at time 1, in widths of the image; negative to the
-        left. None stands still: the scene then does not need time.
-
-    Returns
-    -------
-    MovingEdge
-
-    Raises
-    ------
-    ValueError
-        If a parameter is not finite.
+        Distance until the shutter closes, at time 1, in widths of the image; negative to the left. None is
+        still: the scene then does not need time.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Light paths through a room without geometry: as many dimensions as one likes, and a closed form."""
+"""Light paths through a room without geometry: any number of dimensions, and a closed form."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,19 +21,19 @@ class PathToy(ExactScene):
     """Light gathered along a path of random bounces with Russian roulette; see `path_toy`."""
 
     emission: Any
-    """What the room emits at its brightest place."""
+    """The largest emission."""
 
     albedo: Any
-    """What it reflects at its most reflecting place."""
+    """The largest reflectance."""
 
     survival: Any
-    """The probability to go on at each bounce; None goes on always."""
+    """The survival probability at each bounce; None always continues."""
 
     bounces: int = field(metadata={"static": True})
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension: two or three for every bounce."""
+        """The name of each dimension: two or three per bounce."""
         each = ("u", "v") if self.survival is None else ("survival", "u", "v")
         return ("x", "y", *(f"{name}{k}" for k in range(1, self.bounces + 1) for name in each))
 
@@ -47,7 +47,7 @@ class PathToy(ExactScene):
         for _ in range(self.bounces):
             throughput *= scene.albedo * x
             if scene.survival is not None:
-                # The mean does not depend on it, so that its derivative is 0; the sample's is not.
+                # The mean does not depend on it, so its derivative is 0; that of a sample is not.
                 survival = jax.lax.stop_gradient(scene.survival)
                 throughput = jnp.where(next(coordinates) < survival, throughput / survival, 0)
             x, y = _around(x + next(coordinates)), _around(y + next(coordinates))
@@ -55,7 +55,7 @@ class PathToy(ExactScene):
         return radiance
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a ramp along x of reflected and one along y of own light."""
+        """Return the exact mean over each pixel: a ramp along x (reflected) and one along y (emitted)."""
         scene = in_float64(self)
         emission, albedo = float(scene.emission), float(scene.albedo)
         arriving = 0.5 * emission * float(np.sum((0.5 * albedo) ** np.arange(self.bounces)))
@@ -70,18 +70,18 @@ def path_toy(
     survival: Any = 0.5,
     emission: Any = 1.0,
 ) -> PathToy:
-    r"""Return light paths through a room without geometry, in as many dimensions as one likes.
+    r"""Return light paths through a room without geometry, in any number of dimensions.
 
-    The room is the unit square, whose opposite edges are joined. Its place ``p = (x, y)`` emits
+    The room is the unit square with opposite edges identified. The point ``p = (x, y)`` emits
     ``e(p) = emission y`` and reflects the part ``a(p) = albedo x`` of the light that arrives there. A path
-    starts at the place that the pixel sees; a bounce takes it from ``p`` to ``(p + (u, v)) mod 1``, that is,
-    anywhere with the same probability. With Russian roulette the path goes on only where another coordinate
-    is below ``survival``, and is then worth ``1 / survival`` times as much:
+    starts at the point that the pixel sees; a bounce takes it from ``p`` to ``(p + (u, v)) mod 1``, that is,
+    anywhere with equal probability. With Russian roulette the path continues only if another coordinate
+    is below ``survival``, and is then weighted by ``1 / survival``:
 
     .. math:: f = \sum_{k=0}^{bounces} e(p_k) \prod_{i<k} \frac{a(p_i)}{survival} [r_{i+1} < survival].
 
-    As in a renderer, every value depends on all coordinates before, and later bounces matter less. Since
-    places are independent of each other, the mean for a given ``p_0`` is
+    As in a renderer, every value depends on all previous coordinates, and later bounces matter less. Since
+    points are independent of each other, the mean for a given ``p_0`` is
     ``e(p_0) + a(p_0) E (1 + A + ... + A**(bounces - 1))``, with the means ``E = emission / 2`` and
     ``A = albedo / 2`` over the room.
 
@@ -92,18 +92,9 @@ def path_toy(
     albedo : float
         The largest reflectance, in (0, 1].
     survival : float or None
-        The probability to go on, in (0, 1]. None goes on always and does not need these coordinates.
+        The survival probability, in (0, 1]. None always continues and does not need these coordinates.
     emission : float
         The largest emission; positive.
-
-    Returns
-    -------
-    PathToy
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
 
     Notes
     -----

@@ -12,7 +12,7 @@ Floats = NDArray[np.float64]
 
 
 class Pieces(NamedTuple):
-    """Parts of curves, each of which lies in one pixel."""
+    """Parts of curves, each in one pixel."""
 
     curve: NDArray[np.intp]
     low: Floats
@@ -23,7 +23,7 @@ class Pieces(NamedTuple):
     shape: tuple[int, int]
     """Of the image, (height, width)."""
     doubt: float
-    """By how much rounding displaces an end in the curve's parameter: more where a curve grazes a border."""
+    """Error of an end in the curve's parameter by rounding: larger where a curve grazes a border."""
 
     @property
     def middle(self) -> Floats:
@@ -49,7 +49,7 @@ def split(
     height: int,
     doubt: float,
 ) -> Pieces:
-    """Cut curves at ``breaks``, shape (curves, any), in any order; ``point(curve, parameter)`` is on it."""
+    """Split curves at ``breaks``, shape (curves, any), in any order; ``point(curve, parameter)`` is on it."""
     breaks = np.sort(breaks, axis=1)
     curve, piece = np.nonzero(np.diff(breaks, axis=1) > 0)
     low, high = breaks[curve, piece], breaks[curve, piece + 1]
@@ -63,7 +63,7 @@ def split(
 def split_segments(
     starts: Floats, ends: Floats, width: int, height: int, others: Floats | None = None
 ) -> Pieces:
-    """Cut segments, shape (any, 2), at the borders of pixels, and at ``others``, fractions of them."""
+    """Split segments, shape (any, 2), at the borders of pixels, and at ``others``, fractions of them."""
     span = ends - starts
     breaks = [np.tile([0.0, 1.0], (len(starts), 1))]
     off = 4 * EPS * max(1.0, float(np.abs(starts).max()), float(np.abs(ends).max()))

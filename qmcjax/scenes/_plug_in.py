@@ -1,4 +1,4 @@
-"""Scenes of users: any object with ``needs`` and a call, or a function."""
+"""Custom scenes: any object with ``needs`` and a call, or a function."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,19 +13,18 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import ExactScene
 
 _OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled")
-"""Methods that a scene may have; see `Scene`."""
+"""Optional attributes of a scene; see `Scene`."""
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class PlugIn:
-    """An object that is no pytree, as a scene: static by identity."""
+    """An object that is not a pytree, as a scene: static by identity."""
 
     held: Any
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension."""
         return tuple(unheld(self.held).needs)
 
     def __call__(self, point: Array) -> Array:
@@ -44,7 +43,7 @@ class PlugIn:
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Function:
-    """A function of points with names for their dimensions; see `function`."""
+    """A function of points with named dimensions; see `function`."""
 
     held: Any
     needs: tuple[str, ...] = field(metadata={"static": True})
@@ -64,20 +63,15 @@ def as_scene(name: str, value: Any) -> Any:
     Parameters
     ----------
     name : str
-        Of the argument, for the message.
+        Name of the argument, for error messages.
     value : Scene
         Any object with ``needs`` that can be called with points.
 
-    Returns
-    -------
-    Scene
 
     Raises
     ------
     TypeError
-        If it is no scene, or has an array as attribute without being a pytree.
-    ValueError
-        If ``needs`` does not name two dimensions or more.
+        Also if it has an array as an attribute without being a pytree.
 
     Examples
     --------
@@ -102,7 +96,7 @@ def as_scene(name: str, value: Any) -> Any:
 
 
 def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
-    """Return the scene of a function.
+    """Make a scene from a function.
 
     Parameters
     ----------
@@ -111,18 +105,7 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
         same function object compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are
         parameters: new values compile nothing, and gradients flow to them.
     needs : tuple of str
-        The name of each dimension; the first two are the position on the screen.
-
-    Returns
-    -------
-    Function
-
-    Raises
-    ------
-    TypeError
-        If ``f`` cannot be called, or ``needs`` is no tuple of names.
-    ValueError
-        If there are fewer than two names.
+        The name of each dimension, two or more; the first two are the position on the screen.
 
     Examples
     --------

@@ -22,15 +22,13 @@ class Product(ExactScene):
     """The product over ``j`` of ``(|4 x_j - 2| + a_j) / (1 + a_j)``, whose integral is 1."""
 
     a: Any
-    """How little each coordinate matters, shape (dims,)."""
+    """Insensitivity to each coordinate, shape (dims,)."""
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension."""
         return named(self.a.shape[0])
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., dims); see `Scene`."""
         a = cast(self, point.dtype).a
         value = jnp.ones_like(point[..., 0])
         for j in range(self.a.shape[0]):
@@ -38,7 +36,6 @@ class Product(ExactScene):
         return value
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel."""
         a = in_float64(self).a
 
         def mean(j: int, low: NDArray[np.float64], length: float) -> NDArray[np.float64]:
@@ -60,17 +57,8 @@ def product(a: Any = (0.0, 1.0, 4.5, 9.0)) -> Product:
     Parameters
     ----------
     a : float array, shape (dims,)
-        How little coordinate ``j`` matters: with 0 its factor runs from 0 to 2, with 9 from 0.9 to 1.1.
-        At least 0 each, and 2 to 1024 of them.
-
-    Returns
-    -------
-    Product
-
-    Raises
-    ------
-    ValueError
-        If ``a`` is out of range.
+        Insensitivity to coordinate ``j``: with 0 its factor runs from 0 to 2, with 9 from 0.9 to 1.1.
+        2 to 1024 numbers, each at least 0.
 
     References
     ----------

@@ -16,10 +16,10 @@ from qmcjax.scenes._parameters import named
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Ramp(ExactScene):
-    """The scene whose value is one of the coordinates."""
+    """The scene that shows one of the coordinates."""
 
     dimension: int = field(metadata={"static": True})
-    """Which one, counted from 0."""
+    """Its index, counted from 0."""
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -31,7 +31,7 @@ class Ramp(ExactScene):
         return point[..., self.dimension]
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: 1/2 but for the ramps over x or y."""
+        """Return the exact mean over each pixel: 1/2 except for ramps over x or y."""
         image = np.full((height, width), 0.5)
         if self.dimension == 0:
             image[:] = (np.arange(width) + 0.5) / width
@@ -40,30 +40,20 @@ class Ramp(ExactScene):
         return image, EPS
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
         del low
         return jnp.zeros(high.shape, bool).at[..., self.dimension].set(True)
 
 
 def ramp(dimension: int = 5) -> Ramp:
-    """Return the grey ramp of [1]_: its picture with one sample a pixel is a coordinate of the sampler.
+    """Return the grey ramp of [1]_: rendered with one sample per pixel, it shows a coordinate of the sampler.
 
-    Where the image shows a pattern, this dimension goes together with the first two, the pixel; the mean
-    1/2 is reached only after as many samples as it takes to break the pattern.
+    A pattern in the image is a correlation of this dimension with the pixel; the mean 1/2 is reached only
+    with enough samples to break the pattern.
 
     Parameters
     ----------
     dimension : int
         The dimension shown, counted from 0, in [0, 1023]; 0 and 1 are x and y.
-
-    Returns
-    -------
-    Ramp
-
-    Raises
-    ------
-    ValueError
-        If ``dimension`` is out of range.
 
     References
     ----------

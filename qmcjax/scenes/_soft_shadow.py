@@ -1,4 +1,4 @@
-"""The shadow of a half plane in the light of a rectangle."""
+"""The shadow of a half plane lit by a rectangle."""
 
 import math
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ from qmcjax.scenes._constancy import linear, sign_varies
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class SoftShadow(ExactScene):
-    """The shadow of a half plane in the light of a rectangle; see `soft_shadow`."""
+    """The shadow of a half plane lit by a rectangle; see `soft_shadow`."""
 
     angle: Any
 
     offset: Any
 
     height: Any
-    """The height of the half plane, with the light at height 1."""
+    """The height of the half plane; that of the light is 1."""
 
     light: Any
-    """The sides of the light, shape (2,); None is a point."""
+    """The sides of the light, shape (2,); None is a point light."""
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -54,8 +54,8 @@ class SoftShadow(ExactScene):
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel: a convolution of two rectangles.
 
-        Rays to the middle of the light pass the half plane at ``(1 - height) p``, but for a constant: the
-        image shrunk, which keeps all digits where the half plane is near the light.
+        Rays to the centre of the light pass the half plane at ``(1 - height) p``, up to a constant: a shrunk
+        image, which keeps all digits where the half plane is near the light.
         """
         scene = in_float64(self)
         angle, up = float(scene.angle), float(scene.height)
@@ -65,7 +65,6 @@ class SoftShadow(ExactScene):
         return 1 - shadow, bound
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell on which coordinates the value may depend within boxes; see `Scene`."""
         constant, slopes = cast(self, low.dtype)._edge()
         met = sign_varies(low, high, constant, slopes)
         return jnp.stack([met & (slope != 0) for slope in slopes], axis=-1)
@@ -77,13 +76,12 @@ def soft_shadow(
     height: Any = 0.4,
     light: Any = (0.5, 0.3),
 ) -> SoftShadow:
-    """Return the ground below a half plane and, above that, a rectangular light.
+    """Return the ground below a half plane with a rectangular light above.
 
     The image is the ground, seen from above. The light is parallel to it at height 1, with its centre above
-    that of the image. The half plane is parallel to both at the given height and fills
-    ``x cos(angle) + y sin(angle) < offset``. The value is 1 where nothing is between the point ``p`` on the
-    ground and the point ``q`` of the light, that is, where ``(1 - height) p + height q`` is not in the half
-    plane.
+    that of the image. The half plane is parallel to both at the given height and covers ``x cos(angle) + y
+    sin(angle) < offset``. The value is 1 where the point ``p`` on the ground sees the point ``q`` of the
+    light, that is, where ``(1 - height) p + height q`` is not in the half plane.
 
     Parameters
     ----------
@@ -92,19 +90,10 @@ def soft_shadow(
     offset : float
         The distance of its edge from the point above the corner (0, 0) along that direction.
     height : float
-        Where the half plane is between ground and light, in (0, 1).
+        Position of the half plane between ground and light, in (0, 1).
     light : float array, shape (2,), or None
-        The sides of the light along x and y; positive. None is a point: the scene then does not need
+        The sides of the light along x and y; positive. None is a point light: the scene then does not need
         the coordinates of the light.
-
-    Returns
-    -------
-    SoftShadow
-
-    Raises
-    ------
-    ValueError
-        If a parameter is out of range.
 
     Examples
     --------

@@ -30,7 +30,6 @@ class Triangle(ExactScene):
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         vertices = cast_edges(self, point.dtype).vertices
         x, y = point[..., 0], point[..., 1]
         inside = jnp.ones(x.shape, bool)
@@ -39,9 +38,9 @@ class Triangle(ExactScene):
         return inside.astype(point.dtype)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Say which boxes a side may meet; see `Scene`.
+        """Return which boxes a side may meet; see `Scene`.
 
-        A few boxes beyond a sharp corner count as met: rounding lets the value spill over it.
+        A few boxes beyond a sharp corner count, too: rounding lets the value spill over it.
         """
         vertices = cast(self, low.dtype).vertices
         eps = jnp.finfo(low.dtype).eps
@@ -59,13 +58,12 @@ class Triangle(ExactScene):
         return jnp.stack([met, met], axis=-1)
 
     def boundary(self, u: Array) -> tuple[Array, Array]:
-        """Return points on the sides and the jumps there; see `qmcjax.boundary_gradient`."""
         vertices = cast(self, u.dtype).vertices
         point, _ = along(vertices, jnp.roll(vertices, -1, axis=0), u[..., 0])
         return point, jnp.broadcast_to(jnp.sign(_twice_the_area(vertices)), point.shape[:-1])
 
     def _pixel_means(self, width: int, height: int) -> tuple[Floats, float]:
-        """Return the exact mean over each pixel: what is above the sides, with their signs.
+        """Return the exact mean over each pixel: signed areas above the sides.
 
         The bound is below 4e-12 at 512 x 512 for a triangle in the image, all of it rounding.
         """
@@ -79,7 +77,7 @@ class Triangle(ExactScene):
     def reference_gradient(self, width: int, height: int) -> tuple["Triangle", float]:
         """Return the exact derivatives of the pixel means; see `Scene`.
 
-        Where a corner moves, the point at ``t`` on the side from it moves ``1 - t`` times as far, and the
+        If a corner moves, the point at ``t`` on the side from it moves ``1 - t`` times as far, and the
         point at ``t`` on the side to it ``t`` times: the mean over a piece is that of its middle.
         """
         width, height = checks.image_size(width, height)
@@ -99,7 +97,7 @@ class Triangle(ExactScene):
 
 
 def _sides(vertices: Any) -> list[tuple[Any, Any]]:
-    """Return beginning and span of each side; the inside is where the cross product is positive."""
+    """Return start and vector of each side; the inside is where the cross product is positive."""
     sign = jnp.sign(_twice_the_area(vertices))
     return [(vertices[k], sign * (vertices[(k + 1) % 3] - vertices[k])) for k in range(3)]
 
@@ -111,7 +109,7 @@ def _twice_the_area(vertices: Any) -> Any:
 
 
 def _shares_above(start: Floats, end: Floats, width: int, height: int) -> Floats:
-    """Return the share of each pixel on the lesser-y side of a segment, signed like its direction in x.
+    """Return the part of each pixel on the lesser-y side of a segment, signed like its direction in x.
 
     Over a pixel's part of the segment this is the mean of a linear function clipped to [0, 1].
     """
@@ -137,16 +135,7 @@ def triangle(vertices: Any = ((0.15, 0.2), (0.9, 0.4), (0.35, 0.85))) -> Triangl
     Parameters
     ----------
     vertices : array_like, shape (3, 2)
-        The corners (x, y), in either orientation; they may lie outside of the image.
-
-    Returns
-    -------
-    Triangle
-
-    Raises
-    ------
-    ValueError
-        If a coordinate is not finite or the corners are on a straight line, up to rounding.
+        The corners (x, y), in either orientation, not collinear; they may lie outside of the image.
 
     Examples
     --------

@@ -18,7 +18,7 @@ from qmcjax.scenes._base import ExactScene, coordinates
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class ZonePlate(ExactScene):
-    """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: circles, ever finer away from a corner."""
+    """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: finer circles away from a corner."""
 
     frequency: Array | float
     """The phase in radians at distance 1 from the corner."""
@@ -26,7 +26,6 @@ class ZonePlate(ExactScene):
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., 2); see `Scene`."""
         x, y, frequency = coordinates(point, self.frequency)
         return 0.5 + 0.5 * _sine(frequency / (2 * math.pi) * (x * x + y * y))
 
@@ -39,7 +38,7 @@ class ZonePlate(ExactScene):
         across, across_bound = _chirp_means(frequency, width)
         down, down_bound = _chirp_means(frequency, height)
         waves = np.outer(down.imag, across.real) + np.outer(down.real, across.imag)
-        # The factors have modulus at most 1, so an error in one moves the product by no more.
+        # The factors have modulus at most 1, so the product has at most the error of one factor.
         return 0.5 + 0.5 * waves, 0.5 * (across_bound + down_bound) + float(np.finfo(float).eps)
 
 
@@ -48,7 +47,7 @@ _SINE = (6.283185280154407, -41.341680613346504, 81.60247636892487, -76.58117264
 
 
 def _sine(turns: Array) -> Array:
-    """Return ``sin(2 pi turns)``, in float32 to 2e-7 and several times faster than by radians."""
+    """Return ``sin(2 pi turns)``, in float32 to 2e-7 and several times faster than from radians."""
     if turns.dtype != jnp.float32:
         return jnp.sin(2 * math.pi * turns)
     half_turns = jnp.round(2 * turns)
@@ -61,8 +60,8 @@ def _sine(turns: Array) -> Array:
 def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], float]:
     """Return the means of ``exp(i frequency x**2)`` over ``count`` equal parts of [0, 1], and an error bound.
 
-    Differences of Fresnel integrals lose digits in proportion to ``count``. Where an interval sees little of
-    a wave, Gauss-Legendre quadrature is exact but for the rounding of the phase.
+    Differences of Fresnel integrals lose digits in proportion to ``count``. Where an interval covers little
+    of a wave, Gauss-Legendre quadrature is exact up to the rounding of the phase.
     """
     eps = float(np.finfo(float).eps)
     if 2 * frequency <= 4 * count:
@@ -89,15 +88,6 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
     ----------
     frequency : float
         The phase in radians at distance 1 from the corner; positive.
-
-    Returns
-    -------
-    ZonePlate
-
-    Raises
-    ------
-    ValueError
-        If ``frequency`` is not positive and finite.
 
     Notes
     -----

@@ -1,7 +1,10 @@
-"""What ray-traced scenes are made of: motion, shapes, worlds of objects, and what rays hit there.
+"""The parts of ray-traced scenes: motion, shapes, worlds of objects, lights, cameras and ray queries.
 
-Objects are shapes in a space of their own with a motion into the world; rays go to that space once for each
-object, so that rotation is exact at every time.
+Objects are shapes in object space with a motion to world space. Each ray is transformed to object space, so
+that rotation is exact at every time.
+
+Arguments known before tracing are checked: TypeError and ValueError name the argument, what it must be and
+what was given.
 """
 
 from qmcjax.tracing import motion as motion

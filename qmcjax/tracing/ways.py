@@ -1,6 +1,6 @@
-"""The ways to find what rays hit, each by itself: for tests of one against another, and their times.
+"""Ray intersection by each method separately, to test and time one against another.
 
-Programs take :func:`qmcjax.tracing.nearest_hit` and :func:`qmcjax.tracing.any_hit`, which choose the way.
+Programs use :func:`qmcjax.tracing.nearest_hit` and :func:`qmcjax.tracing.any_hit`, which choose the method.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ distances (the limit where nothing is hit before it) and numbers of primitives (
 def loops(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
-    """Test all primitives, in fused loops over tiles of rays; see `Way`."""
+    """Test all primitives in fused loops over tiles of rays; see `Way`."""
     objects = (
         Object(tuple(shape.alone() for shape in item.shapes), item.motion, item.material)
         for item in world.objects
@@ -36,7 +36,7 @@ def loops(
 def trees(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
-    """Walk through the trees of meshes by a program of JAX, and test all else in loops; see `Way`."""
+    """Traverse the trees of meshes by a JAX program, and test all else in loops; see `Way`."""
     world = in_dtype(world, origin.dtype)
     return search(world, components(origin), components(direction), time, limit, any_hit, by_program)
 
@@ -45,6 +45,6 @@ def trees(
 def compiled(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
-    """Walk through trees over all primitives by loops that numba compiles; see `Way`. Needs ``numba``."""
+    """Traverse trees over all primitives by loops compiled by numba; see `Way`. Needs ``numba``."""
     world = in_dtype(world, origin.dtype)
     return search(world, components(origin), components(direction), time, limit, any_hit, _compiled)

@@ -426,4 +426,4 @@ def test_damaged_exr_is_told_with_the_place(tmp_path, monkeypatch):
         except ValueError as error:
             assert re.search(r"image\.exr, (byte \d+, |must have the channels )", str(error)), error
         except ImportError as error:
-            assert "the package OpenEXR there (pip install 'qmcjax[exr]')" in str(error)
+            assert "without the package OpenEXR (pip install 'qmcjax[exr]')" in str(error)

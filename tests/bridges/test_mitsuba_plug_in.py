@@ -152,7 +152,7 @@ def test_what_is_no_sampler_is_refused():
         PaddedPairs(samplers.independent(sequences.van_der_corput(), 0), 0)
     outside = samplers.function(lambda x, y, sample: jax.numpy.full((*x.shape, 2), 1.5), 2)
     stream = Stream(PaddedPairs(outside, 0))
-    with pytest.raises(ValueError, match="seed or seek must tell the pixels"):
+    with pytest.raises(ValueError, match="seed or seek must set the pixels"):
         stream.of_all(0)
     stream.put(all_pairs(1))
     with pytest.raises(ValueError, match=r"points in \[0, 1\), got \[1.5, 1.5\] in pixel \(0, 0\), sample 0"):
@@ -220,7 +220,7 @@ def test_what_cannot_be_is_refused():
         "no name": "TypeError: variant must be the name of a variant, got 3",
         "held": "TypeError: sampler must be a sampler",
         "seek": "ValueError: x must be an integer in [0, 39], got 40",
-        "beyond": "sample_count must be as many samples as are taken, got 4",
+        "beyond": "sample_count must be the number of samples taken, got 4",
     }.items():
         assert words in found[name], found[name]
 

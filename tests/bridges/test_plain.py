@@ -80,7 +80,7 @@ def test_tables_are_made_once(monkeypatch):
 
 def test_there_are_no_more_coordinates_than_the_samplers():
     plain = PlainSampler(samplers.function(lambda x, y, s: np.full((*s.shape, 3), 0.25, np.float32), 3))
-    with pytest.raises(ValueError, match="sampler must have 1 more coordinates, got none before start"):
+    with pytest.raises(ValueError, match=r"call start\(pixel, sample\) before"):
         plain.get1d()
     plain.start((3, 4), 5)
     assert plain.get2d() == (0.25, 0.25)

@@ -207,10 +207,14 @@ def test_wrong_arguments():
         (TypeError, "world must be made by", lambda: tracing.photon_needs(None)),
         (TypeError, "bounces must be an integer", lambda: tracing.photons(world, given, 0.5)),
         (ValueError, "bounces must be an integer", lambda: tracing.photon_needs(world, 65)),
-        (ValueError, "world must have a light", lambda: tracing.photon_needs(tracing.world([]))),
         (
             ValueError,
-            "world must have a light",
+            "world must have a point, sphere or rectangle light",
+            lambda: tracing.photon_needs(tracing.world([])),
+        ),
+        (
+            ValueError,
+            "world must have a point, sphere or rectangle light",
             lambda: tracing.photons(tracing.world([], [tracing.environment(1.0)]), given),
         ),
         (TypeError, "points must be", lambda: tracing.photons(world, np.zeros((4, 3), int))),

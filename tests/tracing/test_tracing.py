@@ -687,7 +687,11 @@ ORIGIN = np.zeros(3, np.float32)
         (lambda: tracing.sphere("abc", 1.0), TypeError, "center must be made of real numbers, got 'abc'"),
         (lambda: tracing.sphere([[0, 0, 0]], [1.0, 2.0]), ValueError, r"radius must have shape \(1,\)"),
         (lambda: tracing.box([0, 0, 0], [1, 0, 1]), ValueError, "high must be above low"),
-        (lambda: tracing.rectangle([0, 0, 0], [1, 0, 0], [2, 0, 0]), ValueError, "edge_v must be such that"),
+        (
+            lambda: tracing.rectangle([0, 0, 0], [1, 0, 0], [2, 0, 0]),
+            ValueError,
+            "edge_v must be neither zero nor parallel to edge_u",
+        ),
         (lambda: tracing.disc([0, 0, 0], [0, 0, 0], 1.0), ValueError, "normal must be of a length above 0"),
         (lambda: tracing.cylinder([0, 0, 0], [0, 0, 0], 1.0), ValueError, "axis must be of a length above 0"),
         (lambda: tracing.cylinder([0, 0, 0], [0, 0, 1], 1.0, closed=1), TypeError, "closed must be True or"),
@@ -701,7 +705,7 @@ ORIGIN = np.zeros(3, np.float32)
         (lambda: tracing.triangles([GOOD], [GOOD, GOOD]), ValueError, r"close must have shape \(1, 3, 3\)"),
         (lambda: tracing.triangles([[[0, 0, np.nan], *GOOD[1:]]]), ValueError, "vertices must be finite"),
         (lambda: tracing.sphere([0, 0, 0], 1.0, motion=3), TypeError, "motion must be callable, got 3"),
-        (lambda: tracing.group([]), ValueError, "parts must be at least one"),
+        (lambda: tracing.group([]), ValueError, "parts must have at least one"),
         (lambda: tracing.group(BALL), TypeError, "parts must be a list or a tuple"),
         (lambda: tracing.group([3]), TypeError, "parts must be objects or shapes, got 3"),
         (

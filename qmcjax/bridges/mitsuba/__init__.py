@@ -1,6 +1,6 @@
-"""Samplers of ours as a sampler plug-in of Mitsuba 3, which ``pip install 'qmcjax[mitsuba]'`` installs.
+"""Samplers of qmcjax as a sampler plugin of Mitsuba 3 (``pip install 'qmcjax[mitsuba]'``).
 
-:func:`register` makes the plug-in, :func:`held` puts a sampler into the dictionaries that Mitsuba loads.
+:func:`register` registers the plugin, :func:`held` wraps a sampler for Mitsuba's dictionaries.
 """
 
 from qmcjax.bridges.mitsuba._llvm import check_llvm as check_llvm

@@ -1,4 +1,4 @@
-"""Mitsuba itself, and whether its LLVM variants run here."""
+"""Import of Mitsuba, and a check of its LLVM variants."""
 
 import subprocess
 import sys
@@ -22,11 +22,10 @@ drjit.sync_thread()
 
 
 def check_llvm() -> str:
-    """Return the version of LLVM that Mitsuba finds, or raise unless its LLVM variants render with it.
+    """Return the version of LLVM that Mitsuba finds; raise unless its LLVM variants render with it.
 
-    With some libraries they abort the whole process at the first image: those of LLVM 14 to 16 did on a
-    processor with AVX-512, 19 works. So this renders four pixels in a process of its own, which takes a
-    second or two.
+    Some versions abort the whole process at the first image: LLVM 14 to 16 did on a processor with AVX-512,
+    19 works. So this renders four pixels in a separate process, which takes a second or two.
 
     Returns
     -------
@@ -48,7 +47,7 @@ def check_llvm() -> str:
         last = (trial.stderr.strip().splitlines() or [""])[-1]
         raise RuntimeError(
             f"{found} (code {trial.returncode}: {last}). Mitsuba's LLVM variants need LLVM 19 (Debian: "
-            "libllvm19); DRJIT_LIBLLVM_PATH says where libLLVM.so is, if there are several"
+            "libllvm19); set DRJIT_LIBLLVM_PATH to the path of libLLVM.so if there are several"
         )
     return version
 

@@ -1,4 +1,4 @@
-"""A sampler's coordinates in pairs, and as many more pairs as anybody asks for."""
+"""A sampler's coordinates in pairs, padded with more pairs on demand."""
 
 from functools import partial
 from typing import Any
@@ -15,15 +15,15 @@ from qmcjax.samplers import as_sampler, independent
 from qmcjax.sequences import sobol
 
 _TOGETHER = 4
-"""So many pairs of the sampler's are computed by one program."""
+"""Number of the sampler's pairs that one program computes."""
 
 
 class PaddedPairs:
-    """Pairs of coordinates (2 k, 2 k + 1): the sampler's, and behind them those of other samplers.
+    """Pairs of coordinates (2 k, 2 k + 1): the sampler's, followed by padding.
 
-    Each pair behind them is of the first points of the Sobol' sequence, Owen-scrambled in each pixel with a
-    key of its own, in an order that is shuffled in each pixel: without it the same half of all pairs would
-    hold the same samples [1]_. An odd last coordinate of the sampler is left out.
+    A padding pair has the first points of the Sobol' sequence, Owen-scrambled with one key per pixel and
+    pair, in an order shuffled per pixel: otherwise the same half of all pairs would contain the same samples
+    [1]_. An odd last coordinate of the sampler is left out.
 
     References
     ----------
@@ -39,7 +39,7 @@ class PaddedPairs:
         self.key = checks.prng_key("key", key)
 
     def group(self, pair: int) -> tuple[int, int]:
-        """Return the first pair of those that are computed together with one, and their number."""
+        """Return the first pair of the group that is computed with a given pair, and the group's size."""
         own = self.sampler.dims // 2
         if pair >= own:
             return pair, 1
@@ -71,13 +71,13 @@ def _of_sampler(sampler: Any, x: Array, y: Array, sample: Array, dims: tuple[int
 def _padding(key: Array, pair: Array, x: Array, y: Array, sample: Array) -> Array:
     of_points, of_numbers = jax.random.split(jax.random.fold_in(key, pair))
     seed = pixel_seeds(of_numbers, x, y)
-    # Nested from the highest bit on: aligned blocks of 2**k numbers stay together, and so (0,k,2)-nets.
+    # Nested from the highest bit on: aligned blocks of 2**k numbers stay together, and so do (0,k,2)-nets.
     number = reverse(owen_hash(reverse(sample), seed))
     points = independent(sobol(2), of_points)(x, y, number, (0, 1), jnp.float32)
     return jnp.moveaxis(points, -1, 0)
 
 
 def pixel_seeds(key: Array, x: Array, y: Array) -> Array:
-    """Return a random word for each pixel."""
+    """Return one random word per pixel."""
     words = jax.random.bits(key, (2,), jnp.uint32)
     return hash_pair(x ^ words[0], y ^ words[1])

@@ -1,4 +1,4 @@
-"""Which pixel and sample Mitsuba means: it tells its samplers neither, but how many and a seed."""
+"""Pixels and sample indices for Mitsuba's samplers, which only get counts and a seed."""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,7 @@ BLOCK = 32
 
 @dataclass(frozen=True)
 class Window:
-    """The pixels that are sampled: the crop of a film and, if the film samples it, the border around it."""
+    """The sampled pixels: the crop of a film and, if the film samples it, the border around it."""
 
     width: int
     height: int
@@ -26,7 +26,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Wavefront:
-    """Consecutive samples of all pixels of a window: row by row, those of a pixel side by side."""
+    """Consecutive samples of all pixels of a window, row by row; those of a pixel are adjacent."""
 
     window: Window
     per_pixel: int
@@ -34,16 +34,16 @@ class Wavefront:
 
     @property
     def count(self) -> int:
-        """How many samples there are."""
+        """Number of samples."""
         return len(self.window) * self.per_pixel
 
     @property
     def end(self) -> int:
-        """One more than the largest number of a sample in its pixel."""
+        """One more than the largest sample index in a pixel."""
         return self.first + self.per_pixel
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and number in its pixel, of some of the samples."""
+        """Return column, row, and index in its pixel, of some of the samples."""
         pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
         y, x = np.divmod(pixel, np.uint32(self.window.width))
         return x + np.uint32(self.window.left), y + np.uint32(self.window.top), sample + np.uint32(self.first)
@@ -55,9 +55,9 @@ class Wavefront:
 
 @dataclass(frozen=True)
 class Block:
-    """Samples of the pixels of a square in a window: in Morton order, those of a pixel side by side.
+    """Samples of the pixels of a square in a window, in Morton order; those of a pixel are adjacent.
 
-    A square at an edge goes on beyond it: the last column and row stand for those that are not there.
+    A square may extend beyond an edge: the last column and row replace missing ones.
     """
 
     window: Window
@@ -68,11 +68,9 @@ class Block:
 
     @property
     def count(self) -> int:
-        """How many samples there are."""
         return self.side**2 * self.per_pixel
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and number in its pixel, of some of the samples."""
         pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
         last = self.window.width - 1, self.window.height - 1
         x, y = (
@@ -84,7 +82,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Chosen:
-    """Samples of any pixels."""
+    """Samples of arbitrary pixels."""
 
     x: Words
     y: Words
@@ -92,16 +90,13 @@ class Chosen:
 
     @property
     def count(self) -> int:
-        """How many samples there are."""
         return len(self.x)
 
     @property
     def end(self) -> int:
-        """One more than the largest number of a sample in its pixel."""
         return int(self.sample.max()) + 1
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and number in its pixel, of some of the samples."""
         return self.x[numbers], self.y[numbers], self.sample[numbers]
 
     def following(self) -> "Chosen":
@@ -110,7 +105,7 @@ class Chosen:
 
 
 def block_side(window: Window, threads: int, chosen: int) -> int:
-    """Return the side of an integrator's blocks: the chosen one, else 32, halved until all threads work."""
+    """Return the side of an integrator's blocks: the given one, else 32, halved until all threads work."""
     if chosen:
         return chosen
     side = BLOCK
@@ -121,12 +116,12 @@ def block_side(window: Window, threads: int, chosen: int) -> int:
 
 @dataclass(frozen=True)
 class Blocks:
-    """The blocks of a scalar variant by their numbers: a pixel's seed is its number in all of them.
+    """The numbered blocks of a scalar variant: a pixel's seed is its number in all of them.
 
     In ``SamplingIntegrator::render_block`` the seed of pixel i of a block, in Morton order, is
     ``number * side**2 + i``, plus the seed of the whole rendering times the number of pixels. Blocks at the
     edges count in full: the numbers of one rendering overlap with those of the next, and a seed other than 0
-    cannot always be told. But with one, no rendering ends without a number that is too large.
+    cannot always be detected. But such a rendering contains at least one number that is too large.
     """
 
     window: Window
@@ -136,13 +131,12 @@ class Blocks:
     side: int
 
     def found(self, seed: int) -> tuple[int, int]:
-        """Return the number of a block and that of a pixel in it, or raise a ValueError."""
+        """Return the number of a block and the index of a pixel in it, or raise a ValueError."""
         number, pixel = divmod(seed, self.side**2)
         if number >= len(self.corners):
             raise ValueError(
                 "seed must be 0 in scalar variants, samples_per_pass unset, and block_size the integrator's, "
-                f"got pixel {pixel} of block {number} of {len(self.corners)}: other samples are had by "
-                "first_sample"
+                f"got pixel {pixel} of block {number} of {len(self.corners)}: use first_sample instead"
             )
         return number, pixel
 

@@ -1,4 +1,4 @@
-"""The sampler plug-in itself: subclasses of Mitsuba's sampler, for the variant that is set."""
+"""The sampler plugin: subclasses of Mitsuba's sampler, for the current variant."""
 
 import copy
 from types import ModuleType
@@ -16,12 +16,12 @@ LIMIT = checks.INDEX_LIMIT - 1
 
 
 class Given:
-    """What a plug-in is given, for all its copies."""
+    """The properties of a plugin, shared by its copies."""
 
     def __init__(self, properties: Any) -> None:
         for name in ("sampler", "film"):
             if name not in properties:
-                raise ValueError(f"{name} must be given to the plug-in, which has none")
+                raise ValueError(f"{name} must be a parameter of the plugin, got none")
         sampler, self.film = properties["sampler"], properties["film"]
         if not hasattr(sampler, "held"):
             raise TypeError(
@@ -36,19 +36,19 @@ class Given:
         self.block_side = 0 if side == 0 else checks.power_of_two("block_size", side, checks.MAX_SIDE)
 
     def window(self) -> Window:
-        """Return the pixels that the film has by now."""
+        """Return the current pixels of the film."""
         border = self._border
         width, height = (int(side) + 2 * border for side in self.film.crop_size())
         left, top = (int(start) for start in self.film.crop_offset())
         return Window(width, height, left, top)
 
     def whole(self) -> tuple[int, int]:
-        """Return the columns and rows of the whole film and its border, for which the sampler is made."""
+        """Return the columns and rows of the whole film with its border, the image size of the sampler."""
         width, height = (int(side) + 2 * self._border for side in self.film.size())
         return width, height
 
     def check(self, end: int) -> None:
-        """Raise unless the sampler has so many samples of the film's pixels."""
+        """Raise unless the sampler has enough pixels and samples for the film."""
         self.pairs.sampler.check(*self.whole(), end)
 
     @property
@@ -113,13 +113,13 @@ def scalar(mitsuba: ModuleType) -> type:
         def _both(self, pair: int) -> tuple[float, float]:
             if self.number >= self.end:
                 raise ValueError(
-                    f"sample_count must be as many samples as are taken, got {self.sample_count()}"
+                    f"sample_count must be the number of samples taken, got {self.sample_count()}"
                 )
             return self.stream.of_sample(pair, self.number)
 
         def _layout(self) -> Blocks:
             window = self.given.window()
-            # Beside Dr.Jit's threads that of the caller renders.
+            # Dr.Jit renders in its threads and in the calling one.
             side = block_side(window, drjit.thread_count() + 1, self.given.block_side)
             spiral = mitsuba.Spiral([window.width, window.height], [0, 0], side, 1)
             corners = np.empty((spiral.block_count(), 2), np.int64)
@@ -157,8 +157,8 @@ def vectorized(mitsuba: ModuleType) -> type:
             window = self.given.window()
             per_pixel, rest = divmod(wavefront_size, len(window))
             if rest or not per_pixel:
-                # After an image Mitsuba seeds samplers for one sample, to free memory: that is no mistake
-                # unless coordinates are asked for.
+                # After an image Mitsuba seeds samplers for one sample, to free memory: this is an error only
+                # if coordinates are requested.
                 self.stream, self.samples = Stream(self.given.pairs), None
                 return
             number = int(np.ravel(np.array(seed))[0])
@@ -187,21 +187,21 @@ def vectorized(mitsuba: ModuleType) -> type:
         def _both(self, pair: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
             if drjit.flag(drjit.JitFlag.SymbolicScope):
                 raise RuntimeError(
-                    "symbolic loops must be off, in which coordinates would be asked for but once: "
+                    "symbolic loops must be off, since they request coordinates only once: "
                     "drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)"
                 )
             if self.samples is not None and not self.checked:
                 if self.samples.end > checks.INDEX_LIMIT:
                     raise ValueError(
-                        "seed must leave the samples from seed * sample_count on below 2**32, got up to "
-                        f"{self.samples.end}: gradients want such a seed_grad of mitsuba.render, too"
+                        "first_sample + (seed + 1) * sample_count must be at most 2**32, got "
+                        f"{self.samples.end}; this also holds for seed_grad of mitsuba.render"
                     )
                 self.given.check(self.samples.end)
                 self.checked = True
             return self.stream.of_all(pair)
 
         def _put(self, samples: Wavefront | Chosen) -> None:
-            # Checked when coordinates are asked for: behind its last pass Mitsuba advances once more.
+            # Checked when coordinates are requested: after its last pass Mitsuba advances once more.
             self.samples, self.checked = samples, False
             self.stream.put(samples)
 
@@ -209,7 +209,7 @@ def vectorized(mitsuba: ModuleType) -> type:
 
 
 def _properties(mitsuba: ModuleType, sampler: Any) -> Any:
-    """Return what Mitsuba's own part of a copy of a sampler is made of."""
+    """Return the properties of a copy of Mitsuba's base sampler."""
     properties = mitsuba.Properties()
     properties["sample_count"] = sampler.sample_count()
     return properties

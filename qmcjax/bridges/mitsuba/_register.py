@@ -1,4 +1,4 @@
-"""What makes the plug-in known, and what dictionaries take."""
+"""Registration of the plugin, and samplers for Mitsuba's dictionaries."""
 
 from typing import Any
 
@@ -9,58 +9,55 @@ from qmcjax.core import checks
 from qmcjax.samplers import as_sampler
 
 NAME = "qmcjax"
-"""Of the plug-in: ``"type"`` in dictionaries."""
+"""Name of the plugin: ``"type"`` in dictionaries."""
 
 
 def register(variant: str | None = None) -> None:
-    """Make the plug-in ``{"type": "qmcjax"}`` known to a variant of Mitsuba 3.
+    """Register the plugin ``{"type": "qmcjax"}`` with a variant of Mitsuba 3.
 
-    What it is given in dictionaries:
+    Its parameters in dictionaries:
 
     - ``sampler``: made by :func:`held`,
-    - ``film``: the very object that the sensor has, which says what the pixels are,
-    - ``sample_count``: samples of a pixel, by default 4; ``mitsuba.render(spp=...)`` goes before,
-    - ``first_sample``: the number of the first of them, by default 0,
-    - ``key``: an integer, by default 0, for what the integrator asks for beyond the sampler's dimensions,
-    - ``block_size``: in scalar variants that of the integrator, if it was given one.
+    - ``film``: the same object as the sensor's film, which defines the pixels,
+    - ``sample_count``: samples per pixel, 4 by default; ``mitsuba.render(spp=...)`` overrides it,
+    - ``first_sample``: the index of the first sample, 0 by default,
+    - ``key``: an integer, 0 by default, for requests beyond the sampler's dimensions,
+    - ``block_size``: in scalar variants the integrator's, if set.
 
     Parameters
     ----------
     variant : str, optional
-        Such as "scalar_rgb" or "llvm_ad_rgb": it is set as Mitsuba's variant, after :func:`check_llvm` if it
-        needs LLVM. By default the one that is set already.
+        Such as "scalar_rgb" or "llvm_ad_rgb": becomes the current variant of Mitsuba, after
+        :func:`check_llvm` if it needs LLVM. By default the current variant.
 
     Raises
     ------
     ImportError
         If Mitsuba is not installed.
-    TypeError
-        If ``variant`` is no word.
-    ValueError
-        If Mitsuba has no such variant, or none is set.
     RuntimeError
         If LLVM variants do not run here.
 
     Notes
     -----
-    Requests for two coordinates get the pairs 0 and 1, 2 and 3, ... of the sampler, those for one the next
-    such pair's first coordinate and then its second. The pairs beyond the sampler's are Sobol' points,
-    scrambled and shuffled by pixels, with a fresh key each.
+    2D requests get the pairs 0 and 1, 2 and 3, ... of the sampler; 1D requests get the first coordinate of
+    the next pair and then its second. The pairs beyond the sampler's are Sobol' points, scrambled and
+    shuffled per pixel with one key per pair.
 
-    In scalar variants a pixel is told by its seed: ``mitsuba.render(seed=...)`` must be 0 there. Other
-    samples are had by ``first_sample``. Each thread keeps 8 bytes a sample for each pair of coordinates that
-    it was asked for, of at most 2**14 samples.
+    In scalar variants the seed identifies the pixel: ``mitsuba.render(seed=...)`` must be 0 there. Use
+    ``first_sample`` for other samples. Each thread stores 8 bytes per sample for each pair of coordinates
+    that it requested, for at most 2**14 samples.
 
-    In LLVM and CUDA variants arrays are handed out, made in tiles of 2**14 samples: to a wavefront of n
-    samples they add 4 n bytes for each coordinate that is in use, and 32 n bytes in main memory. Seed s takes
-    the samples from ``first_sample + s * sample_count`` on. Symbolic loops must be off, since they would ask
-    but once: ``drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)``.
+    LLVM and CUDA variants get arrays, computed in tiles of 2**14 samples: a wavefront of n samples takes 4 n
+    more bytes per coordinate in use, and 32 n bytes in main memory. Seed s takes the samples from
+    ``first_sample + s * sample_count`` on. Turn symbolic loops off, since they would request coordinates only
+    once: ``drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)``.
 
-    Integrators are to follow rays from the camera, pixel by pixel: particle tracers have no pixel to tell.
+    Integrators must trace rays from the camera, pixel by pixel: particle tracers such as ``ptracer`` do not
+    work.
 
-    The plug-in also has ``seek(x, y, sample=0)``, for loops of one's own: the next coordinates are those of
-    this sample of this pixel of the film, and ``advance()`` goes to the pixel's next one. In LLVM and CUDA
-    variants these are arrays.
+    For custom loops, the plugin has ``seek(x, y, sample=0)``: the next coordinates are those of this sample
+    of this pixel of the film; ``advance()`` proceeds to the pixel's next sample. In LLVM and CUDA variants
+    the arguments are arrays.
     """
     mitsuba = imported()
     if variant is not None:
@@ -78,26 +75,17 @@ def register(variant: str | None = None) -> None:
 
 
 def held(sampler: Any) -> Any:
-    """Return a sampler as Mitsuba's dictionaries take it: they have no room for objects of Python.
+    """Wrap a sampler for Mitsuba's dictionaries, which do not take Python objects.
 
     Parameters
     ----------
     sampler : Sampler, or object with the methods of one
-        One with two dimensions or more; 0 and 1 are the position in the pixel.
+        With two dimensions or more; 0 and 1 are the position in the pixel.
 
     Returns
     -------
     mitsuba.Object
         For ``{"type": "qmcjax", "sampler": held(sampler), "film": film}``.
-
-    Raises
-    ------
-    ImportError
-        If Mitsuba is not installed.
-    TypeError
-        If ``sampler`` is none.
-    ValueError
-        If it has a single dimension.
     """
     mitsuba = imported()
     sampler = as_sampler("sampler", sampler)

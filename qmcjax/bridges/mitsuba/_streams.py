@@ -1,4 +1,4 @@
-"""The next coordinates of many samples, one request after the other, in tiles."""
+"""Streams of coordinates of many samples, request by request, in tiles."""
 
 from typing import Protocol
 
@@ -10,33 +10,33 @@ from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
 
 Words = NDArray[np.uint32]
 SMALL, TILE = 2**10, 2**14
-"""So many samples' coordinates are computed together: two sizes, since each one compiles its own programs."""
+"""Tile sizes in samples: only two, since each one compiles programs."""
 
 Row = memoryview
-"""One coordinate of the samples of a tile: its items are floats of Python, faster than NumPy's."""
+"""One coordinate of the samples of a tile: Python floats, which are faster to read than NumPy's."""
 
 _NO_ROWS = 0, 0, memoryview(b""), memoryview(b"")
 
 Place = tuple[int, int]
-"""A pair of coordinates, and which of both."""
+"""The index of a pair of coordinates, and which of both."""
 
 
 class Samples(Protocol):
-    """Samples of pixels, one after the other."""
+    """Consecutive samples of pixels."""
 
     @property
     def count(self) -> int: ...
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and number in its pixel, of some of the samples."""
+        """Return column, row, and index in its pixel, of some of the samples."""
         ...
 
 
 class Stream:
-    """Samples of pixels, of each of which one coordinate after the other is asked for.
+    """Samples of pixels, with requests for one coordinate after the other.
 
-    A request for two coordinates takes the next pair, one for a single coordinate the first of the next pair
-    or what the last such request left: pairs stay pairs, in which most samplers are best.
+    A 2D request takes the next pair, a 1D request the first coordinate of the next pair or the one that the
+    last 1D request left: pairs stay together, in which most samplers are best.
     """
 
     def __init__(self, pairs: PaddedPairs) -> None:
@@ -45,7 +45,7 @@ class Stream:
         self._forget()
 
     def put(self, samples: Samples) -> None:
-        """Go to the first coordinate of other samples."""
+        """Start with the first coordinate of other samples."""
         self.samples = samples
         self._tile = SMALL if samples.count <= SMALL else TILE
         self._forget()
@@ -57,11 +57,11 @@ class Stream:
         self.restart()
 
     def restart(self) -> None:
-        """Go back to the first coordinate of the same samples."""
+        """Start again with the first coordinate of the same samples."""
         self._next, self._left = 0, None
 
     def one(self) -> Place:
-        """Go over one coordinate, and return which."""
+        """Consume one coordinate, and return its index."""
         if self._left is not None:
             place, self._left = (self._left, 1), None
             return place
@@ -69,12 +69,12 @@ class Stream:
         return self._left, 0
 
     def two(self) -> int:
-        """Go over a pair of coordinates, and return which."""
+        """Consume a pair of coordinates, and return its index."""
         self._next += 1
         return self._next - 1
 
     def of_sample(self, pair: int, number: int) -> tuple[float, float]:
-        """Return both coordinates of one sample: its tile is made once for all samples in it."""
+        """Return both coordinates of one sample: its tile is computed once for all samples in it."""
         start, end, first, second = self._rows.get(pair, _NO_ROWS)
         if not start <= number < end:
             start, end, first, second = self._rows[pair] = self._row(pair, number)
@@ -95,7 +95,7 @@ class Stream:
         return start, end, memoryview(values[row]), memoryview(values[row + 1])
 
     def of_all(self, pair: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return both coordinates of all samples; those computed with them are kept for the next requests."""
+        """Return both coordinates of all samples; others computed with them are cached."""
         first, count = group = self.pairs.group(pair)
         if self._whole is None or self._whole[0] != first:
             samples = self.placed()
@@ -109,7 +109,7 @@ class Stream:
         return values[row], values[row + 1]
 
     def _values(self, group: tuple[int, int], tile: int) -> NDArray[np.float32]:
-        # A last tile that is not full repeats the last sample: all tiles have one program.
+        # An incomplete last tile repeats the last sample: all tiles share one program.
         samples, start = self.placed(), tile * self._tile
         numbers = np.minimum(np.arange(start, start + self._tile), samples.count - 1).astype(np.uint32)
         x, y, sample = (jnp.asarray(part, jnp.uint32) for part in samples.where(numbers))
@@ -119,7 +119,7 @@ class Stream:
         """Return the samples, or raise a ValueError."""
         if self.samples is None:
             raise ValueError(
-                "seed or seek must tell the pixels before coordinates are asked for; of a wavefront they are "
-                "known if its size is a multiple of the number of pixels of the film"
+                "seed or seek must set the pixels before coordinates are requested; the size of a wavefront "
+                "must be a multiple of the number of pixels of the film"
             )
         return self.samples

@@ -1,4 +1,4 @@
-"""Ray-traced scenes: what the papers' images show, made of the parts in :mod:`qmcjax.tracing`."""
+"""Ray-traced scenes of the papers' images, made with :mod:`qmcjax.tracing`."""
 
 from qmcjax.scenes.traced._base import Traced as Traced
 from qmcjax.scenes.traced._caustic import caustic as caustic
@@ -16,4 +16,4 @@ from qmcjax.scenes.traced._stored import read as read
 from qmcjax.scenes.traced._stored import save as save
 
 NAMES = ("cornell_box", "helicopter", "occluder", "defocus", "sports", "interior", "caustic")
-"""Of the functions that make scenes with stored references."""
+"""Functions that make scenes with stored references."""

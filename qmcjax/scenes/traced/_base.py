@@ -1,4 +1,4 @@
-"""A ray-traced scene of the package: its estimator, and the stored image that estimates converge to."""
+"""A ray-traced scene of the package: an estimator and a stored reference image."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,15 +19,14 @@ _DEVIATIONS = 5
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Traced:
-    """A ray-traced scene with a name; the functions that make them are `cornell_box`, `helicopter` etc."""
+    """A named ray-traced scene, made by `cornell_box`, `helicopter` etc."""
 
     name: str = field(metadata={"static": True})
     estimator: Any
-    """From points to radiance: what the scene is made of is in there."""
+    """From points to radiance; contains the world and the camera."""
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension."""
         return self.estimator.needs
 
     def __call__(self, point: Array) -> Array:
@@ -35,13 +34,13 @@ class Traced:
         return self.estimator(point)
 
     def __getattr__(self, name: str) -> Any:
-        # A scene has what is optional only if its estimator does; see `Scene`.
+        # A scene has an optional attribute only if its estimator has it; see `Scene`.
         if name not in ("varies", "unrolled"):
             raise AttributeError(name)
         return getattr(self.estimator, name)
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the stored mean over each pixel, of the scene with its default parameters.
+        """Return the stored mean over each pixel of the scene with its default parameters.
 
         Parameters
         ----------
@@ -52,20 +51,20 @@ class Traced:
         -------
         image : float64 ndarray, shape (height, width, 3)
         bound : float64 ndarray, shape (height, width, 3)
-            On the absolute errors: five standard errors of each pixel, and the rounding of what is stored.
+            On the absolute errors: five standard errors of each pixel, and the rounding of the stored values.
 
         Raises
         ------
         TypeError
-            If a size is no integer, or the scene is traced.
+            If the scene is traced.
         ValueError
-            If a size is no such divisor, or the parameters are not those of the stored image.
+            If a size is not a divisor, or the parameters are not those of the stored image.
 
         Notes
         -----
-        The image is the mean of randomised replicates, whose scatter tells its standard error, see
-        :func:`qmcjax.estimated_reference`: the bound holds with a probability, and says nothing about what no
-        sample has seen.
+        The image is the mean of randomised replicates, which also give its standard error, see
+        :func:`qmcjax.estimated_reference`: the bound holds with a probability, and does not cover features
+        that no sample has hit.
         """
         width, height = checks.image_size(width, height)
         advice = "qmcjax.estimated_reference(scene, width, height, spp, key) makes one"
@@ -73,9 +72,7 @@ class Traced:
         if stored is None:
             raise ValueError(f"{self.name} has no stored reference: {advice}")
         if not stored.content.matches(_stored.content(self)):
-            raise ValueError(
-                f"{self.name} has a stored reference for its default parameters, got others: {advice}"
-            )
+            raise ValueError(f"{self.name} has a stored reference for its default parameters only: {advice}")
         side = len(stored.image)
         for name, size in (("width", width), ("height", height)):
             if side % size:
@@ -91,10 +88,10 @@ class Traced:
 
 
 def is_analytic(visibility: Any) -> bool:
-    """Tell whether visibility in time is "analytic", not "sampled", or raise."""
+    """Whether visibility in time is "analytic"; raise unless it is that or "sampled"."""
     return checks.choice("visibility", visibility, ("sampled", "analytic")) == "analytic"
 
 
 def seen_in_time(estimator: Any, analytic: bool) -> Any:
-    """Return what is rendered of a scene, with visibility in time exact or sampled."""
+    """Return the estimator of a scene, with visibility in time exact or sampled."""
     return tracing.analytic_visibility(estimator) if analytic else estimator

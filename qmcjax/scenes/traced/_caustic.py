@@ -1,4 +1,4 @@
-"""Light of a lamp that its shade of metal sends to the floor."""
+"""Light that the metal shade of a lamp reflects to the floor."""
 
 from typing import Any
 
@@ -8,34 +8,23 @@ from qmcjax.scenes.traced._base import Traced
 
 
 def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, light_bounces: int = 1) -> Traced:
-    """Return a lamp over a floor: a bulb in a ring of metal, whose inside reflects its light into a caustic.
+    """Return a lamp over a floor: a bulb in a metal ring that reflects its light into a caustic.
 
-    The bulb is beside the axis of the ring, a lid is above, and a disc below it, so that the floor gets
-    little light but what the ring reflects. Paths from the camera hardly find the inside of the lamp, those
-    that begin at the bulb always do: they are joined to one another. The scene is still.
+    The bulb is off the axis of the ring, with a lid above and a disc below, so most light on the floor is
+    reflected by the ring. Camera paths hardly find the inside of the lamp, light paths always do: they are
+    connected. The scene is still.
 
     Parameters
     ----------
     radius : float, optional
-        Of the bulb, a sphere. Its power is the same for all.
+        Radius of the bulb, a sphere. Its power is the same for all radii. Positive.
     roughness : float, optional
-        Of the ring, as :func:`qmcjax.tracing.glossy` takes it. None is a mirror: no paths are joined there,
-        and its caustics are found by paths from the camera that hit the bulb.
+        Of the ring, see :func:`qmcjax.tracing.glossy`. None is a mirror: paths are not connected there,
+        and its caustics are found by camera paths that hit the bulb.
     bounces : int, optional
-        Reflections of a path, as :func:`qmcjax.tracing.path_tracing` takes them.
+        Reflections of a path, see :func:`qmcjax.tracing.path_tracing`.
     light_bounces : int, optional
-        As :func:`qmcjax.tracing.bidirectional` takes them; 0 is path tracing.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``radius`` is not positive, or another argument out of range.
+        See :func:`qmcjax.tracing.bidirectional`; 0 is path tracing.
 
     References
     ----------

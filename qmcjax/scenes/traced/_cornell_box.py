@@ -1,4 +1,4 @@
-"""A box with a mirror sphere that moves and a ball that jumps."""
+"""A box with a moving mirror sphere and a jumping ball."""
 
 from typing import Any
 
@@ -26,45 +26,33 @@ def cornell_box(
     bounces: int | None = None,
     visibility: str = "sampled",
 ) -> Traced:
-    """Return a Cornell box whose mirror sphere moves and whose ball jumps on a discontinuous path.
+    """Return a Cornell box with a moving mirror sphere and a ball that jumps on a path with a kink.
 
-    Width, height and depth of the box are 2; the floor is at y = 0, the open side towards the camera.
-    Everything that moves does so between the times 0 and 1.
+    Width, height and depth of the box are 2; the floor is at y = 0, the open side faces the camera.
+    All motion is between the times 0 and 1.
 
     Parameters
     ----------
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, which needs no coordinate for
-        time.
+        When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
+        coordinate.
     ball, mirror : bool, optional
-        Whether the ball and the mirror sphere are there.
+        Whether the ball and the mirror sphere exist.
     blocks : bool, optional
-        Whether the two boxes of the original are.
+        Whether the two blocks of the original exist.
     light : float, optional
-        The side of a square light below the ceiling, below 2; by default a point light.
+        The side of a square light below the ceiling, above 0 and below 2; by default a point light.
     bounces : int, optional
-        Light comes on paths with so many reflections, as :func:`qmcjax.tracing.path_tracing` says; by default
-        directly, seen in the mirror sphere too.
+        Number of reflections, see :func:`qmcjax.tracing.path_tracing`; by default direct light, also in the
+        mirror sphere.
     visibility : str, optional
-        "sampled": by a coordinate for time; "analytic": exactly, see
-        :func:`qmcjax.tracing.analytic_visibility`. Then the paths are linear segments, which are nowhere
-        farther than 0.0018 from the curves.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``light`` is not between 0 and 2, or ``shutter`` or ``bounces`` are out of range.
+        "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
+        Then the paths are linear segments, at most 0.0018 from the curves.
 
     Notes
     -----
     The ball's centre is on a quadratic B-spline with a double knot, where it touches the floor.
-    Without ``ball`` and ``mirror`` nothing moves: ``shutter`` is best one number then.
+    Nothing moves without ``ball`` and ``mirror``: set ``shutter`` to one number then.
 
     References
     ----------
@@ -124,14 +112,14 @@ def _lights(size: float | None) -> list[Any]:
         return [
             tracing.point_light((0.3, 1.75, 1.7), (12.0, 11.6, 10.6)),
         ]
-    # As much power whatever the size; the normal points down.
+    # The same power for all sizes; the normal points down.
     radiance = np.array([9.0, 8.0, 6.5]) * 0.25 / size**2
     corner = (-0.5 * size, 1.999, -0.5 * size)
     return [tracing.rectangle_light(corner, (size, 0.0, 0.0), (0.0, 0.0, size), radiance)]
 
 
 def _straight(path: motion.Nurbs, segments: int) -> motion.LinearSegments:
-    """Return a path as linear segments that touch the floor where it does."""
+    """Return a path as linear segments that touch the floor where the path does."""
     return motion.approximated(path, 0.0, 1.0, segments, path.corners)
 
 

@@ -1,4 +1,4 @@
-"""Small bright things in front of and behind the plane in focus."""
+"""Small bright objects in front of and behind the plane of focus."""
 
 from typing import Any
 
@@ -10,27 +10,16 @@ from qmcjax.scenes.traced._base import Traced
 
 
 def defocus(aperture: Any = 0.25, focus: Any = 4.0, *, blades: int | None = None) -> Traced:
-    """Return a row of balls before a thin lens, with small lights far behind the plane in focus.
+    """Return a row of balls before a thin lens, with small lights far behind the plane of focus.
 
     Parameters
     ----------
     aperture : float, optional
-        The radius of the lens; None is a pinhole, which needs no coordinates of the lens.
+        The radius of the lens, positive; None is a pinhole, without lens coordinates.
     focus : float, optional
-        The distance of the plane in focus, without a meaning for a pinhole; the ball in the middle is at 4.
+        The distance of the plane of focus, positive, ignored for a pinhole; the ball in the middle is at 4.
     blades : int, optional
-        The aperture is a regular polygon with so many sides, at least 3; by default it is round.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``aperture`` or ``focus`` is not positive, or ``blades`` out of range.
+        Number of sides of a regular polygon as the aperture, at least 3; round by default.
 
     References
     ----------
@@ -66,7 +55,7 @@ def _surroundings() -> list[tracing.Object]:
 
 
 def _balls() -> list[tracing.Object]:
-    """Return balls on a diagonal into the depth, the one in the middle in focus."""
+    """Return balls on a diagonal into the depth, with the middle one in focus."""
     colours = [(0.7, 0.1, 0.08), (0.75, 0.45, 0.08), (0.1, 0.45, 0.25), (0.08, 0.25, 0.6), (0.4, 0.12, 0.5)]
     places = [[-0.75, 0.3, 1.5], [-0.42, 0.3, 0.75], [0.0, 0.3, 0.0], [0.55, 0.3, -0.9], [1.3, 0.3, -2.1]]
     return [

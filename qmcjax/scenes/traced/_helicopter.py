@@ -1,4 +1,4 @@
-"""A helicopter with two rotors on one mast, above a pattern that moves."""
+"""A helicopter with two rotors on one mast, above a moving pattern."""
 
 import math
 from typing import Any
@@ -47,41 +47,28 @@ FLIGHT, SPIN = 4, 36
 """Linear segments of the flight, and of each turn of a rotor."""
 
 MOST = 100
-"""Turns that are straightened."""
+"""Maximum number of turns that are straightened."""
 
 SIDES = 24
-"""Of the prisms that stand for cylinders where visibility is exact in time."""
+"""Sides of the prisms that replace cylinders where visibility is exact in time."""
 
 
 def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str = "sampled") -> Traced:
-    """Return a flying helicopter whose two rotors turn about one mast, in opposite directions.
+    """Return a flying helicopter with two rotors that turn about one mast in opposite directions.
 
-    The ground is still, but the checkerboard on it moves, not linearly in time. Only the direct light of a
-    point light counts.
+    The ground is still, but the checkerboard on it moves, nonlinearly in time. The only illumination is
+    direct light of a point light.
 
     Parameters
     ----------
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, which needs no coordinate for
-        time.
+        See :func:`cornell_box`.
     turns : float, optional
-        Of each rotor between the times 0 and 1.
+        Turns of each rotor between the times 0 and 1; from -100 to 100 with "analytic".
     visibility : str, optional
-        "sampled": by a coordinate for time; "analytic": exactly, see
-        :func:`qmcjax.tracing.analytic_visibility`. Then all points move on linear segments, 36 for each turn
-        of a rotor, which are nowhere farther than 0.02 from the curves, and prisms of 24 sides stand for
-        cylinders.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``turns`` is not finite, or more than 100 either way with "analytic", or ``shutter`` out of range.
+        "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
+        Then all points move on linear segments, 36 per turn of a rotor, at most 0.02 from the curves, and
+        prisms of 24 sides replace cylinders.
 
     References
     ----------
@@ -107,7 +94,7 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
 
 
 def _materials() -> tuple[Any, Any, Any]:
-    """Return those of hull, canopy and rotors."""
+    """Return the materials of hull, canopy and rotors."""
     return tracing.diffuse(GREEN), tracing.glossy(0.5, 0.15, (0.02, 0.03, 0.05)), tracing.diffuse(DARK)
 
 
@@ -128,7 +115,7 @@ def _parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
 
 
 def _straight_parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
-    """Return the same on linear segments: spheres need not turn, and cylinders are prisms."""
+    """Return the same on linear segments: spheres need no rotation, and cylinders are prisms."""
     green, glass, dark = _materials()
     times = np.linspace(0, 1, FLIGHT + 1)
     often = np.linspace(0, 1, max(FLIGHT, math.ceil(SPIN * abs(float(turns)))) + 1)
@@ -152,7 +139,7 @@ def _straight_parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
 
 
 def _ball(flight: motion.Affine, times: Any, centre: Any, radius: float, material: Any) -> tracing.Object:
-    """Return a sphere that slides along with the flight."""
+    """Return a sphere that moves along with the flight."""
     matrix, translation = flight(jnp.asarray(times))
     path = np.asarray(matrix, np.float64) @ np.array(centre) + np.asarray(translation, np.float64)
     slide = motion.affine(None, motion.linear_segments(times, path))
@@ -170,7 +157,7 @@ def _prism(base: Any, axis: Any, radius: float) -> Any:
 
 
 def _rotors(turns: Any) -> list[tuple[float, Any, motion.Affine]]:
-    """Return height, turns with their sign, and the motion on the mast of both rotors."""
+    """Return height, signed turns, and the motion on the mast of both rotors."""
     return [
         (
             height,
@@ -190,7 +177,7 @@ def _blades(turns: Any) -> tracing.Object:
 
 
 def _attitude() -> Spin:
-    """Return the rotations: the nose is down and to the left, more and more so."""
+    """Return the rotations: the nose goes down and to the left, increasingly."""
     return Spin(np.array([0.0, 0.8, -0.6]), np.array(0.03), np.array(0.008))
 
 

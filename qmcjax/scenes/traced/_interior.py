@@ -14,29 +14,18 @@ WINDOW = ((0.85, 2.25), (-2.0, -0.2))
 
 
 def interior(bounces: int = 6, *, roulette: int | None = None) -> Traced:
-    """Return a dining room that is mostly lit by reflected light.
+    """Return a dining room lit mostly by reflected light.
 
-    The only light is outside of a window; it reaches a part of the table and the floor, and all
-    else by diffuse reflection. The scene is still.
+    The only light is outside of a window; it directly lights a part of the table and the floor, and all else
+    by diffuse reflection. The scene is still.
 
     Parameters
     ----------
     bounces : int, optional
         Directions of a path after the first, in [0, 64].
     roulette : int, optional
-        From this bounce on paths may end by chance, see :func:`qmcjax.tracing.path_tracing`; by default none
-        does.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If an argument is out of range.
+        From this bounce on paths may end at random, see :func:`qmcjax.tracing.path_tracing`; never by
+        default.
 
     References
     ----------
@@ -59,7 +48,7 @@ def _room() -> list[tracing.Object]:
     (x0, y0, z0), (x1, y1, z1) = LOW, HIGH
     (bottom, top), (far, near) = WINDOW
     wide, tall, deep = HIGH - LOW
-    # Ceiling, back, front, right; then what surrounds the window: below, above, behind and before it.
+    # Ceiling, back, front, right; then the wall around the window: below, above, behind and before it.
     corners = [
         [x0, y1, z0],
         [x0, y0, z0],

@@ -1,4 +1,4 @@
-"""Models made by formulas: outlines that are joined to meshes, rods, pieces of furniture."""
+"""Procedural models: outlines joined to meshes, rods, pieces of furniture."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,19 +7,19 @@ Points = NDArray[np.float64]
 
 
 def loft(rings: ArrayLike, start: ArrayLike, end: ArrayLike) -> Points:
-    """Join closed outlines, one after the other, and close the ends by fans.
+    """Join successive closed outlines to a mesh, and close the ends by fans.
 
     Parameters
     ----------
     rings : float ArrayLike, shape (k, n, 3)
-        k outlines of n vertices; counterclockwise for a viewer towards whom the next outline lies.
+        k outlines of n vertices; counterclockwise for a viewer on the side of the next outline.
     start, end : float ArrayLike, shape (3,)
         Tips of the fans.
 
     Returns
     -------
     float64 ndarray, shape (2 n k, 3, 3)
-        Triangles whose normals point outside.
+        Triangles with outward normals.
     """
     rings = np.asarray(rings, np.float64)
     following = np.roll(rings, -1, axis=1)
@@ -31,7 +31,7 @@ def loft(rings: ArrayLike, start: ArrayLike, end: ArrayLike) -> Points:
 
 
 def hull(stations: ArrayLike, count: int, roundness: float) -> Points:
-    """Return outlines across the x-axis for :func:`loft`, shape (k, count, 3).
+    """Return outlines perpendicular to the x-axis for :func:`loft`, shape (k, count, 3).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Motions of the scenes as pytrees: their numbers are leaves, so that a new speed compiles nothing anew."""
+"""Motions of the scenes as pytrees: their numbers are leaves, so that a new speed does not recompile."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,17 +22,17 @@ class Spin:
     start: Any
     """The angle at time 0, in turns."""
     turns: Any
-    """Between times 0 and 1; counterclockwise for a viewer to whom the axis points."""
+    """Turns between times 0 and 1; counterclockwise for a viewer that the axis points to."""
 
     def __call__(self, time: Array) -> Array:
         """Return quaternions, shape (..., 4), at times, shape (...)."""
         axis, start, turns = cast((self.axis, self.start, self.turns), time.dtype)
-        # The angle is reduced to one turn before it is rounded with a factor of pi.
+        # The angle is reduced to one turn before it is multiplied by pi and rounded.
         turned = start + turns * time
         return motion.quaternion(axis, 2 * np.pi * (turned - jnp.floor(turned)))
 
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return a box, (3,) and (3,), of where another one is at any time in [0, 1]."""
+        """Return a box, (3,) and (3,), that contains the image of another box at all times in [0, 1]."""
         axis, start, turns = cast((self.axis, self.start, self.turns), low.dtype)
         corners = jnp.stack(jnp.meshgrid(*jnp.stack([low, high], axis=1), indexing="ij"), axis=-1).reshape(
             -1, 3
@@ -43,7 +43,7 @@ class Spin:
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Carried:
-    """The motion of a part in that of a whole: first the inner one, then the outer one."""
+    """The motion of a part of a moving whole: first the inner one, then the outer one."""
 
     outer: Any
     inner: Any
@@ -57,7 +57,7 @@ class Carried:
         return jnp.stack(columns, axis=-1), jnp.stack(moved, axis=-1)
 
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return a box, (3,) and (3,), of where another one is at any time in [0, 1]."""
+        """Return a box, (3,) and (3,), that contains the image of another box at all times in [0, 1]."""
         return self.outer.reach(*self.inner.reach(low, high))
 
 
@@ -75,6 +75,6 @@ class Drift:
 
 
 def _image(matrix: Array, vector: Array) -> list[Array]:
-    """Return components of matrices times vectors, term by term: no library decides in which precision."""
+    """Return components of matrices times vectors, term by term: in a precision that no library chooses."""
     terms = ([matrix[..., j][..., i] * vector[..., j] for j in range(3)] for i in range(3))
     return [x + y + z for x, y, z in terms]

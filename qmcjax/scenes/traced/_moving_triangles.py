@@ -1,4 +1,4 @@
-"""Triangles whose vertices move on straight lines, over a checkerboard."""
+"""Triangles with linearly moving vertices, over a checkerboard."""
 
 from typing import Any
 
@@ -14,33 +14,19 @@ EYE = (0.0, 5.0, 4.0)
 
 
 def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: str = "sampled") -> Traced:
-    """Return triangles that fly and turn over a checkerboard, each vertex on a straight line of its own.
+    """Return triangles that fly and turn over a checkerboard; each vertex moves on a straight line.
 
-    Their sizes do not depend on their number, nor does where they are: twice as many overlap twice as often,
-    and those of less are among those of more. The light is at the camera, shadows hide behind what throws
-    them.
+    Sizes and positions do not depend on the number of triangles: twice as many overlap twice as often, and
+    more triangles include those of fewer. The light is at the camera, so objects hide their shadows.
 
     Parameters
     ----------
     count : int, optional
-        How many, in [1, 4096].
+        Number of triangles, in [1, 4096].
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, which needs no coordinate for
-        time.
+        See :func:`cornell_box`.
     visibility : str, optional
-        "sampled": by a coordinate for time; "analytic": exactly, see
-        :func:`qmcjax.tracing.analytic_visibility`.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If one is out of range.
+        "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
 
     References
     ----------
@@ -71,7 +57,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
 def _flights(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return vertices when the shutter opens and closes, (count, 3, 3)."""
     rng = np.random.default_rng(2008)
-    # One row of numbers for each triangle: more of them leave those before as they are.
+    # One row of numbers per triangle: more triangles leave the previous ones as they are.
     number = rng.uniform(-1, 1, (count, 13))
     centre = number[:, 0:3] * [1.7, 0.7, 1.5] + [0.0, 1.1, 0.0]
     flight = number[:, 3:6] * [0.7, 0.2, 0.7]

@@ -14,26 +14,15 @@ COLOURS = ((1.0, 0.16, 0.1), (0.12, 1.0, 0.2), (0.15, 0.25, 1.0))
 
 
 def occluder(size: Any = 0.45) -> Traced:
-    """Return a basket of rods in the light of three coloured area lights.
+    """Return a basket of rods lit by three coloured area lights.
 
-    Straight rods of two families on a hyperboloid throw three soft shadows into one another; where all lights
-    are seen the floor is white. The scene is still.
+    Straight rods of two families on a hyperboloid cast three overlapping soft shadows; the floor is white
+    where all lights are visible. The scene is still.
 
     Parameters
     ----------
     size : float, optional
-        Sides of the square lights, in [0.001, 2]. Their power is the same for all sizes.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If ``size`` is no real number.
-    ValueError
-        If it is out of range.
+        Side of the square lights, in [0.001, 2]. Their power is the same for all sizes.
 
     References
     ----------

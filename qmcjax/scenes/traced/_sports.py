@@ -34,26 +34,14 @@ WHEELS = (-1.3, 1.4)
 
 
 def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
-    """Return a sports car that the camera follows: it is sharp, wheels and surroundings are not.
+    """Return a sports car that the camera follows: the car is sharp, wheels and surroundings are blurred.
 
     Parameters
     ----------
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, which needs no coordinate for
-        time.
+        See :func:`cornell_box`.
     distance : float, optional
-        How far the car goes between the times 0 and 1; it is 4.2 long.
-
-    Returns
-    -------
-    Traced
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``distance`` is not finite, or ``shutter`` out of range.
+        Distance that the car moves between the times 0 and 1; its length is 4.2.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Images of ray-traced scenes in files: few bytes, and of which scene they are."""
+"""Stored images of ray-traced scenes: compact files that identify their scene."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
@@ -15,49 +15,43 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 
 FOLDER = resources.files("qmcjax.scenes.traced") / "_data"
-"""Where images are kept."""
+"""Folder of the images."""
 
 _SAME = 1e-5
-"""Numbers that differ by less, relatively or absolutely, are the same: some went through float32."""
+"""Numbers that differ by less, relatively or absolutely, are equal: some passed through float32."""
 
 _STEPS = 8
-"""Of standard errors in a factor of 2."""
+"""Steps per factor of 2 of standard errors."""
 
 
 @dataclass(frozen=True)
 class Content:
-    """What makes one scene another one: all of its numbers and choices, without the names of classes."""
+    """The identity of a scene: all of its numbers and choices, without the names of classes."""
 
     numbers: NDArray[np.float32]
     choices: str
 
     def matches(self, other: "Content") -> bool:
-        """Tell whether two scenes are the same."""
+        """Whether two scenes are the same."""
         return self.choices == other.choices and np.allclose(
             self.numbers, other.numbers, rtol=_SAME, atol=_SAME
         )
 
 
 class Stored(NamedTuple):
-    """An image with its errors, and the scene that it is of."""
+    """An image with its errors, and the content of its scene."""
 
     image: NDArray[np.float64]
     """(side, side, 3)."""
     error: NDArray[np.float64]
-    """(side, side): standard errors of pixels, the largest of three colours."""
+    """(side, side): standard errors of pixels, the largest of three channels."""
     rounding: float
-    """What storing has changed at most."""
+    """Largest change of a value by storing it."""
     content: Content
 
 
 def content(scene: Any) -> Content:
-    """Return what a scene is made of.
-
-    Raises
-    ------
-    TypeError
-        If it is traced.
-    """
+    """Return the arrays and static fields a scene is made of."""
     leaves = jax.tree.leaves(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         raise TypeError(f"scene must be known before tracing, got {checks.shown(scene)}")
@@ -85,8 +79,7 @@ def save(
 ) -> None:
     """Write an image and its standard errors, rounded to steps below those.
 
-    What a level differs by from its neighbours' is a small number, which a compressed archive keeps in few
-    bytes.
+    Differences of neighbouring levels are small numbers, which a compressed archive stores in few bytes.
 
     Parameters
     ----------
@@ -94,12 +87,12 @@ def save(
     image : float64 array, shape (side, side, 3)
     error : float64 array, shape (side, side)
     of : Content
-        Of the scene.
+        Content of the scene.
     """
     known = error[error > 0]
-    # Smaller errors than a byte has room for are rounded up.
+    # Errors too small for a byte are rounded up.
     least = max(float(known.min()), float(known.max()) * 2.0 ** -(250 / _STEPS)) if known.size else 1.0
-    # Where nothing is left to chance, samples are still values in single precision.
+    # Where nothing is random, samples are still values in single precision.
     least_step = np.finfo(np.float32).eps * abs(image).max()
     # Rounding adds a variance of step**2 / 12: at most a 30th to that of half of the pixels.
     step = 0.5 * 2.0 ** np.floor(np.log2(max(np.median(error), 2 * least_step) or 1))
@@ -132,7 +125,7 @@ def read(source: Path | IO[bytes]) -> Stored:
 
 @cache
 def load(name: str) -> Stored | None:
-    """Return what is stored of a scene of the package, None if nothing is."""
+    """Return the stored image of a scene of the package; None without one."""
     source = FOLDER / f"{name}.npz"
     if not source.is_file():
         return None

@@ -1,8 +1,8 @@
-"""Radiance over the time a shutter is open: visibility exactly, shading by samples (thesis, Sect. 3.2).
+"""Radiance over the time a shutter is open: exact visibility, sampled shading (thesis, Sect. 3.2).
 
-A primitive that is seen from one time to another adds the length of that interval times the mean of what its
-samples in there see. Only shading is left to chance: the mean over the shutter of a scene whose shading does
-not change has no variance in time at all.
+A primitive that is visible in an interval of time adds the length of that interval times the mean of its
+samples there. Only shading is random: where shading does not change, the mean over the shutter has no
+variance in time.
 """
 
 from dataclasses import dataclass, field
@@ -27,19 +27,19 @@ from qmcjax.tracing._world.lights import Environment
 from qmcjax.tracing._world.world import World
 
 TILE = 128
-"""Rays that are shaded together: all of them take as many turns as one of them needs."""
+"""Rays that are shaded together: all of them take as many iterations as one of them needs."""
 
 INSIDE = 2**-10
-"""Shading at the ends of intervals is so far inside, in their lengths: at ends, rays hit edges."""
+"""Shading at an end of an interval is so far inside, relative to its length: at ends, rays hit edges."""
 
 
 class _Pieces(NamedTuple):
-    """Parts of the shutter in which rays see one primitive, or what is to be searched for: lists of (n,)."""
+    """Parts of the shutter in which rays see one primitive, or which have to be searched: lists of (n,)."""
 
     start: list[Array]
     length: list[Array]
     share: list[Array]
-    """Of the shutter."""
+    """As a part of the shutter."""
     number: list[Array]
     stop: list[Array]
     """int32: how many samples there are up to the end of the piece."""
@@ -51,18 +51,18 @@ class AnalyticVisibility:
     """See :func:`analytic_visibility`."""
 
     estimator: Any
-    """What is averaged."""
+    """The estimator to average."""
     samples: int | None = field(metadata={"static": True})
     intervals: int = field(metadata={"static": True})
 
     @property
     def unrolled(self) -> int:
-        """Samples that a program evaluates in one pass: it is long enough."""
+        """Samples that a program evaluates in one pass: unrolling more makes it too long."""
         return self.estimator.unrolled
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The names of the estimator, without ``time``; ``shading`` is in its place."""
+        """The names of the estimator's dimensions, with ``shading`` in place of ``time``."""
         instead = () if self.samples is None else ("shading",)
         return tuple(name for old in self.estimator.needs for name in (instead if old == "time" else (old,)))
 
@@ -116,7 +116,7 @@ class AnalyticVisibility:
         return rays, seen(world, *fixed, opened, closed, self.intervals)
 
     def unresolved(self, point: Array) -> Array:
-        """Return the parts of the shutter in which visibility is sampled, as intervals do not fit.
+        """Return the part of the shutter in which visibility is sampled because intervals do not fit.
 
         Parameters
         ----------
@@ -137,7 +137,7 @@ class AnalyticVisibility:
         return _pieces(found, opened, closed, 1).share[-1].reshape(point.shape[:-1])
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell which coordinates may matter between opposite corners of boxes of points.
+        """Return which coordinates may matter between opposite corners of boxes of points.
 
         Parameters
         ----------
@@ -146,7 +146,7 @@ class AnalyticVisibility:
         Returns
         -------
         bool Array, shape (..., len(needs))
-            False says for certain that the value does not depend on the coordinate there.
+            False guarantees that the value does not depend on the coordinate there.
         """
         estimator, needs = self.estimator, self.needs
         low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))
@@ -164,7 +164,7 @@ class AnalyticVisibility:
 
 
 def _pieces(found: Any, opened: Array, closed: Array, samples: int | None) -> _Pieces:
-    """Return the intervals of rays and, as one more, the part of the shutter for which these do not fit."""
+    """Return the intervals of rays, and one more for the part of the shutter in which these do not fit."""
     rest = found.until < closed
     start = [*found.start, found.until]
     end = [*found.end, jnp.where(rest, closed, found.until)]
@@ -173,7 +173,7 @@ def _pieces(found: Any, opened: Array, closed: Array, samples: int | None) -> _P
     share, stop, total = [], [], jnp.zeros_like(number[0])
     for one in zip(start, end, number, strict=True):
         used = one[2] != -1
-        # A shutter that is open for no time sees what there is at that one.
+        # A shutter that is open for no time sees the scene at that time.
         part = jnp.where(whole > 0, (one[1] - one[0]) / jnp.where(whole > 0, whole, 1), 1)
         part = jnp.where(used, part, 0)
         count = 2 if samples is None else jnp.maximum(jnp.round(samples * part).astype(jnp.int32), 1)
@@ -185,7 +185,7 @@ def _pieces(found: Any, opened: Array, closed: Array, samples: int | None) -> _P
 
 
 def _sample(pieces: _Pieces, place: Array, offset: Array, samples: int | None) -> tuple[Array, Array, Array]:
-    """Return the time of one of the samples of each ray, what is seen then, and its weight; 0 without."""
+    """Return the time of one sample per ray, the primitive seen then, and its weight (0: no sample)."""
     time, weight = jnp.zeros_like(offset), jnp.zeros_like(offset)
     number = jnp.full(offset.shape, -1, jnp.int32)
     before = jnp.zeros_like(number)
@@ -193,8 +193,8 @@ def _sample(pieces: _Pieces, place: Array, offset: Array, samples: int | None) -
         here = (before <= place) & (place < stop)
         count = jnp.where(here, stop - before, 1).astype(offset.dtype)
         turn = (place - before).astype(offset.dtype)
-        # Samples of one interval are stratified, or at its ends: linear functions have the same mean if both
-        # are as far inside.
+        # Samples of one interval are stratified, or at its ends: linear functions keep their mean if both
+        # are equally far inside.
         at = INSIDE + (1 - 2 * INSIDE) * turn if samples is None else (turn + offset) / count
         time = jnp.where(here, start + at * length, time)
         weight = jnp.where(here, share / count, weight)
@@ -208,37 +208,30 @@ def analytic_visibility(
 ) -> AnalyticVisibility:
     """Average a scene over the time its shutter is open, with visibility exact in time.
 
-    Rays of the camera see each primitive for intervals of time, see :func:`visible_intervals`; in each of
-    them it is shaded at a few times, and counts by the length of the interval. Where nothing is seen there is
-    the environment. Shadows, mirrors and further light are those of the times of shading.
+    Camera rays see each primitive for intervals of time, see :func:`visible_intervals`. In each interval the
+    primitive is shaded at a few times and weighted by the length of the interval. Rays that hit nothing see
+    the environment. Shadows, mirrors and scattered light use the times of shading.
 
     Parameters
     ----------
     scene : Estimator
-        As :func:`direct_light` or :func:`path_tracing` makes it. What moves must do so linearly, as
-        :func:`visible_intervals` says; the camera must not.
+        Made by :func:`direct_light` or :func:`path_tracing`. Objects must move linearly, as
+        :func:`visible_intervals` requires; the camera must not move.
     samples : int, optional
-        So many times of shading for the whole shutter, in [1, 4096]: each interval has its part of them,
-        at least one, stratified; they share one coordinate ``shading`` and those of lights. None shades at
-        the two ends of each interval, and interpolates linearly between: then no coordinate stands for time.
+        Number of times of shading for the whole shutter, in [1, 4096]: each interval gets its share, at
+        least one, stratified; they share one coordinate ``shading`` and those of lights. None shades at
+        the two ends of each interval and interpolates linearly: then no coordinate stands for time.
     intervals : int, optional
-        Room for so many intervals of a ray, in [1, 256]: more take more time. After the last one that fits,
-        time is one more interval in which visibility is that of the times of shading, at least one; see
+        Maximum number of intervals per ray, in [1, 256]; more take more time. If they do not fit, the rest of
+        the shutter is one more interval, with visibility sampled at the times of shading, at least one; see
         :meth:`AnalyticVisibility.unresolved`.
 
     Returns
     -------
     AnalyticVisibility
-        A scene that needs what ``scene`` does, but ``shading`` or nothing in place of ``time``. Its mean is
-        that of ``scene`` with ``samples``; with None, if shading is linear in time. JAX differentiates it
-        forward only, not in what moves an edge.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or something moves in another way.
-    ValueError
-        If ``samples`` or ``intervals`` is out of range.
+        A scene that needs what ``scene`` needs, with ``shading`` or nothing in place of ``time``. Its mean is
+        that of ``scene``; with ``samples=None`` only if shading is linear in time. JAX differentiates it in
+        forward mode only, and not with respect to what moves an edge.
 
     References
     ----------

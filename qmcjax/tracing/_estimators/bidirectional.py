@@ -1,4 +1,4 @@
-"""Bidirectional path tracing: paths from the camera, joined to those that begin at lights."""
+"""Bidirectional path tracing: camera paths connected to light paths."""
 
 from dataclasses import dataclass, field
 from math import prod
@@ -38,12 +38,12 @@ from qmcjax.tracing._world.world import World
 
 
 class _Draws(NamedTuple):
-    """Coordinates for what happens at one surface, and which it is."""
+    """The coordinates used at one surface, and its number."""
 
     choice: Choice
     turn: Turn
     number: Array
-    """1 for the first."""
+    """1 for the first surface."""
 
 
 class _Path(NamedTuple):
@@ -51,42 +51,42 @@ class _Path(NamedTuple):
 
     origin: Vector
     way: Vector
-    """Unit vectors; zeros where paths have ended."""
+    """Unit vectors; zero where paths have ended."""
     normal: Vector
-    """Of the surface that the path comes from."""
+    """Normal of the surface that the path comes from."""
     density: Array
-    """With which the way was found; inf where nothing else finds it, at the camera and mirrors."""
+    """Density of the direction; inf where no other strategy finds it, at the camera and mirrors."""
     inverse: Array
     """One over the density; 0 at the camera, 1 at mirrors."""
     scale: Array
     """Of the surface that the path comes from, like the next three: see `_Surface`."""
     closed: Array
-    """Whether nothing is joined there: mirrors, and the camera."""
+    """Whether nothing is connected there: at mirrors and the camera."""
     ratio: Array
     """See :meth:`_Surface.ratio`."""
     others: tuple[Array, ...]
-    """Those of the next surface, but for the ratio between the two."""
+    """Those of the next surface, except for the ratio between the two."""
     throughput: Vector
     radiance: Vector
 
 
 class _Surface(NamedTuple):
-    """What camera paths have met, and how likely lights find it, see :class:`Vertex`.
+    """What camera paths hit, and how likely light paths find it, see :class:`Vertex`.
 
-    If a light's path may have J surfaces more than up to the one that it has now, squared ratios are
+    If a light path may have J more surfaces than it has now, squared ratios are
     ``r^2 (open + b^2 others[J - 2])``: r is ``scale`` times the light's density of the direction to here over
-    the distance squared, b the density of the direction back to the surface before. For J = 1 the last term
+    the squared distance, b the density of the direction back to the previous surface. For J = 1 the last term
     is left out.
     """
 
     at: Met
     scale: Array
     open: Array
-    """1 where paths of lights may end here and be joined to the surface before, else 0."""
+    """1 where light paths may end here and be connected to the previous surface, else 0."""
     others: tuple[Array, ...]
 
     def ratio(self, way: Vector) -> Array:
-        """Return the squared ratio over r^2 for J as large as it may be, towards a light."""
+        """Return the squared ratio over r^2 for the largest possible J, towards a light."""
         if not self.others:
             return self.open
         return self.open + square(back(self.at, way)) * self.others[-1]
@@ -105,7 +105,7 @@ class Bidirectional(Estimator):
 
     @property
     def _vertices(self) -> int:
-        """How many surfaces paths of lights meet: what is not joined in time is not followed."""
+        """Number of surfaces on light paths: those that cannot be connected any more are not followed."""
         return min(self.light_bounces, self.bounces) if emitters(self.world) else 0
 
     def light_needs(self) -> tuple[str, ...]:
@@ -148,14 +148,14 @@ class Bidirectional(Estimator):
         return jax.lax.scan(step, path, stacked)[0].radiance
 
     def _draws(self, coordinates: Coordinates, vertex: int) -> _Draws:
-        """Return the coordinates of a vertex: its light's, and those of the bounce away from it."""
+        """Return the coordinates of a vertex: for its light, and for the bounce away from it."""
         choice = Choice.of(coordinates, str(vertex) if vertex else "")
         turn = Turn.of(coordinates, f"bounce{min(vertex + 1, self.bounces)}")
         return _Draws(choice, turn, jnp.asarray(vertex + 1))
 
 
 def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | None, surfaces: int) -> _Path:
-    """Follow paths to the next surface, add the light there, and send them on."""
+    """Follow paths to the next surface, add the light there, and scatter them."""
     at = met(world, path.origin, path.way, time)
     emitted, chosen = emission(world, at, path.origin, path.normal)
     by_others = square(chosen / path.density)
@@ -182,7 +182,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | 
     inverse = jnp.where(mirror, 1, 1 / density)
     ratio = surface.ratio(way)
     if others:
-        # With each surface the path of a light may be longer by one: to have it end here is another way then.
+        # With each surface the light path may be one longer: ending it here is another strategy then.
         returns = square(back(at, way))
         others = (is_open, *(is_open + returns * part for part in others[:-1]))
     ways = density, inverse, surface.scale, mirror, ratio, others
@@ -192,7 +192,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | 
 def _lit(
     world: World, surface: _Surface, time: Array, throughput: Vector, choice: Choice, last: Array, joins: bool
 ) -> Vector:
-    """Return what lights give, weighed with how likely other ways find the same."""
+    """Return the light of lights, weighted by how likely other strategies find it."""
     at = surface.at
     if not world.lights:
         return each(jnp.zeros_like, at.normal)
@@ -200,7 +200,7 @@ def _lit(
     reflectance, density = evaluated(at.surface, at.normal, at.seen, light.way)
     others = jnp.where(last, 0, square(density / jnp.where(light.density > 0, light.density, 1)))
     if joins:
-        # A point of light is chosen for certain, that is by area; by angle with the squared distance.
+        # A point light is chosen with certainty, that is by area; by angle with the squared distance.
         likely = jnp.where(
             jnp.isinf(light.density), light.distance * light.distance / len(world.lights), light.density
         )
@@ -215,7 +215,7 @@ def _lit(
 def _joined(
     world: World, surface: _Surface, time: Array, throughput: Vector, light: Vertex, room: Array
 ) -> Vector:
-    """Return what comes from the surfaces of lights' paths, of which no more than ``room`` count."""
+    """Return the contribution of light-path vertices, at most ``room`` of them."""
     at, count = surface.at, len(surface.others) + 1
     zero = jnp.zeros_like(time)
     # The s-th may be followed by count - s others.
@@ -236,7 +236,7 @@ def _joined(
         if count > 1:
             by_light = opened + square(back(at, way)) * others
             ratios = ratios + square(its * surface.scale / apart) * by_light
-        # No path from the camera finds mirrors that are the last of so many surfaces.
+        # No camera path finds mirrors that are the last of so many surfaces.
         counts = jnp.where(ends, vertex.first, number < room) & ~vertex.mirror & ~is_mirror(at)
         weight = jnp.where(counts, 1 / (apart * (1 + ratios)), 0)
         gained = each(lambda *factors: prod(factors) * weight, throughput, here, there, vertex.throughput)
@@ -254,38 +254,31 @@ def _joined(
 def bidirectional(
     world: World, camera: Camera, bounces: int, light_bounces: int = 1, *, smooth: bool = False
 ) -> Bidirectional:
-    """Make the scene of a world where light is scattered, by paths from the camera and from lights.
+    """Make the scene of a world with scattered light, by paths from the camera and from lights.
 
-    Each path from the camera is joined to one that begins at a light: each of its surfaces to each of the
-    other's. Multiple importance sampling weighs these, and both ways of :func:`path_tracing`, by the power
-    heuristic over all ways that find the same path [1]_. A sample is the radiance along one ray: paths of
-    lights are not joined to the lens, so that the scene stays a function on the screen.
+    Each camera path is connected to one light path: each of its vertices to each vertex of the other.
+    Multiple importance sampling weights these connections, and both strategies of :func:`path_tracing`, by
+    the power heuristic over all strategies that find the same path [1]_. A sample is the radiance along one
+    ray: light paths are not connected to the lens, so the scene stays a function on the screen.
 
     Parameters
     ----------
     world : World
     camera : Camera
     bounces : int
-        See :func:`path_tracing`: the expectation is the same.
+        See :func:`path_tracing`, which has the same expectation.
     light_bounces : int, optional
-        How many surfaces the path of a light meets, in [0, 64]; more than ``bounces`` are as many. Paths
-        begin at points, spheres and rectangles, not at environments. 0 is path tracing.
+        Maximum number of surfaces on a light path, in [0, 64]; at most ``bounces`` are used. Paths begin at
+        point, sphere and rectangle lights, not at environments. 0 is path tracing.
     smooth : bool, optional
-        See :func:`path_tracing`, also for other derivatives.
+        See :func:`path_tracing`.
 
     Returns
     -------
     Bidirectional
-        A scene with values (..., 3) that needs what :func:`path_tracing` does, then ``[emit][, emit_u,
-        emit_v], emit_way_u, emit_way_v``, which choose a light, a point and a direction of it, and for s = 1,
+        A scene with values (..., 3) that needs what :func:`path_tracing` needs, then ``[emit][, emit_u,
+        emit_v], emit_way_u, emit_way_v``, which choose a light, a point on it and a direction, and for s = 1,
         2, ..., ``light_bounces - 1`` further ``scatter{s}_u, scatter{s}_v[, scatter{s}_lobe]``.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``bounces`` or ``light_bounces`` is out of range.
 
     References
     ----------

@@ -16,48 +16,48 @@ from qmcjax.tracing._search.intersection import found, frames, in_dtype
 from qmcjax.tracing._shapes.vectors import components, each, plus, stacked
 
 _FAR = 1e30
-"""The depth of what is nowhere."""
+"""The depth of pixels without a hit."""
 
 _ROWS = 2**14
-"""Samples that are taken together: one program serves all numbers of pixels and samples."""
+"""Samples taken together: one program serves all numbers of pixels and samples."""
 
 
 class Step(NamedTuple):
-    """One prediction: of the interval in the middle of two others, by their numbers."""
+    """One prediction: of the interval half-way between two others, by their numbers."""
 
     left: int
     middle: int
     right: int
     level: int
-    """From 1, the first of all."""
+    """From 1, the first level."""
 
 
 class DeepImage(NamedTuple):
-    """A deep framebuffer, arrays of n pixels in rows: what was nearest of all samples of each."""
+    """A deep framebuffer, arrays with one row per pixel: the nearest hit of all samples of the pixel."""
 
     color: Any
     """(n, 3): the mean of the samples."""
     distance: Any
-    """inf: nothing is hit."""
+    """inf without a hit."""
     inside: Any
-    """(n, 3): the point in the space of its object; without one the direction of the ray."""
+    """(n, 3): the point in object space; the direction of the ray without a hit."""
     time: Any
     number: Any
-    """Of the primitive, -1: none."""
+    """Of the primitive; -1 without a hit."""
 
 
 class Renderer(NamedTuple):
-    """What all images have in common."""
+    """What all images share."""
 
     scene: Estimator
     width: int
     height: int
     intervals: int
-    """How many there are."""
+    """Number of intervals."""
     key: Array
 
     def sampled(self, interval: int, pixels: NDArray[np.intp], count: int, first: int) -> DeepImage:
-        """Return some pixels by random samples of an interval, from one number on."""
+        """Return some pixels by random samples of an interval; samples are numbered from a given one."""
         rows = np.repeat(pixels, count)
         block = min(_ROWS, 1 << (self.width * self.height - 1).bit_length())
         key = jax.random.fold_in(jax.random.fold_in(self.key, interval), first)
@@ -77,7 +77,7 @@ class Renderer(NamedTuple):
         return DeepImage(*(a[nearest] for a in whole))._replace(color=color)
 
     def predicted(self, left: DeepImage, right: DeepImage, step: Step) -> tuple[DeepImage, NDArray[np.bool_]]:
-        """Predict the image between two, and tell which pixels are."""
+        """Predict the image between two others, and return which pixels are predicted."""
         (one, sees), (other, also) = (
             self._moved(deep, step.middle - start) for deep, start in ((left, step.left), (right, step.right))
         )
@@ -103,7 +103,7 @@ class Renderer(NamedTuple):
         fail: int,
         contrast: float,
     ) -> tuple[DeepImage, NDArray[np.int32]]:
-        """Sample the pixels whose prediction fails, and return how many samples each pixel took."""
+        """Sample the pixels where prediction fails, and return how many samples each pixel took."""
         taken = np.full(len(covered), count, np.int32)
         bad = ~covered
         checked = self.sampled(step.middle, np.arange(len(covered)), count, 0) if count else None
@@ -132,7 +132,7 @@ class Renderer(NamedTuple):
         return predicted, taken
 
     def _moved(self, deep: DeepImage, intervals: int) -> tuple[DeepImage, NDArray[np.bool_]]:
-        """Return an image so many intervals later, and which pixels something is drawn in."""
+        """Return an image moved by so many intervals, and the pixels that are covered."""
         camera = self.scene.camera
         opened, closed = (0.0, 0.0) if camera.still else np.asarray(camera.shutter, np.float64)
         later = (deep.time + intervals * (closed - opened) / self.intervals).astype(np.float32)
@@ -154,7 +154,7 @@ class Renderer(NamedTuple):
 
 @jit()
 def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepImage:
-    """Return one random sample in each row, whose (x, y, interval) are given, shape (3, n)."""
+    """Return one random sample per row at the given (x, y, interval), shape (3, n)."""
     needs = scene.needs
     points = jax.random.uniform(key, (place.shape[1], len(needs)), place.dtype)
     column = {name: j for j, name in enumerate(needs)}
@@ -174,7 +174,7 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
 
 @jit()
 def _projected(scene: Estimator, inside: Array, number: Array, time: Array) -> tuple[Array, Array, Array]:
-    """Return where stored points are on the screen at some times, and their depths."""
+    """Return the screen positions of stored points at some times, and their depths."""
     kept, hit = components(inside), number >= 0
     frame = frames(in_dtype(scene.world, time.dtype), number, time)
     point = kept

@@ -1,4 +1,4 @@
-"""Direct light: what a camera sees lit by lights alone, in mirrors too."""
+"""Direct light: surfaces lit by lights alone, seen directly and in mirrors."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -49,7 +49,7 @@ class DirectLight(Estimator):
 
 
 def _mirrored(world: World, time: Array, last: Met, throughput: Vector, seen: Vector) -> Any:
-    """Follow rays that are on mirrors to what they meet next."""
+    """Follow rays from mirrors to their next hit."""
     mirror = last.surface.mirror
     assert mirror is not None
     on = last.found.hit & any_of(mirror)
@@ -73,37 +73,30 @@ def _lit(world: World, choice: Choice, at: Met, time: Array) -> Vector:
 
 
 def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool = False) -> DirectLight:
-    """Make the scene of a world lit by its lights alone, which cast shadows.
+    """Make the scene of a world with direct light and shadows.
 
-    Of several lights one is chosen, each with the same chance, by the coordinate ``light``, and a point of it
-    by ``light_u`` and ``light_v``. Lights and emitters are seen where rays hit them.
+    One of several lights is chosen with equal probability by the coordinate ``light``, and a point on it by
+    ``light_u`` and ``light_v``. Lights and emitters are visible where rays hit them.
 
     Parameters
     ----------
     world : World
     camera : Camera
     mirrors : int, optional
-        How many mirrors light may meet on its way to the camera, in [0, 64]; what is seen behind more is
-        black. Microfacets reflect lights, not other surfaces.
+        Maximum number of mirrors on a path, in [0, 64]; what is seen through more of them is black.
+        Microfacets reflect lights, not other surfaces.
     smooth : bool, optional
-        True asserts that no edge of visibility moves with the parameters that are differentiated: then
-        derivatives in all parameters are given. By default those of shapes, motions, camera and places of
-        lights are refused, since the samples' derivatives miss what moving edges do to means. Derivatives
-        with respect to colours, roughness, radiance and intensity are unbiased, but 0 at black: no light is
-        followed there.
+        True asserts that no visibility edge moves with the parameters that are differentiated: then all
+        derivatives are given. By default, derivatives with respect to shapes, motions, the camera and
+        positions of lights raise an error, since derivatives of samples miss what moving edges do to means.
+        Derivatives with respect to colours, roughness, radiance and intensity are unbiased, but 0 at black:
+        no light is followed there.
 
     Returns
     -------
     DirectLight
         A scene with values (..., 3) that needs ``x, y[, time][, lens_u, lens_v][, light][, light_u,
-        light_v]``: what does not matter is left out.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``mirrors`` is out of range.
+        light_v]``, without those that do not matter.
 
     Examples
     --------

@@ -32,11 +32,11 @@ class Estimator(ABC):
     smooth: bool
 
     unrolled: ClassVar[int] = 1
-    """Samples that a program evaluates in one pass: it is long enough."""
+    """Samples that a program evaluates in one pass: unrolling more makes it too long."""
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension: the screen, time and lens if they matter, and what light takes."""
+        """The name of each dimension: screen, time and lens if they matter, and those of light transport."""
         moves = not self.camera.still and moving(self.world, self.camera)
         return ("x", "y", *(("time",) if moves else ()), *self.camera.lens, *self.light_needs())
 
@@ -64,7 +64,7 @@ class Estimator(ABC):
         return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Tell which coordinates may matter between opposite corners of boxes of points.
+        """Return which coordinates may matter between opposite corners of boxes of points.
 
         Parameters
         ----------
@@ -73,8 +73,8 @@ class Estimator(ABC):
         Returns
         -------
         bool Array, shape (..., len(needs))
-            False says for certain that the value does not depend on the coordinate there: nothing is seen,
-            or nothing that moves is, nor its shadow in direct light.
+            False guarantees that the value does not depend on the coordinate there: nothing is seen, or
+            nothing that moves, nor its shadow in direct light.
         """
         needs = self.needs
         low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))
@@ -89,7 +89,7 @@ class Estimator(ABC):
 
     @abstractmethod
     def moves(self, found: Seen) -> Array:
-        """Tell where time may matter."""
+        """Return where time may matter."""
 
 
 def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
@@ -99,7 +99,7 @@ def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
 
 
 def moving(world: World, camera: Camera) -> bool:
-    """Tell whether anything depends on time."""
+    """Whether anything depends on time."""
     return camera.motion is not None or any(
         item.motion is not None
         or any(shape.moving for shape in item.shapes)
@@ -109,7 +109,7 @@ def moving(world: World, camera: Camera) -> bool:
 
 
 def stilled(world: World, time: Array) -> World:
-    """Return the world as it is at one time: motions are evaluated once, not for each ray."""
+    """Return the world at one time: motions are evaluated once, not for each ray."""
 
     def still(item: Object) -> Object:
         frame = item.frame(time[None])
@@ -123,7 +123,7 @@ def stilled(world: World, time: Array) -> World:
 
 
 def guarded(world: World, camera: Camera) -> tuple[World, Camera]:
-    """Return what JAX then refuses to differentiate with respect to what moves an edge of visibility."""
+    """Return the parts, with those that move visibility edges guarded against differentiation."""
     objects = (
         replace(
             item,
@@ -138,7 +138,7 @@ def guarded(world: World, camera: Camera) -> tuple[World, Camera]:
 
 
 def _guarded(name: str, value: Any) -> Any:
-    """Refuse all fields but those that a class says to be smooth."""
+    """Guard all fields except those that a class declares smooth."""
     smooth = getattr(type(value), "smooth", None)
     if smooth is None:
         return value
@@ -157,7 +157,7 @@ def _refused(name: str, value: Any) -> Any:
 
 
 def check(world: Any, camera: Any, smooth: Any) -> None:
-    """Raise unless the arguments that all estimators have are what they are named for."""
+    """Check the arguments that all estimators share."""
     if not isinstance(world, World):
         raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
     if not isinstance(camera, Camera):

@@ -1,9 +1,9 @@
-"""Depth of field by lines on the lens, each seen exactly as if it were motion blur (thesis, Sect. 3.3.5).
+"""Depth of field by lines on the lens, each with exact visibility as for motion blur (thesis, Sect. 3.3.5).
 
-A ray through the point m of the lens and the screen sees at the depth z what one through the middle of the
-lens sees there, moved by ``m (1 - z / focus)``. So the inverse shear of the world, ``p - m (1 - z / focus)``,
-shows the middle of the lens what m sees. It is linear in m: while that moves along a line, all vertices move
-on lines, and visibility in time is exact.
+A ray through the point m of the lens sees at the depth z what a ray through the centre of the lens and the
+same point of the screen sees there, moved by ``m (1 - z / focus)``. So the inverse shear of the world,
+``p - m (1 - z / focus)``, shows the centre of the lens what m sees. The shear is linear in m: while m moves
+along a line, all vertices move on lines, and visibility in time is exact.
 """
 
 from dataclasses import dataclass, field
@@ -35,23 +35,18 @@ def lens_lines(count: int) -> NDArray[np.float64]:
     """Return diameters of the lens at equal angles, the first along the image's width.
 
     With the redistribution of :func:`lens_line` their mean integrates all polynomials of degree up to
-    ``2 count - 1`` over the disc exactly: half lines at ``2 count`` equal angles do so round the circle, and
+    ``2 count - 1`` over the disc exactly: half lines at ``2 count`` equal angles do so around the circle, and
     along each the density is that of the disc.
 
     Parameters
     ----------
     count : int
-        In [1, 2**16]. Every other one of twice as many lines is one of these.
+        In [1, 2**16]. These lines are every other one of ``lens_lines(2 * count)``.
 
     Returns
     -------
     float64 array of NumPy, shape (count, 2, 2)
         Line, start or end, coordinate to the right or upward in the image; the lens has the radius 1.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If ``count`` is no integer in its range.
 
     References
     ----------
@@ -73,32 +68,25 @@ def lens_lines(count: int) -> NDArray[np.float64]:
 
 
 def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
-    """Make the moving world that shows the middle of a lens what points on a line of the lens see.
+    """Make the moving world that shows the centre of a lens what points on a line of the lens see.
 
-    `visible_intervals` of it along ``camera.view(x, y)`` has positions on the line for times, 0 at its start
-    and 1 at its end, and depths along the view for distances.
+    `visible_intervals` along ``camera.view(x, y)`` then returns positions on the line as times, 0 at its
+    start and 1 at its end, and depths along the view as distances.
 
     Parameters
     ----------
     world : World
-        Of triangles, rectangles and boxes, lights included.
+        With triangles, rectangles and boxes only, lights included.
     camera : Camera
-        With a round aperture and without a motion; with one time for its shutter, where something moves:
-        lines take the place of time.
+        With a round aperture and no motion. If something moves, the shutter must be one time: the line takes
+        the place of time.
     line : float ArrayLike, shape (2, 2)
-        Start and end on the lens, of the radius 1; see :func:`lens_lines`.
+        Start and end on the lens, which has radius 1; see :func:`lens_lines`.
 
     Returns
     -------
     World
-        Without lights; those with an extent are objects, so that primitives keep their numbers.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or the world has other shapes.
-    ValueError
-        If ``line`` has another shape or leaves the lens, or the camera is not of that kind.
+        Without lights; lights with an extent become objects, so that primitives keep their numbers.
 
     References
     ----------
@@ -129,15 +117,15 @@ class LensLine:
     scene: Estimator
     line: Any
     redistributed: Any
-    """bool: not static, so that one program draws both."""
+    """bool: not static, so that one program serves both values."""
     intervals: int = field(metadata={"static": True})
 
     unrolled: ClassVar[int] = 1
-    """Samples that a program evaluates in one pass: it is long enough."""
+    """Samples that a program evaluates in one pass: unrolling more makes it too long."""
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension: the screen, the line on the lens, and what light takes."""
+        """The name of each dimension: the screen, the line on the lens, and those of light transport."""
         return ("x", "y", "lens_u", *self.scene.light_needs())
 
     def __call__(self, point: Array) -> Array:
@@ -154,7 +142,7 @@ class LensLine:
             (_sheared(world, camera, line, zero[0]), origin, view.seen)
         )
         found = seen(sheared, start, way, zero[0], zero[0] + 1, self.intervals)
-        # What is beyond the last interval may not be known: then the ray there finds it.
+        # Beyond the last interval the primitive may be unknown: then the ray is traced there.
         ends = [
             zero[None],
             jnp.stack([found.start, found.end], axis=1).reshape(-1, len(zero)),
@@ -186,12 +174,12 @@ class LensLine:
         return stacked(total).reshape(*point.shape[:-1], 3)
 
     def _mass(self, place: Array) -> Array:
-        """Return how much of a line's weight is before places in [0, 1] on it."""
+        """Return the part of a line's weight before positions in [0, 1] on it."""
         side = 2 * place - 1
         return jnp.where(self.redistributed, 0.5 + 0.5 * side * abs(side), place)
 
     def _place(self, mass: Array) -> Array:
-        """Invert :meth:`_mass`: the square root of Fig. 3.10, from the middle of the line outward."""
+        """Invert :meth:`_mass`: the square root of Fig. 3.10, outward from the middle of the line."""
         side = 2 * mass - 1
         tiny = jnp.finfo(mass.dtype).tiny
         place = 0.5 + 0.5 * jnp.sign(side) * jnp.sqrt(jnp.maximum(abs(side), tiny))
@@ -201,43 +189,35 @@ class LensLine:
 def lens_line(
     scene: Estimator, line: ArrayLike, intervals: int = 16, *, redistributed: bool = True
 ) -> LensLine:
-    """Make the scene of a line on the lens: what is seen from where on it is known exactly.
+    """Make the scene of one line on the lens, with exact visibility along the line.
 
-    The mean of the images of several lines has the depth of field. Each interval of the line in which one
-    primitive is seen is shaded once, and weighed with how much of the line it is.
+    The mean over the images of several lines has depth of field. Each interval of the line in which one
+    primitive is visible is shaded once and weighted by its part of the line.
 
     Parameters
     ----------
     scene : Estimator
-        Made by :func:`direct_light`, :func:`path_tracing` or :func:`bidirectional`, of a world and a camera
-        as :func:`lens_sheared` takes them.
+        Made by :func:`direct_light`, :func:`path_tracing` or :func:`bidirectional`; :func:`lens_sheared`
+        states the requirements for its world and camera.
     line : float ArrayLike, shape (2, 2)
-        Start and end on the lens, of the radius 1; see :func:`lens_lines`.
+        Start and end on the lens, which has radius 1; see :func:`lens_lines`.
     intervals : int, optional
-        Room for so many intervals of a ray, in [1, 256]. Where they do not fit, the rest of the line is taken
+        Maximum number of intervals per ray, in [1, 256]. If they do not fit, the rest of the line is sampled
         at one point: the mean stays right.
     redistributed : bool, optional
-        Whether the density along the line is that of a disc along its diameter, in proportion to the distance
-        from the middle (Fig. 3.10); else it is even.
+        Whether the density along the line is that of a disc along its diameter, proportional to the distance
+        from the middle (Fig. 3.10); else it is uniform.
 
     Returns
     -------
     LensLine
         A scene with values (..., 3) that needs ``x, y, lens_u`` and what ``scene`` needs beyond the lens;
-        ``lens_u`` chooses where in its interval what is seen is shaded.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or the world has other shapes.
-    ValueError
-        If ``line`` has another shape or leaves the lens, ``intervals`` is out of range, or the camera is not
-        of that kind.
+        ``lens_u`` chooses the point of each interval that is shaded.
 
     Notes
     -----
-    The thesis prints a "sqrt(t)-like function". Of the points of a disc, r**2 are at most r from the middle,
-    so where t runs evenly from 0 to 1, they are at r = sqrt(t) on both sides of it.
+    The thesis prints a "sqrt(t)-like function". A part r**2 of the disc is within r of its centre, so t
+    uniform in [0, 1] maps to r = sqrt(t) on both sides of the middle.
 
     References
     ----------
@@ -264,7 +244,7 @@ def lens_line(
 
 
 def check_lens(world: Any, camera: Any) -> None:
-    """Raise unless lines on the lens of a camera can be seen exactly in a world."""
+    """Check that a world and a camera allow exact visibility along lines on the lens."""
     if not isinstance(world, World):
         raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
     if not isinstance(camera, Camera):
@@ -298,7 +278,7 @@ def _line(value: Any) -> Any:
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class _Shear:
-    """The motion of an object that is still while a point moves along a line on the lens."""
+    """The motion of a still object while a point moves along a line on the lens."""
 
     matrix: Any
     """(2, 3, 3): at the start and the end of the line."""

@@ -1,4 +1,4 @@
-"""Path tracing: light that is scattered many times."""
+"""Path tracing."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -22,7 +22,7 @@ from qmcjax.tracing._world.world import World
 
 
 class _Draws(NamedTuple):
-    """Coordinates for what happens at one surface; None where nothing is left to chance."""
+    """The coordinates used at one surface; None where nothing is random."""
 
     choice: Choice
     turn: Turn
@@ -36,11 +36,11 @@ class _Path(NamedTuple):
 
     origin: Vector
     way: Vector
-    """Unit vectors; zeros where paths have ended."""
+    """Unit vectors; zero where paths have ended."""
     normal: Vector
-    """Of the surface that the path comes from."""
+    """Normal of the surface that the path comes from."""
     density: Array
-    """With which the way was found; inf where nothing else finds it, at the camera and mirrors."""
+    """Density of the direction; inf where no other strategy finds it, at the camera and mirrors."""
     throughput: Vector
     radiance: Vector
 
@@ -90,12 +90,12 @@ class PathTracing(Estimator):
         return jax.lax.scan(step, start, stacked)[0].radiance
 
     def _draws(self, coordinates: Coordinates, vertex: int, one: Array) -> _Draws:
-        """Return the coordinates of a vertex: its light's, and those of the bounce away from it."""
+        """Return the coordinates of a vertex: for its light, and for the bounce away from it."""
         ends = vertex == self.bounces
         of_bounce = self.bounces if ends else vertex + 1
         roulette = None
         if self.roulette is not None and self.roulette <= self.bounces:
-            # Before roulette begins all paths survive.
+            # All paths survive before roulette begins.
             roulette = coordinates[f"roulette{of_bounce}"] if self._at_stake(of_bounce) else -one
         choice = Choice.of(coordinates, str(vertex) if vertex else "")
         turn = Turn.of(coordinates, f"bounce{of_bounce}")
@@ -103,7 +103,7 @@ class PathTracing(Estimator):
 
 
 def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
-    """Follow paths to the next surface, add the light there, and send them on."""
+    """Follow paths to the next surface, add the light there, and scatter them."""
     at = met(world, path.origin, path.way, time)
     emitted, density = emission(world, at, path.origin, path.normal)
     weight = _weight(path.density, density)
@@ -127,7 +127,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
 
 
 def _lit(world: World, at: Met, time: Array, throughput: Vector, draw: _Draws) -> Vector:
-    """Return what lights give, weighed with how likely the next direction finds the same."""
+    """Return the light of lights, weighted by how likely the next direction finds it."""
     if not world.lights:
         return each(jnp.zeros_like, at.normal)
     light = illuminated(world, draw.choice, at.found.point, at.normal)
@@ -139,7 +139,7 @@ def _lit(world: World, at: Met, time: Array, throughput: Vector, draw: _Draws) -
 
 
 def _weight(density: Array, other: Array) -> Array:
-    """Return the power heuristic's weight of a way to find light, against one other way."""
+    """Return the weight of a strategy against one other by the power heuristic."""
     ratio = other / jnp.where(density > 0, density, 1)
     return 1 / (1 + ratio * ratio)
 
@@ -147,40 +147,32 @@ def _weight(density: Array, other: Array) -> Array:
 def path_tracing(
     world: World, camera: Camera, bounces: int, *, roulette: int | None = None, smooth: bool = False
 ) -> PathTracing:
-    """Make the scene of a world where light is scattered from surface to surface.
+    """Make the scene of a world with light scattered from surface to surface.
 
-    At each surface a point of a light is sampled, and a direction by the surface; multiple importance
-    sampling weighs both ways to find light by the power heuristic [1]_. Derivatives with respect to materials
-    keep directions, lobes and roulette as they were sampled, and so edges of visibility: "detached sampling"
-    [2]_.
+    At each surface a point of a light and a direction of the surface are sampled; multiple importance
+    sampling combines both by the power heuristic [1]_. Derivatives with respect to materials keep the sampled
+    directions, lobes and roulette, and so visibility edges: "detached sampling" [2]_.
 
     Parameters
     ----------
     world : World
     camera : Camera
     bounces : int
-        How many directions a path takes after the first, in [0, 64]. 0 is direct light alone; light that is
-        scattered more than ``bounces + 1`` times is lost, and what a mirror shows that is the last of so many
-        surfaces.
+        Number of directions that a path takes after the first, in [0, 64]. 0 is direct light alone. Light
+        scattered more than ``bounces + 1`` times is lost, and so is what a mirror reflects if it is the last
+        of these surfaces.
     roulette : int, optional
-        From this bounce on, at least 1, paths of little throughput end by chance, the others carry their
-        light; each bounce by a coordinate of its own. By default none does.
+        From this bounce on, at least 1, paths of low throughput end at random and the others carry their
+        energy (Russian roulette), with one coordinate per bounce. None by default.
     smooth : bool, optional
-        See :func:`direct_light`. Edges of lights and emitters count, too, as surfaces that scatter see them.
+        See :func:`direct_light`. Edges of lights and emitters, as seen from surfaces that scatter, count too.
 
     Returns
     -------
     PathTracing
-        A scene with values (..., 3) that needs what :func:`direct_light` does, and for k = 1, 2, ...,
+        A scene with values (..., 3) that needs what :func:`direct_light` needs, and for k = 1, 2, ...,
         ``bounces`` further ``bounce{k}_u, bounce{k}_v[, bounce{k}_lobe][, roulette{k}][, light{k}][,
         light{k}_u, light{k}_v]``; ``lobe`` where a material has microfacets and a Lambertian part.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``bounces`` or ``roulette`` is out of range.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Photons that know when they arrive: at one time each, or all through an interval (thesis, Sect. 3.1.5)."""
+"""Time-dependent photons: one time each, or intervals of arrival (thesis, Sect. 3.1.5)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from qmcjax.tracing._shapes.vectors import components, each, stacked
 from qmcjax.tracing._world.world import World
 
 _QUERIES = 1024
-"""Points whose photons are looked up together: their number bounds the memory."""
+"""Query points that are processed together: bounds the memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,15 +32,15 @@ class Photons:
     """Where and when light arrives; see :func:`photons`."""
 
     position: NDArray
-    """(n, 3): on surfaces, at the time at which they are hit."""
+    """(n, 3): on surfaces, at the time of the hit."""
     incoming: NDArray
-    """(n, 3): unit vectors, the way of the light."""
+    """(n, 3): unit vectors, the direction of travel."""
     energy: NDArray
-    """(n, 3): power times time, in units of the shutter's."""
+    """(n, 3): power times time, with the shutter's unit of time."""
     start: NDArray
-    """(n,): it arrives from here ..."""
+    """(n,): start of the arrival ..."""
     end: NDArray
-    """(n,): ... to here, evenly. The same: at this time only."""
+    """(n,): ... and its end, uniform in between. Equal to the start for a single time."""
     shape: NDArray[np.int32]
     """(n,): the number of the primitive."""
     shutter: tuple[float, float]
@@ -59,32 +59,24 @@ class Photons:
         radius: float,
         window: float = 1.0,
     ) -> NDArray[np.float64]:
-        """Estimate the irradiance of surfaces from the photons that are near in space and time.
+        """Estimate the irradiance of surfaces from photons nearby in space and time.
 
         Parameters
         ----------
         point, normal : float ArrayLike, shape (..., 3)
-            Of the surfaces; only photons that come from the side of the normal count.
+            Of the surfaces; only photons from the side of the normal count.
         time : float ArrayLike, shape (...)
-            In the shutter. Shapes are broadcast.
+            While the shutter is open. Shapes are broadcast.
         radius : float
-            Of the ball in which photons are near, positive; the part of the surface in it is taken for a flat
-            disc.
+            Radius of the ball of photons, positive; the surface in it is taken to be a flat disc.
         window : float, optional
-            In (0, 1]: photons of one time count if that is at most half of it away; what lies outside of the
-            shutter is cut off. Photons of intervals count exactly while they arrive.
+            In (0, 1]. Photons with a single time count if it differs by at most half the window, which is
+            clipped to the shutter. Photons with intervals count exactly while they arrive.
 
         Returns
         -------
         float64 array, shape (..., 3)
             Power per area.
-
-        Raises
-        ------
-        TypeError
-            If an argument has another type.
-        ValueError
-            If shapes do not fit, or an argument is out of range.
         """
         point, normal = (_vectors(name, value) for name, value in (("point", point), ("normal", normal)))
         time = known("time", time)
@@ -118,7 +110,7 @@ class Photons:
         opened, closed = self.shutter
         low, high = np.maximum(time - 0.5 * window, opened), np.minimum(time + 0.5 * window, closed)
         lasts = end > start
-        # Intervals that touch have no time in common, but the last one has the end of the shutter.
+        # Intervals that touch share no time, but the last one includes the end of the shutter.
         during = np.where(
             lasts,
             (at >= start) & ((at < end) | (end == closed)),
@@ -135,7 +127,7 @@ class _Flying(NamedTuple):
     """Photons on their way, arrays of n rows."""
 
     number: NDArray
-    """Which point they are made of."""
+    """Index of the point that the photon is made of."""
     origin: NDArray
     way: NDArray
     energy: NDArray
@@ -144,24 +136,18 @@ class _Flying(NamedTuple):
 
 
 def photon_needs(world: World, bounces: int = 0) -> tuple[str, ...]:
-    """Return the name of each dimension of the points that photons are made of.
+    """Return the names of the dimensions of the points that photons are made of.
 
     Parameters
     ----------
     world : World
+        With a point, sphere or rectangle light.
     bounces : int, optional
         See :func:`photons`.
 
     Returns
     -------
     tuple of str
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If ``bounces`` is out of range, or ``world`` has no light with a place.
 
     Examples
     --------
@@ -173,7 +159,7 @@ def photon_needs(world: World, bounces: int = 0) -> tuple[str, ...]:
         raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
     bounces = checks.integer("bounces", bounces, 0, 64)
     if not emitters(world):
-        raise ValueError("world must have a light with a place, from which photons set out, got none")
+        raise ValueError("world must have a point, sphere or rectangle light to emit photons")
     return ("time", *emission_needs(world, bounces + 1))
 
 
@@ -185,40 +171,38 @@ def photons(
     intervals: int | None = None,
     shutter: Any = (0.0, 1.0),
 ) -> Photons:
-    """Send out photons, one for each point, and keep where and when they arrive.
+    """Emit photons, one per point, and store where and when they arrive.
 
-    Each has a time of its own [1]_, or arrives in intervals that are known exactly, by
-    :func:`visible_intervals`: what moves parts them in pieces, which share the energy by their lengths. Those
-    that arrive on what moves, or changes its colour, do so at one time, chosen in the interval.
+    Each photon has a single time [1]_, or arrives in intervals that :func:`visible_intervals` finds exactly:
+    moving objects split it into pieces, which share its energy in proportion to their lengths. A photon that
+    hits a moving or colour-changing object arrives there at one time, chosen in the interval.
 
     Parameters
     ----------
     world : World
-        Of its lights, points, spheres and rectangles send photons; what comes from infinity is left out. With
-        ``intervals``, motions are those that :func:`visible_intervals` takes.
+        Its point, sphere and rectangle lights emit photons; environments do not. With ``intervals``, motions
+        must be those that :func:`visible_intervals` takes.
     points : float ArrayLike, shape (n, len(photon_needs(world, bounces)))
         In [0, 1).
     bounces : int, optional
-        How often surfaces scatter a photon, in [0, 64]. It is kept at all that it meets but mirrors.
+        Number of times that surfaces scatter a photon, in [0, 64]. It is stored at each hit except on
+        mirrors.
     intervals : int, optional
-        Room for so many intervals of a photon's ray, in [1, 256]. By default photons have one time each.
+        Maximum number of intervals per ray, in [1, 256]. By default photons have a single time.
     shutter : (float, float), optional
-        When it opens and closes, in [0, 1].
+        When it opens and closes, in [0, 1], open < close.
 
     Returns
     -------
     Photons
-        Of NumPy arrays in the dtype of ``points``, float32 or float64. Without bounces, the energy of all of
-        them is the power that arrives anywhere, times that time; a bounce adds what is scattered and arrives
-        again.
+        NumPy arrays in the dtype of ``points``, float32 or float64. Without bounces, the total energy is
+        the power that arrives anywhere times the time the shutter is open; a bounce adds what is scattered
+        and arrives again.
 
     Raises
     ------
-    TypeError
-        If an argument has another type, or something moves in a way that intervals are not known of.
     ValueError
-        If a shape does not fit, an argument is out of range, ``world`` has no light with a place, or
-        ``intervals`` is too small for a ray.
+        Also if ``intervals`` is too small for a ray.
 
     References
     ----------
@@ -247,9 +231,8 @@ def photons(
     if intervals is not None:
         intervals = checks.integer("intervals", intervals, 1, 256)
     times = numbers("shutter", shutter, (2,))
-    require(
-        "shutter", times, lambda s: (s >= 0) & (s <= 1) & (s[0] < s[1]), "(open, close), one after the other"
-    )
+    rule = "(open, close) in [0, 1], open < close"
+    require("shutter", times, lambda s: (s >= 0) & (s <= 1) & (s[0] < s[1]), rule)
     with checks.precision(points.dtype):
         return _flown(world, points, needs, bounces, intervals, np.asarray(times).astype(points.dtype))
 
@@ -295,7 +278,7 @@ def _flown(
 
 
 def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, float]) -> _Flying:
-    """Return photons as the pieces of their intervals in which they meet one primitive."""
+    """Split photons into the intervals in which they hit one primitive."""
     lasts = flying.end > flying.start
     at_once, lasting = (_Flying(*(a[rows] for a in flying)) for rows in (~lasts, lasts))
     if not len(lasting.start):
@@ -321,7 +304,7 @@ def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, flo
 
 
 def _in_rows(function: Any, world: World, rows: Any) -> list[NDArray]:
-    """Call a function of rows, with more rows of zeros up to a power of 2: few programs serve all numbers."""
+    """Call a function of rows padded with zeros to a power of 2, so that few programs serve all numbers."""
     count = len(rows[0])
     more = 2 ** max(count - 1, 0).bit_length() - count
     wide = jax.tree.map(lambda a: jnp.asarray(np.pad(a, [(0, more)] + [(0, 0)] * (a.ndim - 1))), rows)
@@ -330,7 +313,7 @@ def _in_rows(function: Any, world: World, rows: Any) -> list[NDArray]:
 
 @jit()
 def _started(world: World, emission: Emission) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return where photons set out, in which direction, and the power that each stands for."""
+    """Return the origins and directions of photons, and the power of each."""
     world = in_dtype(world, emission.way_u.dtype)
     start, extent, _ = started(world, emission, jnp.zeros_like(emission.way_u))
     return stacked(start.point), stacked(start.way), stacked(each(lambda r: r * extent, start.radiance))
@@ -338,7 +321,7 @@ def _started(world: World, emission: Emission) -> tuple[jax.Array, jax.Array, ja
 
 @jit()
 def _arrived(world: World, origin: jax.Array, way: jax.Array, time: jax.Array, turn: Turn | None) -> Any:
-    """Return where photons arrive, on what, whether they are kept there, and how they are scattered."""
+    """Return the hits of photons, their primitives, whether they are stored, and how they scatter."""
     world = in_dtype(world, origin.dtype)
     at = met(world, components(origin), components(way), time)
     point, kept = stacked(at.found.point), at.found.hit & ~is_mirror(at)
@@ -351,7 +334,7 @@ def _arrived(world: World, origin: jax.Array, way: jax.Array, time: jax.Array, t
 
 
 def _changes(world: World) -> NDArray[np.bool_]:
-    """Tell of each primitive whether it moves, or changes its colour."""
+    """Return for each primitive whether it moves or changes its colour."""
     changes = np.zeros(max(world.count, 1), bool)
     for item, start in world.numbered():
         material = None if item.material is None else unheld(item.material)

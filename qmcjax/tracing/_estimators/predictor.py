@@ -1,4 +1,4 @@
-"""Images of parts of the shutter, predicted from one another, corrected by samples (thesis, Sect. 3.3.4)."""
+"""Images of parts of the shutter, predicted from each other, corrected by samples (thesis, Sect. 3.3.4)."""
 
 from typing import Any, NamedTuple
 
@@ -13,16 +13,16 @@ from qmcjax.tracing._estimators.estimator import Estimator
 
 
 class PredictorCorrector(NamedTuple):
-    """The image of a shutter and those of its intervals; see :func:`predictor_corrector`."""
+    """The image of a shutter and of its intervals; see :func:`predictor_corrector`."""
 
     image: NDArray[np.float32]
     """(height, width, 3): the mean of all images."""
     images: NDArray[np.float32]
-    """(n, height, width, 3): of the intervals, in order."""
+    """(n, height, width, 3): one image per interval, in order."""
     samples: NDArray[np.int32]
-    """(n, height, width): how many were taken. A pixel is predicted where they are fewer than ``fail``."""
+    """(n, height, width): samples per pixel. A pixel is predicted where they are fewer than ``fail``."""
     steps: tuple[Step, ...]
-    """In the order in which they were taken."""
+    """The predictions, in order."""
 
 
 def predictor_corrector(
@@ -35,51 +35,44 @@ def predictor_corrector(
     *,
     contrast: float = 0.3,
 ) -> PredictorCorrector:
-    """Render a shutter of 2^m + 1 intervals, most of whose images are predicted.
+    """Render a shutter of 2^m + 1 intervals, and predict most of their images.
 
-    Images of the first and last interval are sampled. Of two that are known the one in the middle is
-    predicted: pixels move with what is nearest in them, triangles between them are drawn with a z-buffer, and
-    the colours of both predictions are averaged; all else of a pixel (x, y) is taken from the first if
-    x xor y is even, else from the second [1]_. Where one of them draws nothing, the other is taken. A few
-    samples then tell where that failed.
+    Images of the first and last interval are sampled. The image half-way between two known ones is predicted:
+    pixels move with their nearest hit, triangles between them are rasterized with a z-buffer, and the colours
+    of both predictions are averaged; all else of a pixel (x, y) is taken from the first if x xor y is even,
+    else from the second [1]_. Where one of them covers nothing, the other is taken. A few samples then detect
+    where prediction failed.
 
-    The result is biased: what moves without its surface, as shadows and reflections do, is not predicted, and
-    errors below the contrast stay. Noise of sampled images goes into all that are predicted from them.
+    The result is biased: shadows and reflections, which move without their surface, are not predicted, and
+    errors below the contrast remain. Noise of sampled images propagates to the predicted ones.
 
     Parameters
     ----------
     scene : Estimator
-        Of :func:`direct_light`, :func:`path_tracing` or :func:`bidirectional`, with a camera without a lens,
-        and no triangles with ``close``.
+        Made by :func:`direct_light`, :func:`path_tracing` or :func:`bidirectional`, with finite values, a
+        camera without a lens, and no triangles with ``close``.
     width, height : int
         In [1, 65536].
     samples : tuple of int
-        For each of the m <= 12 levels of the recursion, how many samples of a pixel check its prediction: at
-        most ``fail``; 0 keeps all predictions.
+        For each of the m <= 12 levels of recursion, the number of samples per pixel that check the
+        prediction: at most ``fail``; 0 keeps all predictions.
     fail : int
-        Samples of a pixel that was not predicted, at least 1.
+        Samples of a pixel without a prediction, at least 1.
     key : int or JAX key
-        Of the random samples.
+        Key of the random samples.
     contrast : float, optional
-        In [0, 1]: a prediction p fails where samples of mean e say that abs(p - e) > contrast (p + e) in
-        one of its colours.
+        In [0, 1]: a prediction p fails where abs(p - e) > contrast (p + e) in a colour channel, e the mean of
+        the checking samples.
 
     Returns
     -------
     PredictorCorrector
-        Of NumPy arrays.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type, or triangles of ``scene`` have ``close``.
-    ValueError
-        If an argument is out of range, ``scene`` has a lens, or a value that is not finite.
+        NumPy arrays.
 
     Notes
     -----
-    A pixel moves from its middle, by as much as the stored point moves on the screen. Reprojected themselves,
-    points anywhere in their pixels would blur what stands still.
+    A pixel moves from its centre, by the displacement of the stored point on the screen. Moving the stored
+    points themselves, which lie anywhere in their pixels, would blur what stands still.
 
     References
     ----------
@@ -117,7 +110,7 @@ def predictor_corrector(
         )
     images = np.stack([known[k].color.reshape(height, width, 3) for k in range(render.intervals)])
     if not np.isfinite(images).all():
-        raise ValueError("scene must have finite values, got others")
+        raise ValueError("scene must have finite values, got NaN or infinity")
     of_all = np.stack([taken[k].reshape(height, width) for k in range(render.intervals)])
     image = images.mean(axis=0, dtype=np.float64).astype(np.float32)
     return PredictorCorrector(image, images, of_all, steps)

@@ -1,4 +1,4 @@
-"""Triangles between the pixels of an image that have moved, drawn with a z-buffer (thesis, Fig. 3.6)."""
+"""Triangles between the moved pixels of an image, rasterized with a z-buffer (thesis, Fig. 3.6)."""
 
 from typing import NamedTuple
 
@@ -7,30 +7,30 @@ from numpy.typing import NDArray
 
 
 class Rasterized(NamedTuple):
-    """What is drawn in each pixel, arrays of shape (height, width, ...)."""
+    """The triangle in front in each pixel, arrays of shape (height, width, ...)."""
 
     covered: NDArray[np.bool_]
-    """Whether anything is."""
+    """Whether there is one."""
     vertices: NDArray[np.intp]
-    """(..., 3): the pixels, row by row, that are the vertices of the triangle in front."""
+    """(..., 3): its vertices, as pixel numbers in row-major order."""
     weights: NDArray[np.float64]
-    """(..., 3): of these; they add up to 1."""
+    """(..., 3): their barycentric weights, which sum to 1."""
     depth: NDArray[np.float64]
 
 
 def rasterized(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -> Rasterized:
-    """Draw two triangles for each four adjacent pixels, whose vertices have moved.
+    """Rasterize two triangles for each four adjacent pixels, whose vertices have moved.
 
-    All candidates, pairs of a triangle and a pixel of its box, are tested at once.
+    All candidates, pairs of a triangle and a pixel of its bounding box, are tested at once.
 
     Parameters
     ----------
     x, y : float array, shape (height, width)
-        Where the vertices are, in pixels: the middle of pixel (i, j) is (i, j).
+        Positions of the vertices in pixels: the centre of pixel (i, j) is (i, j).
     depth : float array, shape (height, width)
-        Linear between vertices; the least is in front.
+        Linear between vertices; the smallest is in front.
     seen : bool array, shape (height, width)
-        Triangles with a vertex that is not seen are left out.
+        Triangles with an unseen vertex are left out.
     """
     height, width = x.shape
     pixel = np.arange(height * width).reshape(height, width)
@@ -53,7 +53,7 @@ def rasterized(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) 
         dy, -1, axis=1
     )
     total = areas.sum(axis=1)
-    # Seen from behind, too: what turns may show its other side.
+    # Back faces too: rotation may show the other side.
     inside = (total != 0) & ((areas >= 0).all(axis=1) | (areas <= 0).all(axis=1))
     triangle, weights = triangle[inside], areas[inside] / total[inside, None]
     place = row[inside] * width + column[inside]

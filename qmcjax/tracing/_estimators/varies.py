@@ -1,8 +1,8 @@
-"""Where time, lens and lights matter, conservatively: by boxes of all that rays may meet.
+"""Where time, lens and lights matter, conservatively: by bounding boxes of all that rays may meet.
 
-Rays of a box of points are a beam from a box of origins, the lens, through a box of the plane in focus. At
-the part t of the way they are in a box whose sides are linear in t up to that plane, and so they are beyond
-it: circles of confusion. So are shafts from a light to what is seen, in which things cast shadows.
+Rays of a box of points form a beam from a box of origins, the lens, through a box in the plane of focus. At
+the part t of the way they are in a box whose sides are linear in t up to that plane, and beyond it: circles
+of confusion. The same holds for shafts from a light to visible points, in which objects cast shadows.
 """
 
 from typing import Any, NamedTuple
@@ -23,13 +23,13 @@ from qmcjax.tracing._world.lights import Environment
 from qmcjax.tracing._world.world import World
 
 _FAR = 1e15
-"""In place of what is infinite: squares of it are finite in float32."""
+"""Replaces infinity: its square is finite in float32."""
 
 _SLACK = 1e-5
-"""Boxes are wider by this part of their coordinates: what is rounded stays inside."""
+"""Boxes are enlarged by this part of their coordinates, to cover rounding."""
 
 _FEW = 16
-"""Shapes of so many primitives have a box for each of them."""
+"""Shapes of up to so many primitives have one box per primitive."""
 
 
 class Seen(NamedTuple):
@@ -37,15 +37,15 @@ class Seen(NamedTuple):
 
     anything: Array
     objects: Array
-    """Anything but lights."""
+    """Any object that is not a light."""
     moves: Array
-    """What depends on time in direct light."""
+    """Anything that depends on time in direct light."""
     mirrors: Array
-    """Objects of which something may be a mirror."""
+    """Objects that may have a mirror."""
 
 
 class _Regions(NamedTuple):
-    """Regions of space: boxes, and the part of them where a product with a normal is in an interval."""
+    """Regions of space: boxes, and in them a slab where the product with a normal is in an interval."""
 
     low: Array
     """(n, 3)."""
@@ -116,7 +116,7 @@ def _bends(item: Object) -> bool:
 
 
 def _beams(camera: Camera, low: Array, high: Array) -> list[tuple[_Shaft, float, float]]:
-    """Return the beam up to the plane in focus, and beyond it, with the intervals of their t."""
+    """Return the beams up to the plane of focus and beyond it, with the intervals of their t."""
     sides = (low[..., 0], high[..., 0]), (low[..., 1], high[..., 1])
     views = [camera.view(x, y) for x in sides[0] for y in sides[1]]
     view, dtype = views[0], low.dtype
@@ -133,7 +133,7 @@ def _beams(camera: Camera, low: Array, high: Array) -> list[tuple[_Shaft, float,
     slack = _SLACK * jnp.max(abs(origin) + jnp.maximum(abs(near), abs(far)), axis=-1, keepdims=True) / 16
     start = origin - reach - slack, origin + reach + slack
     end = near - slack, far + slack
-    # Beyond the plane, 1 - t is below 0: the sides cross over.
+    # Beyond the plane, 1 - t is below 0: the sides swap.
     return [
         (_Shaft(start[0], end[0] - start[0], start[1], end[1] - start[1]), 0.0, 1.0),
         (_Shaft(start[1], end[0] - start[1], start[0], end[1] - start[0]), 1.0, _FAR),
@@ -145,7 +145,7 @@ def _squares(vector: Any) -> Any:
 
 
 def _regions(item: Object, dtype: Any) -> _Regions:
-    """Return regions that hold the primitives of an object at any time."""
+    """Return regions that contain the primitives of an object at all times."""
     boxes = [_extent(item, shape, dtype) for shape in item.shapes]
     low, high = (jnp.clip(jnp.concatenate(side), -_FAR, _FAR) for side in zip(*boxes, strict=True))
     size = jnp.max(abs(low) + abs(high), axis=1, keepdims=True)
@@ -155,7 +155,7 @@ def _regions(item: Object, dtype: Any) -> _Regions:
 
 
 def _slab(item: Object, shape: Shape, count: int, dtype: Any) -> tuple[Array, Array, Array]:
-    """Return normals, and the intervals of products with them: that of planes, else what holds for all."""
+    """Return normals and slabs: those of planes, all of space for other shapes."""
     if not isinstance(shape, Plane) or item.motion is not None or count < shape.count:
         return jnp.zeros((count, 3), dtype), jnp.full(count, -1, dtype), jnp.ones(count, dtype)
     axis = stacked(scaled(components(shape.axis))[1][0])
@@ -194,7 +194,7 @@ def _between(light: tuple[Array, Array], box: tuple[Array, Array]) -> _Shaft:
 
 
 def _seen_box(beam: _Shaft, region: _Regions, first: Array, last: Array) -> tuple[Array, Array]:
-    """Return the box of a beam in a region, between two parts of the way."""
+    """Return the bounding box of a beam in a region, between two parts of the way."""
     first, last = first[..., None], last[..., None]
     lows = [beam.low + beam.low_slope * t for t in (first, last)]
     highs = [beam.high + beam.high_slope * t for t in (first, last)]
@@ -203,7 +203,7 @@ def _seen_box(beam: _Shaft, region: _Regions, first: Array, last: Array) -> tupl
 
 
 def _within(shaft: _Shaft, region: _Regions, start: float, end: float) -> tuple[Array, Array]:
-    """Return the first and last t in [start, end] where the boxes may meet the region; crossed if none."""
+    """Return the first and last t in [start, end] where the boxes may meet the region; reversed if none."""
     first = jnp.full(shaft.low_slope.shape[:-1], start, shaft.low.dtype)
     last = jnp.full_like(first, end)
 

@@ -1,7 +1,7 @@
-"""Polynomials on [0, 1] by their Bernstein coefficients, along the first axis of arrays.
+"""Polynomials on [0, 1] in Bernstein form, with coefficients along the first axis of arrays.
 
-Values lie between the least and the largest coefficient. Where rays, triangles and spheres move linearly, all
-that decides about hits is such a polynomial of time.
+Values lie between the smallest and the largest coefficient. Where rays, triangles and spheres move linearly,
+every condition for a hit is such a polynomial of time.
 """
 
 from math import comb
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import Array
 
 NOWHERE = 2
-"""In place of a root in (0, 1) that does not exist."""
+"""Replaces a root in (0, 1) that does not exist."""
 
 
 def product(a: Array, b: Array) -> Array:
@@ -49,14 +49,14 @@ def _binomials(degree: int, like: Array) -> Array:
 def crossings(a: Array) -> tuple[Array, Array, Array]:
     """Return where quadratics change sign in (0, 1), in order, and their signs before that.
 
-    ``r = s / (1 - s)`` is a root of ``a[0] + 2 a[1] r + a[2] r^2``, whose coefficients need no difference,
-    and s a quotient of numbers of one sign: nothing cancels [1]_ but in a discriminant near 0, and the degree
-    may drop. Signs are right for the roots that are told: after all of them it is that of ``a[2]``.
+    ``r = s / (1 - s)`` is a root of ``a[0] + 2 a[1] r + a[2] r^2``, with the coefficients as they are, and s
+    is a quotient of numbers of the same sign: nothing cancels [1]_ except a discriminant near 0, and the
+    degree may drop. Signs agree with the roots returned: after all of them the sign is that of ``a[2]``.
 
     Returns
     -------
     first, second : Array
-        ``NOWHERE`` without a root; both are one number at a double root.
+        ``NOWHERE`` without a root; both are equal at a double root.
     sign : Array
         -1, 0 or 1; 0 only where all coefficients are 0.
 

@@ -1,8 +1,8 @@
-"""What a ray may see in time: a list of few spans for each ray, culled by how far it can see at all.
+"""Candidates for visibility: a list of a few spans per ray, culled by how far the ray can see.
 
-A slot of the shutter that a span covers is seen no farther than that; beyond the farthest slot nothing
-is looked for. This is the early-out culling of the thesis (Sect. 3.2.1), where the spans that cover the
-shutter need not be whole.
+In a slot of the shutter that a span covers, nothing beyond the span is visible; nothing is searched beyond
+the farthest slot. This is the early-out culling of the thesis (Sect. 3.2.1), without the need for a single
+span that covers the whole shutter.
 """
 
 from functools import partial
@@ -24,14 +24,14 @@ class Candidates(NamedTuple):
     """Spans of rays, (c, n), in no order."""
 
     start: Array
-    """2 where there is none."""
+    """2 where there is no span."""
     end: Array
     number: Array
     depth: Depth
 
 
 class State(NamedTuple):
-    """What is known of rays."""
+    """The state of rays."""
 
     candidates: Candidates
     until: Array
@@ -44,7 +44,7 @@ class State(NamedTuple):
 
 
 def background(number: Array, distance: Array, count: int, opened: Array, closed: Array) -> State:
-    """Return rays with what they hit of the world that is still: numbers, -1 for nothing, and distances.
+    """Return rays with their hits in the still part of the world: numbers, -1 for nothing, and distances.
 
     Without a hit, a distance is how far rays see.
     """
@@ -70,7 +70,7 @@ def background(number: Array, distance: Array, count: int, opened: Array, closed
 def collected(state: State, batch: Batch, view: View) -> State:
     """Add the spans of a batch of primitives.
 
-    At first those that any ray of the tile may hit are listed, then their spans are computed.
+    Rows that any ray of the tile may hit are listed first, then their spans are computed.
     """
     rows = batch.rows
     order, listed = _listed(state, batch, view)
@@ -91,7 +91,7 @@ def collected(state: State, batch: Batch, view: View) -> State:
 
 
 def _listed(state: State, batch: Batch, view: View) -> tuple[Array, Array]:
-    """Return rows that any ray of the tile may hit, and how many these are."""
+    """Return the rows that any ray of the tile may hit, and their number."""
     rows, limit = batch.rows, state.bound.max(axis=0)
     total = batch.numbers.shape[0]
 
@@ -106,7 +106,7 @@ def _listed(state: State, batch: Batch, view: View) -> tuple[Array, Array]:
 
     def tested(row: Any, found: tuple[Array, Array]) -> tuple[Array, Array]:
         order, listed = found
-        # What is not listed is overwritten by the next one; the last place is for what is not.
+        # A row that is not listed is overwritten by the next one; the last place takes rows not listed.
         return order.at[listed].set(row), listed + meets(row).astype(jnp.int32)
 
     none = jnp.zeros(total + 1, jnp.int32), jnp.zeros((), jnp.int32)
@@ -155,9 +155,9 @@ def _row(number: Any, a: Array) -> Array:
 
 
 def _inserted(state: State, span: Spans, number: Array) -> State:
-    """Put in spans, one for each ray, in place of nothing, of what is hidden, or of the last to start.
+    """Insert spans, one per ray, in place of an empty one, a hidden one, or the last to start.
 
-    What starts later than all others is left out where there is no room: up to then everything is known.
+    The span that starts last is dropped if there is no room: up to its start everything is known.
     """
     (start, end, depth), candidates = span, state.candidates
     limit = state.bound.max(axis=0)

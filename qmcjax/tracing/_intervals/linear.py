@@ -1,4 +1,4 @@
-"""Worlds as what is still, and primitives that move linearly: those that visibility in time is exact for."""
+"""Worlds split into still and linearly moving primitives, for which visibility in time is exact."""
 
 from typing import Any, NamedTuple
 
@@ -28,28 +28,28 @@ _FACES = np.array(
 
 
 class Batch(NamedTuple):
-    """Primitives of one kind that move linearly, one linear segment in each row."""
+    """Linearly moving primitives of one kind, one linear segment per row."""
 
     rows: Polygons | Balls
     numbers: Array
     """int32 (rows,): of the primitives in the world."""
     tree: Tree | None = None
-    """Of the rows of one segment: those of the others follow in the same order."""
+    """Of the rows of one segment: the other segments repeat this order."""
     boxes: Array | None = None
     """(nodes, 6): low and high, of all times."""
 
 
 class Parts(NamedTuple):
-    """A world taken apart."""
+    """A world split into its parts."""
 
     still: World
     names: np.ndarray
-    """int32: numbers in the world of the primitives that are still."""
+    """int32: numbers in the world of the still primitives."""
     moving: list[Batch]
 
 
 def parts(world: World) -> Parts:
-    """Take a world apart, or raise a TypeError where visibility in time is not exact."""
+    """Split a world, or raise a TypeError where visibility in time is not exact."""
     still, names = [], [np.zeros(0, np.int32)]
     kinds: dict[Any, list[Batch]] = {}
     for place, (item, start) in enumerate(world.numbered()):
@@ -72,7 +72,7 @@ def parts(world: World) -> Parts:
 
 
 def _moved(place: int, item: Object, shape: Shape) -> Polygons | Balls:
-    """Return the linear segments of a shape that moves."""
+    """Return the linear segments of a moving shape."""
     motion = unheld(item.motion)
     dtype = jax.tree.leaves(shape.alone())[0].dtype
     knots = np.zeros(0) if motion is None else getattr(motion, "knots", None)

@@ -1,9 +1,9 @@
-"""Which span is the nearest when: Watkins' scan line with time in place of x (thesis, Fig. 3.2).
+"""Which span is nearest at which time: Watkins' scan line with time in place of x (thesis, Fig. 3.2).
 
-From event to event, where a span starts or ends, the same spans are there. One of them is the nearest up to
-the next event if its largest distance is below all others' least one, or if polynomials say so: their
-Bernstein coefficients have one sign. Else time is halved, down to rounding; so crossings are found without
-roots of polynomials of degree five, and whatever is rounded, intervals follow one another.
+Between events, where a span starts or ends, the set of spans is constant. One of them is the nearest up to
+the next event if its largest distance is below the smallest one of all others, or if the Bernstein
+coefficients of a polynomial have one sign. Else time is bisected, down to rounding; so crossings are found
+without roots of polynomials of degree five, and whatever is rounded, intervals follow one another.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from qmcjax.tracing._intervals.bernstein import middle, product, restricted
 from qmcjax.tracing._intervals.candidates import Candidates, State
 
 _STEPS = 128
-"""Steps for each interval, at most: a crossing takes about twice as many as a number has digits."""
+"""Maximum number of steps per interval: a crossing takes about twice as many as a number has digits."""
 
 
 class Found(NamedTuple):
@@ -26,26 +26,26 @@ class Found(NamedTuple):
     """(k, n)."""
     end: Array
     number: Array
-    """int32: -1 where there is none."""
+    """int32: -1 where there is no interval."""
     until: Array
-    """(n,): when more intervals may follow."""
+    """(n,): from when on more intervals may follow."""
 
 
 class _March(NamedTuple):
     time: Array
-    """Up to here all is known."""
+    """Everything is known up to this time."""
     base: Array
-    """Where the steps started that now are on the way to ..."""
+    """Start of the steps that now proceed to ..."""
     event: Array
     """... here, ..."""
     part: Array
-    """... of which they have come so far, ..."""
+    """... and have reached this time; ..."""
     step: Array
-    """... and the next one is so long: both are multiples of powers of two."""
+    """... the next step has this length: both are multiples of powers of two."""
     used: Array
     """int32: intervals so far."""
     last: Array
-    """int32: the number of the last one, if time is its end."""
+    """int32: the primitive of the last interval, if it ends at the current time."""
     going: Array
     found: Found
 
@@ -55,7 +55,7 @@ def resolved(state: State) -> Found:
     spans = state.candidates
     count, rays = spans.start.shape
     closed = jnp.minimum(state.until, state.closed)
-    # What is there until the end is there at the end.
+    # A span up to the end of the shutter includes that time.
     spans = spans._replace(end=jnp.where(spans.end >= 1, 2, spans.end))
     opened = jnp.broadcast_to(state.opened, (rays,)).astype(closed.dtype)
     none = jnp.full((count, rays), -1, jnp.int32)
@@ -113,7 +113,7 @@ def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
     eps = jnp.finfo(time.dtype).eps
     forced = ~sure & (end - time <= 2 * eps)
     done = march.going & (sure | forced)
-    # An interval ends: the last one goes on, or a new one starts, if there is room.
+    # An interval ends: the last one continues, or a new one starts, if there is room.
     new = done & (number >= 0) & (number != march.last)
     full = new & (march.used >= place.shape[0])
     done, new = done & ~full, new & ~full
@@ -146,21 +146,21 @@ def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
 
 
 def _compared(spans: Candidates, there: Array, time: Array, end: Array) -> tuple[Array, Array]:
-    """Return whether it is sure what is nearest from one time to another, and the number of that."""
+    """Return whether the nearest span is certain from one time to another, and its number."""
     depth = spans.depth
     length = jnp.where(spans.end > spans.start, jnp.minimum(spans.end, 1) - spans.start, 1)
     first, last = (jnp.clip((t[None] - spans.start) / length, 0, 1) for t in (time, end))
     num, den, squared = (restricted(a, first, last) for a in (depth.num, depth.den, depth.squared))
     ends = [jnp.sqrt(jnp.maximum(squared[k], 0)) for k in (0, 2)]
     chord = jnp.stack([depth.side * (ends[0] + (ends[1] - ends[0]) * (k / 3)) for k in range(4)])
-    # Above its chord the root is no more than so much, since its square is concave.
+    # Above its chord the root rises by no more than this, since its square is concave.
     over = jnp.maximum(squared[1] - ends[0] * ends[1], 0)
     least = jnp.minimum(*ends)
     bulge = jnp.sqrt(0.5 * over)
     bulge = jnp.where(least > 0, jnp.minimum(bulge, over / (4 * jnp.where(least > 0, least, 1))), bulge)
     up, down = jnp.where(depth.side > 0, bulge, 0), jnp.where(depth.side < 0, bulge, 0)
     lower, upper = num + chord - down[None], num + chord + up[None]
-    # What is behind the origin is not there.
+    # Hits behind the origin do not count.
     error = depth.noise * depth.far
     ahead = (depth.low > 0) | (num.min(axis=0) >= -error)
     behind = ~ahead & (num.max(axis=0) <= error)

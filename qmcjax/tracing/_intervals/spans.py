@@ -1,7 +1,7 @@
-"""When a primitive that moves on a straight line is hit by a ray, and how far away (thesis, Sect. 3.2.1).
+"""When a ray hits a linearly moving primitive, and at which distance (thesis, Sect. 3.2.1).
 
 Seen along a ray, an edge that moves linearly sweeps a bilinear patch; the area between its ends and the ray
-is a quadratic of time, whose roots are when the ray crosses the patch. So a polygon is hit while all its
+is a quadratic of time, and the ray crosses the patch at its roots. So a polygon is hit while all its
 quadratics have one sign, and a sphere while three are positive: the squared half chord, how far the origin
 is outside, and minus the distance to the foot of the centre.
 """
@@ -17,7 +17,7 @@ from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, each,
 
 
 class View(NamedTuple):
-    """Rays, components (n,), and linear maps that take their directions to (0, 0, 1)."""
+    """Rays, components (n,), and linear maps from their directions to (0, 0, 1)."""
 
     origin: Vector
     direction: Vector
@@ -32,18 +32,18 @@ class Depth(NamedTuple):
     num: Array
     """(4, ...): Bernstein coefficients."""
     den: Array
-    """(3, ...): positive but for rounding, see ``noise``."""
+    """(3, ...): positive up to rounding, see ``noise``."""
     squared: Array
-    """(3, ...): without a square root, zeros."""
+    """(3, ...): zeros without a square root."""
     side: Array
     """1 or -1."""
     noise: Array
-    """Error of ``den``; that of ``num`` is as much times ``far``."""
+    """Error of ``den``; that of ``num`` is ``far`` times larger."""
     far: Array
     low: Array
-    """No distance is below, ..."""
+    """Lower bound of distances."""
     high: Array
-    """... and none above."""
+    """Upper bound of distances."""
 
 
 class Spans(NamedTuple):
@@ -51,7 +51,7 @@ class Spans(NamedTuple):
 
     start: Array
     end: Array
-    """Not above ``start``: no span."""
+    """A value not above ``start`` means no span."""
     depth: Depth
 
 
@@ -59,16 +59,16 @@ class Polygons(NamedTuple):
     """Triangles or parallelograms, one in each row, each on one linear segment of its motion."""
 
     begin: Array
-    """(rows,): the time at which the segment starts."""
+    """(rows,): start of the segment's time."""
     finish: Array
     vertices: Array
-    """(rows, 2, corners, 3): then, and when it ends."""
+    """(rows, 2, corners, 3): at the start and the end of the segment."""
 
     def seen(self, row: Any, view: View) -> tuple[Vector, Array]:
-        """Return vertices in front of rays, components (2, corners, n), and which rays may hit them.
+        """Return vertices relative to rays, components (2, corners, n), and which rays may hit them.
 
-        All vertices are computed by one instruction after the other of one loop: those that polygons share
-        have the same bits in all of them.
+        All vertices are computed by the same instructions in one loop: those that polygons share have the
+        same bits in all of them.
         """
         corners = minus(
             each(lambda v: v[:, :, None], components(self.vertices[row])),
@@ -80,7 +80,7 @@ class Polygons(NamedTuple):
         return (x, y, z), around[0] & around[1] & (z.max(axis=(0, 1)) > 0)
 
     def nearest(self, seen: Vector) -> Array:
-        """Return what no distance is below."""
+        """Return a lower bound of distances."""
         return seen[2].min(axis=(0, 1))
 
     def spans(self, row: Any, view: View) -> Spans:
@@ -88,7 +88,7 @@ class Polygons(NamedTuple):
         (x, y, z), _ = self.seen(row, view)
         begin, finish = self.begin[row], self.finish[row]
         start, end, side = _held(_edges(x, y), both=True)
-        # Of a parallelogram, the triangle without the vertex across.
+        # Of a parallelogram, the triangle without the opposite vertex.
         chosen = 0, 1, x.shape[1] - 1
         (ax, bx, cx), (ay, by, cy), (az, bz, cz) = ([a[:, corner] for corner in chosen] for a in (x, y, z))
         weights = _area(bx, by, cx, cy), _area(cx, cy, ax, ay), _area(ax, ay, bx, by)
@@ -112,14 +112,14 @@ class Polygons(NamedTuple):
 
 
 class Balls(NamedTuple):
-    """Spheres, or ellipsoids that keep their shape, one in each row."""
+    """Spheres, or ellipsoids of constant shape, one in each row."""
 
     begin: Array
     finish: Array
     center: Array
     """(rows, 2, 3)."""
     inverse: Array
-    """(rows, 3, 3): makes unit spheres of them."""
+    """(rows, 3, 3): maps them to unit spheres."""
 
     def _inside(self, row: Any, view: View) -> tuple[list[Vector], Vector]:
         """Return rays in the space of unit spheres: origins at both times, and directions."""
@@ -135,7 +135,7 @@ class Balls(NamedTuple):
         return (origins, direction), chord.max(axis=0) > 0
 
     def nearest(self, seen: Any) -> Array:
-        """Return what no distance is below."""
+        """Return a lower bound of distances."""
         origins, direction = seen
         squared = dot(direction, direction)
         inverse = 1 / jnp.where(squared > 0, squared, 1)
@@ -171,7 +171,7 @@ class Balls(NamedTuple):
             side,
             jnp.full_like(start, 2 * jnp.finfo(start.dtype).eps),
             _spread(jnp.maximum(abs(foot[0]), abs(foot[1])) + reach, count),
-            # All that is hit is ahead.
+            # All hits are ahead.
             jnp.maximum(low, tiny),
             jnp.maximum(high, tiny),
         )
@@ -183,7 +183,7 @@ def _spread(a: Array, count: int) -> Array:
 
 
 def _time(share: Array, begin: Array, finish: Array) -> Array:
-    """Return times; the ends of segments are what they are, so that spans go on in the next one."""
+    """Return times; ends of segments are exact, so that spans continue in the next segment."""
     inner = begin + share * (finish - begin)
     return jnp.where(share <= 0, begin, jnp.where(share >= 1, finish, jnp.minimum(inner, finish)))
 
@@ -209,7 +209,7 @@ def _edges(x: Array, y: Array) -> Array:
             same = same & (mine[end] == other[end])
     first = [jnp.where(more[None], b, a) for a, b in zip((x, y), after, strict=True)]
     last = [jnp.where(more[None], a, b) for a, b in zip((x, y), after, strict=True)]
-    # An edge without a length, seen from the ray, decides nothing.
+    # An edge of zero length, seen along the ray, decides nothing.
     sign = jnp.where(same, 0, jnp.where(more, -1, 1)).astype(x.dtype)
     return sign[None] * _area(*first, *last)
 
@@ -219,17 +219,17 @@ def _products(a: Vector, b: Vector) -> Array:
 
 
 def _chord(origins: list[Vector], direction: Vector) -> Array:
-    """Return the quadratic of half the part of a ray in a unit sphere, squared, times that of its length."""
+    """Return the quadratic of the squared half chord in a unit sphere, times the squared ray length."""
     across = (cross(origin, direction) for origin in origins)
     return dot(direction, direction)[None] - _products(*across)
 
 
 def _held(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
-    """Return when all quadratics, (3, m, n), are positive, or with ``both`` have one sign.
+    """Return when all quadratics, (3, m, n), are positive, or with ``both`` have the same sign.
 
     Starts and ends in [0, 1] and signs (0: none), of shape (m + 1, n). Each quadratic is a step function with
-    the steps that :func:`crossings` tells: what shares one agrees on its sign at all times. Those that are 0
-    all the time have both signs, if both count; not all of them may.
+    the steps that :func:`crossings` returns: polygons that share one agree on its sign at all times. With
+    ``both``, a quadratic that is 0 throughout has both signs; not all of them may.
     """
     first, second, sign = crossings(quadratics)
     count, rays = first.shape
@@ -263,7 +263,7 @@ def _held(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
 
 
 def _sorted(values: Array) -> Array:
-    """Return numbers in the order of the first axis, which is short: by counting what comes before each."""
+    """Sort numbers along the short first axis by counting smaller ones."""
     place = jnp.arange(len(values), dtype=jnp.int32)[:, None, None]
     one, other = values[:, None], values[None]
     before = (other < one) | ((other == one) & (place.reshape(1, -1, 1) < place))

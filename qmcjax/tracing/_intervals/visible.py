@@ -1,4 +1,4 @@
-"""What rays see when: visibility in time without samples of it."""
+"""Exact visibility in time, without samples of it."""
 
 from typing import Any, NamedTuple
 
@@ -25,21 +25,21 @@ from qmcjax.tracing._shapes.vectors import Vector, components, dot, each, scaled
 from qmcjax.tracing._world.world import World
 
 TILE = 32
-"""Rays that are tested together: what one of them may hit is tested for all, and all wait for the last."""
+"""Rays tested together: a candidate of one of them is tested for all, and all wait for the last."""
 
 
 class VisibleIntervals(NamedTuple):
-    """What rays see when: intervals of time, in order, that do not overlap."""
+    """The visible primitives of rays: ordered intervals of time that do not overlap."""
 
     start: Array
     """(..., k)."""
     end: Array
     """(..., k)."""
     shape: Array
-    """int32 (..., k): the number of the primitive, -1 where an interval is not used; its start and end are
-    then the end of the shutter."""
+    """int32 (..., k): the number of the primitive; -1 where an interval is unused: then its start and end are
+    the end of the shutter."""
     until: Array
-    """(...): all is known before this time, the end of the shutter unless intervals do not fit."""
+    """(...): everything is known before this time, the end of the shutter unless intervals do not fit."""
 
 
 def visible_intervals(
@@ -50,43 +50,41 @@ def visible_intervals(
     *,
     shutter: Any = (0.0, 1.0),
 ) -> VisibleIntervals:
-    """Find what rays see at all times, exactly.
+    """Find the visible primitive of each ray at all times, exactly.
 
-    While nothing is seen there is no interval. Intervals that touch are of different primitives.
+    There is no interval while nothing is hit. Intervals that touch are of different primitives.
 
     Parameters
     ----------
     world : World
-        What moves must do so linearly: triangles with ``close``; triangles, rectangles and boxes whose motion
-        has ``knots``, times between which it is linear (see `motion.linear_segments` and
-        `motion.straightened`); spheres that do not turn. What is still may be anything.
+        Moving objects must move linearly: triangles with ``close``; triangles, rectangles and boxes with a
+        motion that has ``knots``, times between which it is linear (see `motion.linear_segments` and
+        `motion.straightened`); spheres that do not rotate. Still objects may be anything.
     origin, direction : float ArrayLike, shape (..., 3)
-        Of rays that do not move. Directions need no unit length.
+        Of rays that do not move. Directions need not be normalized.
     intervals : int, optional
-        Room for so many intervals of a ray, in [1, 256]: of what may be seen, and of what is.
+        Maximum number of intervals per ray, in [1, 256]: of candidates, and of visible ones.
     shutter : (float, float), optional
-        When it opens and closes, in [0, 1]. If that is one time, the interval of what is seen has no length.
+        When it opens and closes, in [0, 1]. If both are equal, the interval of a hit has length 0.
 
     Returns
     -------
     VisibleIntervals
-        Times have the dtype of ``origin``, float32 or float64. JAX refuses to differentiate them.
+        Times have the dtype of ``origin``, float32 or float64. Differentiating them raises an error.
 
     Raises
     ------
-    TypeError
-        If an argument has another type, or something moves in another way.
     ValueError
-        If shapes do not fit, ``intervals`` or ``shutter`` is out of range, or ``intervals`` is too small for
-        a ray. While a program is traced that is not known: then ``until`` tells it.
+        Also if ``intervals`` is too small for a ray. This is not known while a program is traced: then check
+        ``until``.
 
     Notes
     -----
     An edge of a triangle crosses a ray at the roots of a quadratic, which are backward stable: they are exact
-    for vertices that are a few units of rounding away, so those of an edge that only grazes the ray are less
-    well known. Triangles that share an edge agree on them bit by bit; gaps, of a few units of rounding, can
-    be where a ray goes through a vertex alone. A ray along the patch that an edge sweeps hits it. Where
-    depths cross, times are bisected. Unlike :func:`nearest_hit`, an origin on what moves hits it.
+    for vertices perturbed by a few units of rounding, so those of an edge that only grazes the ray are less
+    accurate. Triangles that share an edge agree on them bit by bit; gaps, of a few units of rounding, occur
+    only where a ray goes through a vertex. A ray along the patch that an edge sweeps hits it. Where depths
+    cross, times are bisected. Unlike :func:`nearest_hit`, an origin on a moving object hits it.
 
     References
     ----------
@@ -124,7 +122,7 @@ def _visible(world: World, origin: Array, direction: Array, shutter: Array, coun
 
 
 def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed: Array, count: int) -> Found:
-    """Return what rays, components (n,), see while the shutter is open."""
+    """Return the visible intervals of rays, components (n,)."""
     world = in_dtype(world, origin[0].dtype)
     taken = parts(world)
     zero = jnp.zeros_like(origin[0])
@@ -134,7 +132,7 @@ def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed:
         number = jnp.where(number < 0, -1, jnp.asarray(taken.names)[number])
     squared = dot(direction, direction)
     good = jnp.isfinite(dot(origin, origin)) & jnp.isfinite(squared) & (squared > 0)
-    # Rays that hit nothing see no distance at all; without NaN, for comparisons.
+    # Rays without a hit get no distance of sight; not NaN, which would break comparisons.
     distance = jnp.where(good, distance, -jnp.inf)
     origin, direction = (each(lambda a: jnp.where(good, a, 0), vector) for vector in (origin, direction))
 

@@ -1,4 +1,4 @@
-"""Light at a point: one light of a world is chosen, and a point of it; and how likely that was."""
+"""Sampling of lights: choice of a light, a point on it, and the density of both."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -19,7 +19,7 @@ Kind = TypeVar("Kind", bound=Light)
 
 
 class Choice(NamedTuple):
-    """Coordinates that choose a point of a light; None where there is nothing to choose."""
+    """Coordinates that choose a point on a light; None where there is nothing to choose."""
 
     light: Array | None = None
     u: Array | None = None
@@ -27,29 +27,29 @@ class Choice(NamedTuple):
 
     @classmethod
     def of(cls, coordinates: dict[str, Array], vertex: str = "") -> "Choice":
-        """Return the choice by coordinates that are named for a vertex of a path."""
+        """Return the choice by the coordinates named after a vertex of a path."""
         return cls(*(coordinates.get(f"light{vertex}{part}") for part in ("", "_u", "_v")))
 
     def number(self, world: World, like: Array) -> Array:
-        """Return which light is chosen, in the shape of an array."""
+        """Return the number of the chosen light, in the shape of an array."""
         return chosen(self.light, len(world.lights), like)
 
 
 def chosen(coordinate: Array | None, count: int, like: Array) -> Array:
-    """Return which of so many things a coordinate chooses, all with one chance; 0 without a choice."""
+    """Return which of several things a coordinate chooses, all equally likely; 0 without a choice."""
     if coordinate is None:
         return jnp.zeros_like(like, jnp.int32)
     return jnp.minimum((coordinate * count).astype(jnp.int32), count - 1)
 
 
 def chosen_by(world: World) -> tuple[str, ...]:
-    """Return the names of coordinates that choose a point of a light."""
+    """Return the names of the coordinates that choose a point on a light."""
     which = ("light",) if len(world.lights) > 1 else ()
     return which + (("light_u", "light_v") if any(light.coordinates for light in world.lights) else ())
 
 
 def illuminated(world: World, choice: Choice, point: Vector, normal: Vector) -> Sample:
-    """Return light that may reach points, over the chance of its light."""
+    """Return light that may reach points, divided by the probability of its light."""
     count = len(world.lights)
     zero = jnp.zeros_like(point[0])
     number = choice.number(world, zero)
@@ -62,8 +62,8 @@ def illuminated(world: World, choice: Choice, point: Vector, normal: Vector) -> 
 
 
 def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Array) -> Array:
-    """Tell whether light reaches points, of those that are wanted."""
-    # Where a light is hit is known up to the rounding of coordinates, and that at a slant.
+    """Return whether light reaches the points that are wanted."""
+    # The hit on a light is known up to the rounding of coordinates, more at grazing angles.
     size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
     loose = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
     limit = sample.distance - jnp.minimum(loose, 0.5 * sample.distance)
@@ -74,9 +74,9 @@ def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Ar
 
 
 def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector) -> tuple[Vector, Array]:
-    """Return the radiance of lights that rays hit, and the density with which they would have been chosen.
+    """Return the radiance of lights that rays hit, and the density of sampling them as lights.
 
-    ``normal`` is that of the surfaces that the rays leave.
+    ``normal`` is that of the surfaces at the origins of rays.
     """
     zero = jnp.zeros_like(way[0])
     radiance, density = (zero, zero, zero), zero
@@ -99,7 +99,7 @@ def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector
 
 
 def by_kind(lights: Sequence[Kind], number: Array) -> Iterator[tuple[Kind, Array, Array]]:
-    """Yield the lights of each kind as one batch, rows of it, and whether it has the light of a number."""
+    """Yield the lights of each kind as one batch, their rows, and whether the batch has the chosen light."""
     kinds: dict[Any, list[int]] = {}
     for place, light in enumerate(lights):
         kinds.setdefault(type(light), []).append(place)

@@ -1,4 +1,4 @@
-"""What rays meet: a surface with its material, and the light that it gives off."""
+"""Surface interactions: the surface that a ray hits, its material and the emitted radiance."""
 
 from functools import partial
 from typing import Any, NamedTuple
@@ -21,18 +21,18 @@ DEFAULT = 0.5
 
 
 class Met(NamedTuple):
-    """Where rays end, components of shape (n,)."""
+    """Surface interactions, components of shape (n,)."""
 
     found: Found
     normal: Vector
-    """Unit vectors on the side that the ray comes from."""
+    """Unit vectors on the side of the ray."""
     seen: Vector
-    """Unit vectors back along the ray."""
+    """Outgoing direction: unit vectors back along the ray."""
     surface: Surface
 
 
 def met(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Met:
-    """Return what rays of unit direction meet; see :func:`found`."""
+    """Return the surface interactions of rays of unit direction; see :func:`found`."""
     at = found(world, origin, direction, time, known)
     back = dot(at.normal, direction) > 0
     normal = each(lambda n: jnp.where(back, -n, n), at.normal)
@@ -40,13 +40,13 @@ def met(world: World, origin: Vector, direction: Vector, time: Array, known: Arr
 
 
 def surface(world: World, at: Found, time: Array) -> Surface:
-    """Return the surface at each hit; all that surfaces may have is 0 where nothing, or a light, is hit."""
+    """Return the surface at each hit; all its values are 0 where nothing, or a light, is hit."""
     textured = [_textured(item.material) for item, _ in world.numbered()]
     number = at.number
     u, v = coordinates(world, textured, number, time, at.inside)
     starts = [start for _, start in world.numbered()]
     which = sum((number >= start).astype(jnp.int32) for start in starts) if starts else jnp.zeros_like(number)
-    # 0 is for rays that hit nothing.
+    # Rays without a hit have 0.
     which = jnp.where(at.hit, which, 0)
     given = [_at(item.material, u, v, time) for item in world.objects]
 
@@ -66,9 +66,9 @@ def surface(world: World, at: Found, time: Array) -> Surface:
 
 
 def emission(world: World, at: Met, origin: Vector, normal: Vector) -> tuple[Vector, Array]:
-    """Return the radiance given off, and the density with which it would have been chosen as a light's.
+    """Return the emitted radiance, and the density of sampling it as a light.
 
-    ``origin`` and ``normal`` are those of the surfaces that the rays leave.
+    ``origin`` and ``normal`` are those of the surfaces at the origins of rays.
     """
     way = each(jnp.negative, at.seen)
     radiance, density = shining(world, at.found, origin, normal, way)
@@ -78,28 +78,28 @@ def emission(world: World, at: Met, origin: Vector, normal: Vector) -> tuple[Vec
 
 
 def any_of(color: Vector) -> Array:
-    """Tell where a colour is not black."""
+    """Return where a colour is not black."""
     return (color[0] > 0) | (color[1] > 0) | (color[2] > 0)
 
 
 def scatters(world: World) -> bool:
-    """Tell whether any surface scatters light into directions that are left to chance."""
+    """Whether any surface scatters light in random directions."""
     return any(kind.diffuse is not None or kind.glossy is not None for kind in kinds(*world.objects))
 
 
 def mixed(world: World) -> bool:
-    """Tell whether any surface scatters light in two ways."""
+    """Whether any surface has two lobes."""
     return any(kind.diffuse is not None and kind.glossy is not None for kind in kinds(*world.objects))
 
 
 def kinds(*objects: Object) -> list[Surface]:
-    """Return what surfaces of objects have: None is what they never have."""
+    """Return which components the surfaces of objects may have; None is for those they never have."""
     number = jax.ShapeDtypeStruct((1,), jnp.float32)
     return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in objects]
 
 
 def _textured(material: Any) -> bool:
-    """Tell whether a material may depend on coordinates."""
+    """Whether a material may depend on coordinates."""
     return material is not None and getattr(unheld(material), "textured", True)
 
 

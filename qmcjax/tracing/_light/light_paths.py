@@ -1,11 +1,11 @@
-"""Paths that begin at lights, and how likely each of their vertices is found from both sides.
+"""Light paths, and the densities of their vertices from both sides.
 
-A path has vertices y_0 on a light, y_1, y_2, ... on surfaces; light and camera may each find a part of it.
-Ways to find it are compared by ratios of densities [1]_, of which those of neighbouring ways have few
-factors: where y_s is found from the light instead of the camera, the density of it given y_{s-1} replaces
-that given y_{s+1}. Densities by area are those by angle times the cosine at the vertex over the squared
-distance. The cosine cancels: a vertex keeps its `scale`, the cosine over its density by area as its own side
-finds it. A mirror's density is 1 on both sides of a ratio; no way joins paths there.
+A path has vertices y_0 on a light, y_1, y_2, ... on surfaces; light and camera may each sample a part of it.
+Strategies are compared by ratios of densities [1]_; ratios of neighbouring strategies have few factors: if
+y_s is sampled from the light instead of the camera, its density given y_{s-1} replaces that given y_{s+1}.
+Densities by area are those by angle times the cosine at the vertex over the squared distance. The cosine
+cancels: a vertex stores `scale`, the cosine over its density by area from its own side. A mirror's density is
+1 on both sides of a ratio; no strategy connects paths there.
 
 References
 ----------
@@ -30,11 +30,11 @@ from qmcjax.tracing._world.lights import Source, Start
 from qmcjax.tracing._world.world import World
 
 _LARGE = 1e9
-"""Of a larger ratio of densities it matters no more how large it is; two squares of it are finite."""
+"""Ratios of densities are clamped here: larger ones do not matter, and two squares of it are finite."""
 
 
 class Emission(NamedTuple):
-    """Coordinates that choose where light sets out; None where there is nothing to choose."""
+    """Coordinates that choose an emitted ray; None where there is nothing to choose."""
 
     light: Array | None
     u: Array | None
@@ -49,12 +49,12 @@ class Emission(NamedTuple):
 
 
 class Vertex(NamedTuple):
-    """A surface on the path of a light, components of shape (n,).
+    """A vertex of a light path, components of shape (n,).
 
-    Squared ratios of other ways' densities to that of the way that joins the camera's path here are
-    ``r^2 (near + b^2 far)`` for all but the last, and ``r^2 b^2 hit`` where the camera's path hits the light:
-    r is ``scale`` times the camera's density of the direction to here over the distance squared, b the
-    density of the direction back to the vertex before.
+    Squared ratios of other strategies' densities to that of connecting the camera path here are
+    ``r^2 (near + b^2 far)`` for all but the last, and ``r^2 b^2 hit`` where the camera path hits the light:
+    r is ``scale`` times the camera's density of the direction to here over the squared distance, b the
+    density of the direction back to the previous vertex.
     """
 
     at: Met
@@ -65,7 +65,7 @@ class Vertex(NamedTuple):
     hit: Array
     mirror: Array
     first: Array
-    """Whether the first surface is no mirror."""
+    """Whether the first surface is not a mirror."""
 
 
 def emitters(world: World) -> list[Source]:
@@ -74,7 +74,7 @@ def emitters(world: World) -> list[Source]:
 
 
 def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
-    """Return the names of coordinates of paths from lights with so many surfaces."""
+    """Return the names of the coordinates of light paths with so many surfaces."""
     lights = emitters(world)
     if not lights or not vertices:
         return ()
@@ -85,7 +85,7 @@ def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
 
 
 def begun(world: World, number: Array) -> Array:
-    """Return the density with which paths begin at a light, by area and projected angle; 0 if none does."""
+    """Return the density of paths starting at a light, by area and projected angle; 0 without one."""
     dtype = jnp.result_type(*jax.tree.leaves(world.lights))
     densities = [
         1 / light.extent() if isinstance(light, Source) else jnp.zeros((), dtype) for light in world.lights
@@ -94,7 +94,7 @@ def begun(world: World, number: Array) -> Array:
 
 
 def begun_at(world: World, at: Found) -> Array:
-    """Return the same for the lights that rays hit; 0 where they hit none."""
+    """Return the same for the lights that rays hit; 0 without a hit."""
     places = [place for place, light in enumerate(world.lights) if light.object() is not None]
     if not places:
         return jnp.zeros_like(at.distance)
@@ -104,13 +104,13 @@ def begun_at(world: World, at: Found) -> Array:
 
 
 def back(at: Met, way: Vector) -> Array:
-    """Return the density with which light from a way is scattered back to where the path comes from."""
+    """Return the density of scattering light from an incoming direction back along the path."""
     density = evaluated(at.surface, at.normal, way, at.seen)[1]
     return density if at.surface.mirror is None else jnp.where(any_of(at.surface.mirror), 1, density)
 
 
 def is_mirror(at: Met) -> Array:
-    """Tell where surfaces are mirrors."""
+    """Return where surfaces are mirrors."""
     return jnp.zeros_like(at.found.hit) if at.surface.mirror is None else any_of(at.surface.mirror)
 
 
@@ -122,18 +122,18 @@ def squared(a: Vector, b: Vector) -> Array:
 
 
 def square(ratio: Array) -> Array:
-    """Return squares of ratios of densities, none of them infinite."""
+    """Return squared ratios of densities, clamped to finite values."""
     ratio = jnp.minimum(ratio, _LARGE)
     return ratio * ratio
 
 
 def cut(squares: Array) -> Array:
-    """Return sums of squares so that none is infinite, and no product with a square of 0 is NaN."""
+    """Return sums of squares, clamped so that none is infinite and no product with 0 is NaN."""
     return jnp.minimum(squares, _LARGE * _LARGE)
 
 
 def light_path(world: World, time: Array, emission: Emission, turns: list[Turn]) -> Vertex:
-    """Return the surfaces that light meets, one more than turns, on a new first axis."""
+    """Return the vertices of light paths, one more than turns, along a new first axis."""
     first = _first(world, time, emission)
     if not turns:
         return jax.tree.map(lambda leaf: leaf[None], first)
@@ -147,7 +147,7 @@ def light_path(world: World, time: Array, emission: Emission, turns: list[Turn])
 
 
 def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array, Array]:
-    """Return where light sets out, one over the density of that, and 1 for lights with an extent, else 0."""
+    """Return the emitted rays, one over their density, and 1 for lights with an extent, else 0."""
     lights = emitters(world)
     number = chosen(emission.light, len(lights), zero)
     start, extent, visible = Start((zero, zero, zero), (zero, zero, zero), (zero, zero, zero)), zero, zero
@@ -160,12 +160,12 @@ def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array
 
 
 def _first(world: World, time: Array, emission: Emission) -> Vertex:
-    """Return the first surfaces that light meets."""
+    """Return the first surfaces of light paths."""
     lights, zero = emitters(world), jnp.zeros_like(time)
     number = chosen(emission.light, len(lights), zero)
     start, extent, visible = started(world, emission, zero)
     at = met(world, start.point, start.way, time)
-    # How likely the surface finds that point of the light by chance: by area and the light's cosine.
+    # Density of hitting that point of the light from the surface: by area, with the light's cosine.
     likely = zero
     for batch, row, here in by_kind(lights, number):
         found = batch.density(row, at.found.point, at.normal, at.seen, start.point)
@@ -173,15 +173,15 @@ def _first(world: World, time: Array, emission: Emission) -> Vertex:
         likely = jnp.where(here, found / len(world.lights), likely)
     mirror = is_mirror(at)
     near = jnp.where(mirror, 0, likely * likely)
-    # What mirrors reflect of points of light would be found only off the surfaces that the camera sees first.
+    # Reflections of point lights in mirrors would be found only away from the first camera vertices.
     power = jnp.where(mirror & (visible == 0), 0, extent)
-    # For points of light the squared distance, a ratio to what is of no size, is part of the scale.
+    # For point lights the squared distance is part of the scale.
     scale = jnp.where(visible == 0, extent * squared(at.found.point, start.point), extent)
     return Vertex(at, times(power, start.radiance), scale, near, zero, visible, mirror, ~mirror)
 
 
 def _next(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:
-    """Return the next surfaces that light meets."""
+    """Return the next surfaces of light paths."""
     way, factor, density = scattered(last.at, turn)
     throughput = each(lambda t, f: t * f, last.throughput, factor)
     goes_on = last.at.found.hit & (density > 0) & any_of(throughput)

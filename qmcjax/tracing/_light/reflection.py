@@ -1,7 +1,7 @@
-"""Reflection at a surface: Lambertian, by microfacets, or both; evaluated and sampled.
+"""Reflection at a surface: Lambertian, microfacets, or both; evaluation and sampling.
 
-Where directions and densities depend on a material it is a constant: "detached sampling" [1]_. Directions
-that move with the roughness cross edges of visibility, and derivatives of samples miss that.
+Directions and densities treat the material as a constant: "detached sampling" [1]_. Directions that move with
+the roughness cross visibility edges, and derivatives of samples miss that.
 
 References
 ----------
@@ -22,10 +22,11 @@ from qmcjax.tracing._world.materials import Surface
 
 
 def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tuple[Vector, Array]:
-    """Return reflectances times the cosine, and the density with which :func:`sampled` finds directions.
+    """Return reflectances times the cosine, and the density of :func:`sampled`.
 
-    ``normal`` is on the side of ``seen``, the unit vector back along the ray; ``way`` are unit vectors to
-    where light comes from. Both are 0 below the surface. The density is per solid angle, without mirrors.
+    ``normal`` is on the side of ``seen``, the outgoing direction (unit vectors back along the ray); ``way``
+    is the incoming direction (unit vectors towards the light). Both results are 0 below the surface. The
+    density is per solid angle, without mirrors.
     """
     cosine = dot(normal, way)
     above = cosine > 0
@@ -49,7 +50,7 @@ def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tu
 
 
 def sampled(surface: Surface, normal: Vector, seen: Vector, u: Any, v: Any, lobe: Any) -> Vector:
-    """Return unit vectors to where light may come from; those below the surface find none."""
+    """Return incoming directions, unit vectors; those below the surface contribute nothing."""
     local = None
     surface = jax.lax.stop_gradient(surface)
     if surface.diffuse is not None:
@@ -67,12 +68,12 @@ def sampled(surface: Surface, normal: Vector, seen: Vector, u: Any, v: Any, lobe
 
 
 def reflected(normal: Vector, seen: Vector) -> Vector:
-    """Return the directions that a mirror sends rays into."""
+    """Return the mirrored directions."""
     return minus(times(2 * dot(normal, seen), normal), seen)
 
 
 def _chance(surface: Surface) -> Array:
-    """Return with which chance a direction is one of the microfacets."""
+    """Return the probability of sampling the microfacets."""
     rough = sum(surface.glossy) if surface.glossy is not None else 0
     if surface.diffuse is None:
         return jnp.ones_like(rough)
@@ -86,13 +87,13 @@ def _local(normal: Vector, vector: Vector) -> Vector:
 
 
 def _facets(alpha: Any, out: Vector, into: Vector) -> tuple[Array, Array, Array, Array]:
-    """Return what microfacets do between two directions of the upper hemisphere.
+    """Return the factors of the microfacet model for two directions of the upper hemisphere.
 
-    The distribution D of normals halfway; Fresnel's growth towards 1; G_2 / 4 over the cosine of ``out``,
-    with heights correlated; and the density of :func:`_visible` over D.
+    The distribution D of half vectors; Fresnel's growth towards 1; G_2 / 4 over the cosine of ``out``, with
+    height-correlated masking; and the density of :func:`_visible` over D.
     """
     x, y, z = unit(plus(out, into))
-    # Not z^2 (alpha^2 - 1) + 1, which cancels near z = 1.
+    # z^2 (alpha^2 - 1) + 1 would cancel near z = 1.
     spread = (x * x + y * y) + alpha * alpha * (z * z)
     spread = jnp.where(spread > 0, spread, 1)
     distribution = alpha * alpha / (np.pi * spread * spread)
@@ -106,7 +107,7 @@ def _facets(alpha: Any, out: Vector, into: Vector) -> tuple[Array, Array, Array,
 
 
 def _visible(alpha: Any, out: Vector, u: Any, v: Any) -> Vector:
-    """Return directions mirrored at normals that are distributed as ``out`` sees them [1]_.
+    """Return directions mirrored at normals sampled by their visibility from ``out`` [1]_.
 
     References
     ----------

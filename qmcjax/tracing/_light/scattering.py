@@ -1,4 +1,4 @@
-"""Which way light goes on from a surface, left to chance or to a mirror."""
+"""Scattering at a surface: the next direction, random or mirrored."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ from qmcjax.tracing._world.world import World
 
 
 class Turn(NamedTuple):
-    """Coordinates that choose a direction; None where nothing is left to chance."""
+    """Coordinates that choose a direction; None where nothing is random."""
 
     u: Array | None = None
     v: Array | None = None
@@ -20,18 +20,18 @@ class Turn(NamedTuple):
 
     @classmethod
     def of(cls, coordinates: dict[str, Array], name: str) -> "Turn":
-        """Return the choice by coordinates of a name."""
+        """Return the choice by the coordinates of a name."""
         return cls(*(coordinates.get(f"{name}_{part}") for part in cls._fields))
 
 
 def turned_by(world: World, name: str) -> tuple[str, ...]:
-    """Return the names of coordinates that choose a direction."""
+    """Return the names of the coordinates that choose a direction."""
     parts = (("u", "v") if scatters(world) else ()) + (("lobe",) if mixed(world) else ())
     return tuple(f"{name}_{part}" for part in parts)
 
 
 def scattered(at: Met, turn: Turn) -> tuple[Vector, Vector, Array]:
-    """Return the next directions, reflectance over density, and the density; 0 where there is none."""
+    """Return the next directions, reflectance over density, and the density; 0 without a direction."""
     zero = jnp.zeros_like(at.normal[0])
     way, factor, density = (zero, zero, zero), (zero, zero, zero), zero
     if turn.u is not None:

@@ -1,1 +1,1 @@
-"""Which primitive a ray hits."""
+"""Ray intersection: the primitive that a ray hits."""

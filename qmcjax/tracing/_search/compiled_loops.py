@@ -1,8 +1,8 @@
-"""The search of rays in a world as loops that Numba compiles: what programs for CPUs call.
+"""Ray intersection as loops compiled by Numba, called by programs for CPUs.
 
-A world is made of spaces, that of all which is still and those of objects that move; a space has primitives
-beyond any box, which all rays test, and trees. In a tree, a ray tests the boxes of eight children at once,
-goes to the nearest one first and keeps the others on a stack.
+A world consists of spaces, one for all still objects and one per moving object; a space has unbounded
+primitives, which all rays test, and trees. In a tree, a ray tests the boxes of eight children at once, goes
+to the nearest one first and keeps the others on a stack.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from qmcjax.tracing._search.lanes import WIDTH, bits, larger, load, lowest, smal
 from qmcjax.tracing._search.numba import compiled, inlined
 
 STACK = DEPTH * WIDTH
-"""More than wait for a ray: all but one of the children of each node on a path."""
+"""Size of the stack: all but one of the children of each node on a path."""
 
 
 @inlined
@@ -42,7 +42,7 @@ def _seen(frames, f, i, origin, direction, time, unit, never):
 
 @inlined
 def _near(nodes, last, row, moves, weights, beside, inverse):
-    """Return where lines meet a plane of each of eight boxes."""
+    """Return where lines cross a plane of each of eight boxes."""
     plane = load(nodes, row)
     if moves:
         plane = triangles.between(plane, load(last, row), weights)
@@ -68,13 +68,13 @@ def _walk(
     limit,
     any_hit,
 ):
-    """Return distance and row of the first hit in a tree, the limit and -1 without one."""
+    """Return distance and row of the first hit in a tree; the limit and -1 without a hit."""
     rows, ends, codes, blocks, closed, nodes, last, links = world
     stack, ahead, lanes = scratch
     zero = rows.dtype.type(0)
     slower = rows.dtype.type(1) + unit
     found = -1
-    # Planes that a ray meets first, and how far they are from its origin, which is as wide as rounding.
+    # Planes that a ray meets first, and their distances from its origin, which is as wide as rounding.
     x, y, z = 0 if inverse[0] > 0 else 3, 1 if inverse[1] > 0 else 4, 2 if inverse[2] > 0 else 5
     over, under = (
         (
@@ -174,7 +174,7 @@ def _one(rows, ends, codes, k, origin, direction, weights, squared, inverse, she
 def _search(
     world, names, spaces, trees, sizes, frames, i, scratch, origin, direction, time, limit, unit, any_hit
 ):
-    """Return distance and number of the first hit of a ray, the limit and -1 without one."""
+    """Return distance and number of the first hit of a ray; the limit and -1 without a hit."""
     rows, ends, codes = world[:3]
     one, never = rows.dtype.type(1), rows.dtype.type(np.inf)
     weights = one - time, time
@@ -226,7 +226,7 @@ def _search(
 
 @compiled(_nrt=False, nogil=True)
 def search(world, names, spaces, trees, sizes, frames, rays, unit, any_hit, scratch, distances, numbers):
-    """Search for rays: distances of their hits, the limits without one, and primitives, or -1.
+    """Search for rays: distances and primitives of their hits; the limits and -1 without a hit.
 
     ``unit`` is the slack of a coordinate of 1. With ``any_hit`` the first hit that is found counts.
     """

@@ -1,8 +1,8 @@
-"""Trees as compiled loops walk them: each node holds the boxes of up to eight children.
+"""Trees for compiled loops: each node holds the boxes of up to eight children.
 
-A node is 7 rows of 8 numbers, one for each child: x, y and z of the low corners, and of the high ones, and in
-the same memory integers. These are the first row of a node, or ``~k`` of a leaf: of a mesh, k is the first
-row of a block of triangles, else that of one primitive.
+A node is 7 rows of 8 numbers, one for each child: x, y and z of the low corners, of the high corners, and
+integers in the same memory. An integer is the first row of a node, or ``~k`` for a leaf: k is the first row
+of a block of triangles for a mesh, else the row of one primitive.
 """
 
 import numpy as np
@@ -15,30 +15,30 @@ NODE = 7
 """Rows of a node."""
 
 DEPTH = 64
-"""Nodes on a path, at most."""
+"""Maximum number of nodes on a path."""
 
 
 @compiled()
 def grow(box, other):
-    """Let a box grow around another one."""
+    """Grow a box to include another one."""
     for j in range(3):
         box[j], box[3 + j] = min(box[j], other[j]), max(box[3 + j], other[3 + j])
 
 
 @compiled()
 def surface(box):
-    """Return half the surface of a box, 0 of none."""
+    """Return half the surface of a box; 0 for an empty one."""
     x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
     return x * y + y * z + z * x if x >= 0 else x - x
 
 
 @compiled()
 def widened(boxes, close, skip, start, most, base, step, node, nodes, last, links, runs):
-    """Make nodes of eight children of those of a binary tree, and leaves of up to ``most`` primitives.
+    """Collapse a binary tree to nodes of eight children and leaves of up to ``most`` primitives.
 
-    Boxes at the end of the shutter may be none. Nodes are filled from one on, leaves have numbers from
-    ``base`` on in steps, and ``runs`` gets where their primitives start and stop. Returns how many leaves
-    there are, and the next free node.
+    Boxes at the end of the shutter may be empty. Nodes are filled from a given one on, leaves have numbers
+    from ``base`` on in steps, and ``runs`` gets the start and stop of their primitives. Returns the number of
+    leaves and the next free node.
     """
     nothing = np.finfo(boxes.dtype).max / 2
     moves = len(close) > 0
@@ -53,7 +53,7 @@ def widened(boxes, close, skip, start, most, base, step, node, nodes, last, link
         for c in range(WIDTH):
             n = children[c]
             for j in range(6):
-                # Without a child, a box that no ray meets.
+                # Without a child: a box that no ray hits.
                 none = nothing if j < 3 else -nothing
                 nodes[row + j, c] = boxes[n, j] if c < count else none
                 if moves:
@@ -75,10 +75,10 @@ def widened(boxes, close, skip, start, most, base, step, node, nodes, last, link
 
 @compiled()
 def _cheapest(boxes, close, skip, start, most):
-    """Return in how many trees of wide nodes, from 1 to 8, the left side of a binary tree costs least [1]_.
+    """Return the number of wide trees, from 1 to 8, that makes the left child of a node cheapest [1]_.
 
-    For each node and number of trees for both sides, at most, less 1; 0 where one tree less costs the same.
-    In the first place is what a node makes of eight children; a leaf has 0 everywhere.
+    For each node and maximum number of trees for both sides, less 1; 0 where one tree less costs the same.
+    The first entry is for a node with eight children; a leaf has 0 everywhere.
 
     References
     ----------
@@ -111,10 +111,10 @@ def _cheapest(boxes, close, skip, start, most):
 
 @compiled()
 def _children(node, ways, skip, children):
-    """Find the children of a node with more than a leaf, and return how many there are."""
+    """Find the children of a node that is not a leaf, and return their number."""
     stack = np.empty(
         (WIDTH, 2), np.int64
-    )  # Nodes of the binary tree, and how many trees they may be, less 1.
+    )  # Nodes of the binary tree, and their maximum number of trees, less 1.
     count, waiting = 0, 1
     stack[0, 0], stack[0, 1] = node, WIDTH - 1
     while waiting > 0:
@@ -137,11 +137,11 @@ def _children(node, ways, skip, children):
 
 @compiled()
 def graft(vertices, close, order, skip, start, first, node, blocks, ends, places, nodes, last, links):
-    """Take over the tree of a mesh, a ``triangle_tree.Tree``, with the boxes of its vertices.
+    """Insert the tree of a mesh, a ``triangle_tree.Tree``, with the boxes of its vertices.
 
-    Blocks and nodes are filled from two numbers on; ``places`` gets the numbers of triangles. Where vertices
-    move, ``ends`` and ``last`` are those at the end of the shutter. Returns the largest absolute coordinate,
-    and the next free block and node.
+    Blocks and nodes are filled from two given numbers on; ``places`` gets the numbers of triangles. Where
+    vertices move, ``ends`` and ``last`` are those at the end of the shutter. Returns the largest absolute
+    coordinate, and the next free block and node.
     """
     moves = len(close) > 0
     boxes = _boxes(vertices, order, skip, start)
@@ -152,7 +152,7 @@ def graft(vertices, close, order, skip, start, first, node, blocks, ends, places
     )
     for b in range(leaves):
         for c in range(WIDTH):
-            # Where a block is not full, the last triangle is there again.
+            # An incomplete block repeats its last triangle.
             k = order[min(runs[b, 0] + c, runs[b, 1] - 1)]
             places[first + b, c] = k
             for j in range(BLOCK):

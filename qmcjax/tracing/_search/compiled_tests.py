@@ -1,7 +1,7 @@
-"""Tests of rays against single primitives, for loops that Numba compiles: those of the shapes, step by step.
+"""Intersection tests for single primitives, for loops compiled by Numba: those of the shapes, step by step.
 
-Each primitive is a row of 16 numbers, in which what does not depend on the ray is computed. Distances of
-misses are negative. Constants have the type of the rays: a literal would make the rest double.
+Each primitive is a row of 16 precomputed numbers that do not depend on the ray. Distances of misses are
+negative. Constants have the type of the rays: a literal would make the rest double.
 """
 
 import math
@@ -79,7 +79,7 @@ def fill(rows, k, kind, given, m, unit):
     ====================  ====================================================================================
     all                   0-2 the point, base, centre or first corner; 15 the slack of the coordinates
     plane, disc           3-5 normal; 6 radius; 12 squared length of the normal
-    rectangle             3-5 normal; 6-8, 9-11 vectors whose products with one edge are 1, with the other 0;
+    rectangle             3-5 normal; 6-8, 9-11 vectors with product 1 with one edge, 0 with the other;
                           12 squared length of the normal; 13, 14 lengths of the two vectors
     box                   3-5 the other corner
     sphere                3 radius
@@ -130,7 +130,7 @@ def fill(rows, k, kind, given, m, unit):
 
 @inlined
 def distance(kind, rows, k, origin, direction, squared, inverse, slack):
-    """Return the distance of the first hit of a primitive that is no triangle."""
+    """Return the distance of the first hit of a primitive that is not a triangle."""
     slack = slack + rows[k, 15]
     if kind == BOX:
         return _box(rows, k, origin, squared, inverse, slack)
@@ -157,7 +157,7 @@ def _flat(kind, rows, k, origin, direction, slack):
     if kind == DISC:
         reach = rows[k, 6] + slack
         return distance if dot(start, start) <= reach * reach else none
-    # Wider by what is rounding, so that rays do not slip between rectangles that share an edge.
+    # Enlarged by rounding, so that rays do not slip between rectangles that share an edge.
     u, wider = dot(start, vector(rows, k, 6)), slack * rows[k, 13]
     v, higher = dot(start, vector(rows, k, 9)), slack * rows[k, 14]
     inside = u >= -wider and u <= one + wider and v >= -higher and v <= one + higher
@@ -178,14 +178,14 @@ def _first(near, far, squared, slack):
 
 @inlined
 def _seen(corner, origin, slack):
-    """Return a coordinate of a face as it is seen; a face that the origin is on is at 0."""
+    """Return a coordinate of a face relative to the origin; 0 if the origin is on the face."""
     seen = corner - origin
     return seen - seen if abs(seen) <= slack else seen
 
 
 @inlined
 def _box(rows, k, origin, squared, inverse, slack):
-    """Return the distance of a box; of its ends, the second counts where the first is NaN: see ``_lower``."""
+    """Return the distance of a box; comparisons with NaN choose the second number: see ``_lower``."""
     none = rows.dtype.type(-1)
     one, other = (
         _seen(rows[k, 0], origin[0], slack) * inverse[0],
@@ -236,7 +236,7 @@ def _cylinder(rows, k, origin, direction, squared, slack):
     if not around > 0:
         return none
     near, far = _crossings(_along(start, -height, up), across, around, rows[k, 7], slack)
-    # Wider by what is rounding, so that rays do not slip between the side and a disc at its end.
+    # Enlarged by rounding, so that rays do not slip between the side and a disc at its end.
     at = height + near * climb
     if at >= -slack and at <= tall + slack and _ahead(near, squared, slack):
         return near

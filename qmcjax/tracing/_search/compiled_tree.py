@@ -1,4 +1,4 @@
-"""Trees over primitives of all kinds, by their surface areas, which compiled loops make."""
+"""Surface area trees over primitives of all kinds, built by compiled loops."""
 
 import numpy as np
 
@@ -9,17 +9,17 @@ from qmcjax.tracing._search.numba import compiled
 _BINS = 8
 
 _DEEP = 32
-"""From this depth on, nodes are halved."""
+"""From this depth on, nodes are split in halves."""
 
 
 @compiled()
 def plant(given, kinds, members, unit, first, node, rows, ends, codes, order, nodes, links):
-    """Make the tree of the primitives that are members, in rows and nodes from two numbers on.
+    """Build the tree of the primitives that are members, in rows and nodes from two given numbers on.
 
-    ``given`` has for each primitive 9 numbers, 9 for the end of the shutter, and 6 of its box.
-    Boxes that are not finite have no place in a tree: their primitives come after the others. ``order`` gets
-    the primitives of the rows. Returns how many are in the tree, the largest absolute coordinate of its
-    boxes, and the next free node. The root is the first node.
+    ``given`` has for each primitive 9 numbers, 9 for the end of the shutter, and 6 of its box. Primitives
+    with infinite boxes stay outside the tree and come after the others. ``order`` gets the primitives of the
+    rows. Returns the number of primitives in the tree, the largest absolute coordinate of its boxes, and the
+    next free node. The root is the first node.
     """
     bounds = given[:, 18:]
     count, loose = 0, len(members)
@@ -62,7 +62,7 @@ def _parted(run, bounds):
     count = len(run)
     boxes = np.empty((2 * count, 6), bounds.dtype)
     skip, start = np.empty(2 * count, np.int64), np.full(2 * count, count)
-    # First primitives of nodes, how many they have, their numbers, and depths.
+    # First primitives of nodes, their counts, their numbers, and depths.
     stack = np.empty((4, 2 * count), np.int64)
     stack[0, 0], stack[1, 0], stack[2, 0], stack[3, 0] = 0, count, 0, 0
     waiting = 1
@@ -89,7 +89,7 @@ def _parted(run, bounds):
 
 @compiled()
 def _sorted(run, bounds):
-    """Sort primitives to both sides of the plane that makes surfaces times primitives least."""
+    """Partition primitives at the plane with the smallest sum of surface times primitives."""
     best, axis, plane = np.inf, -1, 0
     least, scale = np.empty(3, np.float64), np.zeros(3, np.float64)
     boxes, many = np.empty((_BINS, 6), np.float64), np.empty(_BINS, np.int64)

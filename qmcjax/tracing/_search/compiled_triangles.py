@@ -1,6 +1,6 @@
-"""Tests of rays against triangles, one or eight at a time, for loops that Numba compiles.
+"""Ray-triangle tests, one or eight triangles at a time, for loops compiled by Numba.
 
-Eight are a block of 9 rows: the coordinates of their first corners, of the second and of the third ones.
+A block of eight triangles is 9 rows: the coordinates of their first corners, then the second, then the third.
 """
 
 from qmcjax.tracing._search.compiled_tests import cross, dot, largest, length, minus, power, times, vector
@@ -13,7 +13,7 @@ BLOCK = 9
 
 @inlined
 def shear(d, inverse):
-    """Return the axis that is most along a ray, and the numbers of ``Triangles.prepare``."""
+    """Return the axis of the ray's largest component, and the numbers of ``Triangles.prepare``."""
     x, y, z = abs(d[0]), abs(d[1]), abs(d[2])
     if z >= x and z >= y:
         return 2, -d[0] * inverse[2], -d[1] * inverse[2], inverse[2]
@@ -24,7 +24,7 @@ def shear(d, inverse):
 
 @inlined
 def turned(a, axis):
-    """Return a vector with its component along an axis as the third."""
+    """Return a vector rotated so that a given axis is the third."""
     if axis == 0:
         return a[1], a[2], a[0]
     if axis == 1:
@@ -34,13 +34,13 @@ def turned(a, axis):
 
 @inlined
 def between(one, other, weights):
-    """Return a number, or lanes, between those of both ends of the shutter."""
+    """Interpolate numbers, or lanes, between both ends of the shutter."""
     return weights[0] * one + weights[1] * other
 
 
 @inlined
 def _crossed(a, b, c, shear):
-    """Return how far away triangles are, and whether a ray hits them, of turned corners as it sees them."""
+    """Return the distances of triangles, with turned corners relative to the origin, and which are hit."""
     _, x, y, z = shear
     ax, ay, az = a[0] + x * a[2], a[1] + y * a[2], z * a[2]
     bx, by, bz = b[0] + x * b[2], b[1] + y * b[2], z * b[2]
@@ -84,7 +84,7 @@ def _moved(a, b, weights):
 def eight(blocks, row, last, moves, weights, origin, shear, limit):
     """Return the distances of a block of triangles, and which a ray hits before a limit.
 
-    The origin is turned. That the ray may start on a triangle is left to :func:`leaves`.
+    The origin is turned. :func:`leaves` checks whether the ray starts on a triangle.
     """
     axis = shear[0]
     # A block has coordinates x, y, z as they are.
@@ -108,7 +108,7 @@ def _seen(blocks, x, y, z, last, moves, weights, origin):
 
 @inlined
 def leaves(blocks, row, lane, last, moves, weights, origin, slack, unit):
-    """Tell whether a ray does not start on a triangle of a block."""
+    """Whether a ray starts off all triangles of a block."""
     one = _corner(blocks, row, lane, last, moves, weights)
     other = _corner(blocks, row + 3, lane, last, moves, weights)
     third = _corner(blocks, row + 6, lane, last, moves, weights)
@@ -125,7 +125,7 @@ def _corner(blocks, row, lane, last, moves, weights):
 
 @inlined
 def _starts_on(one, other, third, origin, slack, unit):
-    """Tell whether a ray starts on a triangle: ``_triangles._on``."""
+    """Whether a ray starts on a triangle: ``_triangles._on``."""
     slack += unit * (largest(one) + largest(other) + largest(third))
     side, across, seen = minus(other, one), minus(third, one), minus(one, origin)
     scale = power(max(largest(side), largest(across)), unit / unit)

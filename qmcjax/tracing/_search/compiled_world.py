@@ -1,12 +1,12 @@
-"""The search of rays in a world as a call from a program to loops that Numba compiles.
+"""Ray intersection as a call from a program to loops compiled by Numba.
 
-The call is one of ``buffer_callback``, which hands on the memory of the program. ``jax.pure_callback`` copies
-to a device: that waits for a thread, and for ever where all of them run programs that wait for such calls
-(seen in JAX 0.10 on one core, and where devices share a program).
+The call uses ``buffer_callback``, which passes the memory of the program. ``jax.pure_callback`` copies to a
+device: that waits for a thread, and deadlocks if all threads run programs that wait for such calls (seen in
+JAX 0.10 on one core, and where devices share a program).
 
-A call makes the trees: those of meshes have boxes for the vertices that come, and what has no tree of its own
-gets one, in less time than a hundred rays take for each of its primitives. The next call takes them over if
-the same numbers come.
+A call builds the trees: those of meshes get boxes for the current vertices, and primitives without a tree get
+one, in less time than a hundred rays per primitive take. The next call reuses them if it gets the same
+numbers.
 """
 
 from collections.abc import Sequence
@@ -30,29 +30,29 @@ from qmcjax.tracing._shapes.vectors import Vector
 from qmcjax.tracing._world.world import World, merged
 
 KINDS = (Plane, Rectangle, Disc, Box, Sphere, Cylinder, Triangles)
-"""Shapes that loops know, in the order of their numbers there."""
+"""Shapes that the loops support, in the order of their numbers there."""
 
 
 _RUN = 2048
-"""Rays that a thread takes at a time."""
+"""Rays per piece of work of a thread."""
 
 
 class _Plan(NamedTuple):
-    """What is known of a world before its numbers are."""
+    """The structure of a world, known before its numbers."""
 
     frames: list[int]
-    """For each space the place of its frame, -1 of what is still."""
+    """For each space the index of its frame; -1 for the still space."""
     kinds: NDArray[np.int32]
-    """Of all primitives without a tree, in the order of their numbers."""
+    """All primitives without a tree, in the order of their numbers."""
     names: NDArray[np.int32]
     members: list[NDArray[np.int64]]
-    """Which of them are in each space."""
+    """The primitives of each space."""
     meshes: list[tuple[int, int]]
     """The space of each mesh with a tree, and the number of its first triangle."""
 
 
 class _Planted:
-    """The trees of a world, kept for the next call: that of a program often has the same numbers."""
+    """The trees of a world, kept for the next call: a program often passes the same numbers again."""
 
     def __init__(self, plan: _Plan) -> None:
         self._plan = plan
@@ -76,9 +76,9 @@ def search(
     limit: Array,
     any_hit: bool,
 ) -> tuple[Array, Array]:
-    """Return distances and numbers of the nearest hits before limits, the limits and -1 without one."""
+    """Return distances and numbers of the nearest hits before limits; the limits and -1 without a hit."""
     plan, shapes = _planned(world)
-    # One by one: all in one array take XLA twice as long.
+    # Passed separately: one array of all takes XLA twice as long.
     moving = [(frame.duals, frame.translation) for frame in frames if frame is not None]
     result = jax.ShapeDtypeStruct(limit.shape, limit.dtype), jax.ShapeDtypeStruct(limit.shape, jnp.int32)
     call = buffer_callback(partial(_fill, _Planted(plan), any_hit), result, vmap_method="expand_dims")
@@ -140,7 +140,7 @@ def _fill(planted: _Planted, any_hit: bool, context: Any, out: Any, *given: Any)
 
 
 def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
-    """Search in one world, or in as many as are mapped."""
+    """Search in one world, or in several under vmap."""
     loose, meshes = shapes
     leading = [a.shape[:-2] for a in loose]
     for ends, tree in meshes:
@@ -203,7 +203,7 @@ def _searched(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: b
 
 
 def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
-    """Return rows and trees of a world, the numbers of its primitives, and what there is in each space."""
+    """Return rows and trees of a world, the numbers of its primitives, and the contents of each space."""
     from qmcjax.tracing._search import compiled_nodes as wide
     from qmcjax.tracing._search.compiled_tests import MOVING, TRIANGLE, WIDTH
     from qmcjax.tracing._search.compiled_tree import plant
@@ -214,7 +214,7 @@ def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
     alone, size = len(plan.kinds), len(plan.kinds) + sum(counts)
     rows, nodes = np.empty((alone, WIDTH), number), np.empty((wide.NODE * size, wide.WIDTH), number)
     blocks = np.empty((wide.BLOCK * sum(counts), wide.WIDTH), number)
-    # Without anything that moves in its space, one row that no primitive uses.
+    # A space without moving primitives gets one row that no primitive uses.
     ends = np.empty((alone if MOVING in plan.kinds else 1, WIDTH), number)
     closed, last = (np.empty_like(a if any(moves) else a[:1]) for a in (blocks, nodes))
     links = nodes.view(np.int32 if number == np.float32 else np.int64)

@@ -1,4 +1,4 @@
-"""The nearest hit of rays, differentiable, and whether there is any."""
+"""The nearest hit of rays, differentiable, and whether there is any hit."""
 
 from __future__ import annotations
 
@@ -22,50 +22,43 @@ from qmcjax.tracing._world.world import World
 
 
 class Hit(NamedTuple):
-    """What rays hit first."""
+    """The nearest hits of rays."""
 
     distance: Array
-    """(...): in lengths of the direction, inf where nothing is hit."""
+    """(...): in units of the direction's length, inf without a hit."""
     shape: Array
-    """int32 (...): the number of the primitive, -1 where nothing is hit."""
+    """int32 (...): the number of the primitive, -1 without a hit."""
     normal: Array
-    """(..., 3): unit vectors, to the outside of closed shapes; zeros where nothing is hit."""
+    """(..., 3): unit vectors, outward for closed shapes; zeros without a hit."""
     point: Array
-    """(..., 3): on the surface up to the rounding of its own coordinates, however far the origin is; the
-    origin where nothing is hit."""
+    """(..., 3): on the surface up to the rounding of its own coordinates, at any distance; the origin without
+    a hit."""
 
 
 def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: ArrayLike = 0.0) -> Hit:
-    """Find what rays hit first.
+    """Find the nearest hits of rays.
 
-    An origin that is on a surface, up to about 16 units of rounding of its coordinates (also of those in the
-    space of the object), does not hit it there: ``hit.point`` can be the origin of the next ray. In float32
-    that wants objects no smaller than about a thousandth of their distance from the origin of coordinates:
-    there about 2 % of the rays into a mesh miss its other side, and of smaller boxes and cylinders more.
-    Rays whose numbers are not finite, and those with a direction of zero length, hit nothing; else
-    directions may have any length from 1e-30 on, in float64 from 1e-292. While a program is traced their
-    length is not known: small components of shorter ones count as 0.
+    A ray that starts on a surface, up to about 16 units of rounding of its coordinates (also in object
+    space), does not hit it there: ``hit.point`` can be the origin of the next ray. In float32, keep objects
+    larger than about a thousandth of their distance from the origin of coordinates: at that size about 2 % of
+    the rays into a mesh miss its other side, and more for smaller boxes and cylinders. Rays with non-finite
+    numbers or a direction of zero length hit nothing. Directions may have any length from 1e-30 on, in
+    float64 from 1e-292; shorter ones are an error. While a program is traced, the length is not known: small
+    components of shorter directions count as 0.
 
     Parameters
     ----------
     world : World
     origin, direction : float ArrayLike, shape (..., 3)
-        Directions need no unit length.
+        Directions need not be normalized.
     time : float ArrayLike, shape (...)
-        In [0, 1], from when the shutter opens to when it closes. Shapes are broadcast.
+        In [0, 1], from the opening to the closing of the shutter. Shapes are broadcast.
 
     Returns
     -------
     Hit
         Distance, normal and point have the dtype of ``origin``, float32 or float64, and first derivatives in
-        all numbers of rays and world; those of which primitive is hit are zero.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, or a direction is too short.
+        all numbers of rays and world; the choice of the primitive has no derivative.
 
     Examples
     --------
@@ -83,7 +76,7 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
 def any_hit(
     world: World, origin: ArrayLike, direction: ArrayLike, time: ArrayLike = 0.0, limit: ArrayLike = jnp.inf
 ) -> Array:
-    """Tell whether rays hit anything before a limit.
+    """Return whether rays hit anything before a limit.
 
     Parameters
     ----------
@@ -91,18 +84,11 @@ def any_hit(
     origin, direction : float ArrayLike, shape (..., 3)
     time : float ArrayLike, shape (...)
     limit : float ArrayLike, shape (...)
-        In lengths of the direction; a hit at the limit does not count.
+        In units of the direction's length; a hit at the limit does not count.
 
     Returns
     -------
     bool Array, shape (...)
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit.
 
     Examples
     --------

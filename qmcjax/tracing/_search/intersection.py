@@ -1,4 +1,4 @@
-"""What rays find: the nearest hit with all that is differentiable about it."""
+"""Intersections: the nearest hits with everything that is differentiable about them."""
 
 from dataclasses import replace
 from functools import partial
@@ -18,23 +18,23 @@ from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, minus, plus
 from qmcjax.tracing._world.world import World
 
 UNKNOWN = -2
-"""In place of the number of what is hit."""
+"""Replaces the number of a primitive that has to be searched."""
 
 
 class Found(NamedTuple):
     """Hits, components of shape (n,)."""
 
     hit: Array
-    """Whether anything is hit; without that the numbers below are finite, and no more."""
+    """Whether anything is hit; if not, the numbers below are only finite."""
     number: Array
-    """int32: of the primitive, -1 where nothing is hit."""
+    """int32: number of the primitive, -1 without a hit."""
     distance: Array
     point: Vector
-    """In the world, and on the surface up to rounding."""
+    """In world space, on the surface up to rounding."""
     normal: Vector
-    """Unit vectors; zeros where nothing is hit."""
+    """Unit vectors; zeros without a hit."""
     inside: Vector
-    """The point in the space of the object."""
+    """The point in object space."""
 
 
 def in_dtype(world: World, dtype: DTypeLike) -> World:
@@ -50,27 +50,27 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
 
 
 def found(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Found:
-    """Return what rays hit first. Which primitive that is has no derivative; all that follows from it has.
+    """Return the nearest hits of rays. The choice of the primitive has no derivative; all else has.
 
-    ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where it is to be searched.
+    ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where they have to be searched.
     """
     start, way = origin, direction
     fixed = jax.lax.stop_gradient((world, start, way, time))
     distance, number = _first(*fixed) if known is None else _confirmed(*fixed, known)
     hit = number >= 0
-    # Rays that hit nothing, also those of NaN, go on as rays without numbers that could disturb derivatives.
+    # Rays without a hit, also those with NaN, continue with harmless numbers, to keep derivatives finite.
     start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
     at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
     frame = frames(world, number, time)
     if frame is not None:
         start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
     surface = partial(_surface, picked(world.batches(), number), at)
-    # A Newton step: the value is 0 but for rounding, and its derivatives are those of the distance.
+    # A Newton step: the value is 0 up to rounding, and its derivatives are those of the distance.
     value, gradient = surface(along(start, distance, way))
     slope = dot(gradient, way)
     step = value / jnp.where(slope == 0, 1, slope)
     distance = distance - (step - jax.lax.stop_gradient(step))
-    # To the surface on the shortest way: no farther from it than its coordinates are rounded.
+    # Shortest way to the surface: no farther from it than its coordinates are rounded.
     inside = along(start, distance, way)
     value, gradient = surface(inside)
     squared = dot(gradient, gradient)
@@ -88,9 +88,9 @@ def _first(world: World, origin: Vector, direction: Vector, time: Array) -> tupl
 def _confirmed(
     world: World, origin: Vector, direction: Vector, time: Array, known: Array
 ) -> tuple[Array, Array]:
-    """Return distances and numbers of primitives that are known.
+    """Return distances and numbers of known primitives.
 
-    What is not, and what a ray misses by rounding, at the ends of intervals, is searched for.
+    Unknown ones, and those that a ray misses by rounding at the ends of intervals, are searched.
     """
     distance = jnp.full_like(time, jnp.inf)
     rays = seen_from(frames(world, known, time), origin, direction, time)
@@ -109,7 +109,7 @@ def _confirmed(
 def coordinates(
     world: World, which: list[bool], number: Array, time: Array, point: Vector
 ) -> tuple[Array, Array]:
-    """Return (u, v) of points in the spaces of their objects, of those objects that are marked; else 0."""
+    """Return (u, v) of points in object space, for the marked objects; else 0."""
     marked = [
         (shape, start + before)
         for (item, start), wanted in zip(world.numbered(), which, strict=True)
@@ -124,7 +124,7 @@ def coordinates(
 
 
 def frames(world: World, number: Array, time: Array) -> Frame | None:
-    """Return for each ray the map to the world of the object that it hits; None if all are still."""
+    """Return for each ray the map from the hit object to the world; None if all are still."""
     chosen = None
     for item, first in world.numbered():
         frame = item.frame(time)
@@ -136,7 +136,7 @@ def frames(world: World, number: Array, time: Array) -> Frame | None:
 
 
 def _surface(kinds: list[tuple[Array, Shape]], time: Array, point: Vector) -> tuple[Array, Vector]:
-    """Return the functions and gradients of the surfaces of each ray's primitive; zeros if it has none."""
+    """Return the surface function and gradient of each ray's primitive; zeros without one."""
     result = jnp.zeros_like(time), each(jnp.zeros_like, point)
     for here, shape in kinds:
         result = _where(here, shape.surface(EACH, point, time), result)

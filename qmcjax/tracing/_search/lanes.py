@@ -1,4 +1,4 @@
-"""Eight numbers at a time in loops that Numba compiles, by the vector instructions that a processor has.
+"""Vectors of eight numbers (lanes) in loops compiled by Numba, as SIMD instructions.
 
 Operators, :func:`larger` and :func:`smaller` take lanes, scalars, or both: a test is written once for both.
 """
@@ -21,7 +21,7 @@ WIDTH = 8
 
 
 def _intrinsic(code: Callable[..., Any]) -> Any:
-    """Return code as an intrinsic, whose calls leave out the first argument."""
+    """Return code as an intrinsic; calls omit its first argument."""
     return intrinsic(code)
 
 
@@ -118,7 +118,7 @@ smaller = _two(_same, lambda builder, a, b: builder.select(builder.fcmp_ordered(
 
 
 def _pointer(context: Any, builder: Any, kind: Any, array: Any, row: Any) -> Any:
-    """Return where a row of an array (rows, lanes) starts."""
+    """Return the address of a row of an array (rows, lanes)."""
     data = context.make_array(kind)(context, builder, array).data
     index = builder.mul(row, ir.Constant(row.type, WIDTH))
     return cgutils.gep_inbounds(builder, data, index)
@@ -139,7 +139,7 @@ def load(_: Any, array: Any, row: Any) -> Any:
 
 @_intrinsic
 def store(_: Any, array: Any, row: Any, value: Any) -> Any:
-    """Put lanes into a row of an array (rows, lanes)."""
+    """Store lanes in a row of an array (rows, lanes)."""
 
     def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         start = _pointer(context, builder, signature.args[0], *values[:2])
@@ -152,7 +152,7 @@ def store(_: Any, array: Any, row: Any, value: Any) -> Any:
 
 @_intrinsic
 def bits(_: Any, here: Any) -> Any:
-    """Return a number whose bits are the lanes of a condition."""
+    """Return the lanes of a condition as the bits of an integer."""
 
     def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.zext(builder.bitcast(values[0], ir.IntType(WIDTH)), ir.IntType(64))
@@ -162,7 +162,7 @@ def bits(_: Any, here: Any) -> Any:
 
 @_intrinsic
 def lowest(_: Any, number: Any) -> Any:
-    """Return the place of the lowest bit of a number that is not 0."""
+    """Return the position of the lowest set bit of a nonzero number."""
 
     def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.cttz(values[0], ir.Constant(ir.IntType(1), 1))

@@ -1,7 +1,7 @@
-"""All primitives that have no tree, in fused loops over tiles of rays.
+"""Intersection with all primitives without a tree, in fused loops over tiles of rays.
 
-What is still is merged by kinds of shapes, with one loop for each kind; each kind in each object that moves,
-or is worth a box, has a loop of its own, which is skipped where no ray of the tile meets the box.
+Still primitives are merged by kind of shape, with one loop per kind. Each kind in a moving object, or in one
+that is worth a bounding box, has its own loop, which is skipped if no ray of the tile hits the box.
 """
 
 from collections.abc import Sequence
@@ -19,23 +19,23 @@ from qmcjax.tracing._shapes.vectors import Vector, components, each, largest, mi
 from qmcjax.tracing._world.world import World, merged
 
 TILE = 8192
-"""Rays that are tested together: their state fits the second cache of a processor."""
+"""Rays tested together: their state fits the L2 cache of a processor."""
 
 _FEW = 4
-"""Up to so many primitives, the box around an object costs more than it saves."""
+"""Up to so many primitives, the bounding box of an object costs more than it saves."""
 
 Found = tuple[Array, Array]
-"""Distances, -inf where any hit is final, and numbers of primitives, -1 without one."""
+"""Distances, -inf where any hit is final, and numbers of primitives, -1 without a hit."""
 
 
 class _Segment(NamedTuple):
-    """Primitives of one kind that move together: rows of the batch that is merged of all."""
+    """Primitives of one kind that move together: rows of the merged batch."""
 
     space: int
     first: int
     stop: int
     low: Array | None
-    """(3,): the box around them, None if it is not worth a test."""
+    """(3,): their bounding box, None if it is not worth a test."""
     high: Array | None
 
 
@@ -55,7 +55,7 @@ def visit(
     limit: Array,
     any_hit: bool,
 ) -> Found:
-    """Return what rays hit of all primitives without a tree; each object has a frame."""
+    """Return the hits of rays on all primitives without a tree; each object has a frame."""
     spaces, kinds = _sorted(world)
 
     def tile(rays: Any) -> Found:
@@ -70,7 +70,7 @@ def visit(
 
 
 def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
-    """Return the place of an object for each way of moving, and the kinds of shapes."""
+    """Return the index of an object for each motion, and the kinds of shapes."""
     spaces: list[int] = []
     still = None
     batches: list[tuple[int, bool, Shape, int]] = []  # space, whether large, shape, first number
@@ -104,7 +104,7 @@ def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
 
 
 def _box(shape: Shape) -> tuple[Array, Array]:
-    """Return the box around all primitives at all times."""
+    """Return the bounding box of all primitives at all times."""
     boxes = [shape.bounds(time) for time in (0, 1)]
     low, high = (jnp.stack(corners) for corners in zip(*boxes, strict=True))
     return low.min(axis=(0, 1)), high.max(axis=(0, 1))
@@ -127,16 +127,16 @@ def _visit(kind: _Kind, spaces: list[Rays], found: Found, any_hit: bool) -> Foun
 
 
 def _rows(kind: _Kind, first: Any, stop: Any, rays: Rays, found: Found, any_hit: bool) -> Found:
-    """Test some rows: a turn takes in the distances of the row before, and computes its own.
+    """Test some rows: an iteration reduces the distances of the previous row and computes its own.
 
-    What two results of a turn share, XLA computes once for each of them. So a distance is a result of its
-    own, which becomes part of what is found in the next turn: it is computed once, not two or three times.
+    XLA computes an expression once for each of two results that share it. So the distance is a result itself
+    and is reduced in the next iteration: it is computed once, not two or three times.
     """
     prepared = kind.shape.prepare(rays)
 
     def taken(row: Any, distance: Array, found: Found) -> Found:
         closer = distance < found[0]
-        # What is found of any hit is final: no distance is below that.
+        # With any_hit the first hit is final: no distance is below it.
         nearest = jnp.where(closer, -jnp.inf if any_hit else distance, found[0])
         return nearest, jnp.where(closer, kind.names[row], found[1])
 
@@ -148,7 +148,7 @@ def _rows(kind: _Kind, first: Any, stop: Any, rays: Rays, found: Found, any_hit:
 
 
 def _meets(low: Array, high: Array, rays: Rays, limit: Array) -> Array:
-    """Tell whether any ray meets a box before its limit."""
+    """Whether any ray hits a box before its limit."""
     corners = components(low), components(high)
     finite = [each(lambda a: jnp.where(jnp.isfinite(a), a, 0), corner) for corner in corners]
     wider = rays.slack + rounding(largest(finite[0]) + largest(finite[1]))

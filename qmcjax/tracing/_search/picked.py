@@ -8,17 +8,17 @@ import jax.numpy as jnp
 from jax import Array
 
 _FEW = 16
-"""Up to so many rows, choosing among all is faster than fetching one: that takes the processor a jump."""
+"""Up to so many rows, selecting from all is faster than a gather."""
 
 EACH = slice(None)
 """The number of a row in tables that have one row for each ray."""
 
 
 def picked(tables: Sequence[tuple[Any, int]], number: Array) -> list[tuple[Array, Any]]:
-    """Return for each kind of table which rays have a row there, and a table with these, a row a ray.
+    """Return for each kind of table which rays have a row there, and a table of these rows, one per ray.
 
-    Tables are pytrees whose arrays have rows along the first axis, with the number of the first; those of
-    one structure are of one kind. Rays without a row have any.
+    Tables are pytrees of arrays with rows along the first axis, given with the number of the first row; those
+    of one structure are of one kind. Rays without a row get an arbitrary one.
     """
     kinds: dict[Any, list[tuple[Any, int]]] = {}
     for table, start in tables:
@@ -59,6 +59,6 @@ def _either(here: Array, rows: list[Any], others: list[Any] | None) -> list[Any]
 
 
 def _parts(array: Array, axes: int = 0) -> list[Array]:
-    """Return the numbers of a row, or of a row each: apart they fill the vector units of a processor."""
+    """Return the numbers of a row, or of one row per ray: separate arrays fill the vector units."""
     flat = array.reshape(*array.shape[:axes], -1)
     return [flat[..., j] for j in range(flat.shape[-1])]

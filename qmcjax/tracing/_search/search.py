@@ -1,9 +1,8 @@
-"""Which primitive a ray hits, in two ways behind one function.
+"""The nearest primitive of rays, by two methods behind one function.
 
-A program of JAX tests primitives without a tree in fused loops over tiles of rays
-(``loops``), and walks through trees (``walk``). On processors, where
-numba is installed, worlds of more than a few primitives are searched by compiled loops
-(:mod:`qmcjax.tracing._search.compiled_world`). All find the same hits, but for rounding.
+A JAX program tests primitives without a tree in fused loops over tiles of rays (``loops``), and traverses
+trees (``walk``). On processors with numba installed, worlds of more than a few primitives are searched by
+compiled loops (:mod:`qmcjax.tracing._search.compiled_world`). All find the same hits, up to rounding.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,10 +20,10 @@ from qmcjax.tracing._shapes.vectors import Vector
 from qmcjax.tracing._world.world import World
 
 _MANY = 512
-"""From so many triangles on, a program of JAX for a processor is faster with their tree than with loops."""
+"""From so many triangles on, a JAX program for a processor is faster with their tree than with loops."""
 
 _FEW = 47
-"""Up to so many primitives, fused loops are faster than compiled ones: they test 16 rays in one step."""
+"""Up to so many primitives, fused loops are faster than compiled ones: they test 16 rays per step."""
 
 Way = Callable[[World, Sequence[Frame | None], Vector, Vector, Array, Array, bool], tuple[Array, Array]]
 """From a world, frames of its parts, origins, directions, times, limits and whether any hit counts, to
@@ -40,14 +39,14 @@ def search(
     any_hit: bool,
     way: Way | None = None,
 ) -> tuple[Array, Array]:
-    """Return distances, and numbers of primitives, of the nearest hits before a limit.
+    """Return distances and primitives of the nearest hits before a limit.
 
-    Components have the shape (n,). The number is -1, and the distance the limit, where there is none.
-    With ``any_hit`` the number is that of some hit. Tests choose the way.
+    Components have the shape (n,). Without a hit the number is -1 and the distance the limit. With
+    ``any_hit`` the number is that of some hit. Tests choose the method.
     """
     if way is None:
         world, way = _fastest(world)
-    # Outside of all loops: what motions make of times is the same for all searches of a program.
+    # Outside of all loops: motions at the given times are the same for all searches of a program.
     frames = [item.frame(time) for item in world.parts]
     distance, number = way(world, frames, origin, direction, time, limit, any_hit)
     return jnp.where(number < 0, limit, distance), number
@@ -62,7 +61,7 @@ def by_program(
     limit: Array,
     any_hit: bool,
 ) -> tuple[Array, Array]:
-    """Search by a program of JAX alone."""
+    """Search by a JAX program alone."""
     distance, number = loops.visit(world, frames, origin, direction, time, limit, any_hit)
     for (item, start), frame in zip(world.numbered(), frames, strict=True):
         if all(shape.tree is None for shape in item.shapes):
@@ -78,7 +77,7 @@ def by_program(
 
 
 def _fastest(world: World) -> tuple[World, Way]:
-    """Return the way to search, and the world with those trees that are worth it there."""
+    """Return the search method, and the world with the trees that are worth it there."""
     if jax.default_backend() != "cpu":
         return world, by_program
     known = all(type(shape) in compiled_world.KINDS for shape, _ in world.batches())

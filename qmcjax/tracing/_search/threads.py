@@ -1,7 +1,7 @@
-"""Work that threads share, each as much as it gets to: none waits for one that has no processor.
+"""Work shared by threads as they become free: none waits for a thread that has no processor.
 
-Those of OpenMP, which Numba takes, get equal parts. On a processor that others use, too, all wait for the
-slowest, and by turning in a loop: a call then takes eight times as long as with one thread.
+OpenMP threads, Numba's default, get equal parts. On a processor with other load, all wait for the slowest in
+a busy loop: a call then takes eight times as long as with one thread.
 """
 
 import os
@@ -13,13 +13,13 @@ from typing import Any
 
 @cache
 def _helpers() -> tuple[int, ThreadPoolExecutor | None]:
-    """Return how many threads help the one that calls, and these."""
+    """Return the number of helper threads, and the pool."""
     count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return count - 1, ThreadPoolExecutor(count - 1, "qmcjax") if count > 1 else None
 
 
 def shared(work: Callable[[Any], None], pieces: Iterable[Any]) -> None:
-    """Do all pieces of work, which releases the lock of the interpreter, in this thread and in others."""
+    """Do all pieces of work, which release the GIL, in this thread and in others."""
     pieces = list(pieces)
     left = iter(pieces)  # The next of a list is one step for all threads.
 

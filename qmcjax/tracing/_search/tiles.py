@@ -1,4 +1,4 @@
-"""Rays in tiles: what is computed for some of them stays in the caches of a processor."""
+"""Rays in tiles: intermediate results stay in the caches of a processor."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,18 +7,18 @@ import jax
 import jax.numpy as jnp
 
 _FEW = 64
-"""Up to so many rays, overheads are all that there is."""
+"""Up to so many rays, overhead dominates."""
 
 
 def by_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
-    """Apply a function to tiles of rays, whose arrays have one length, and join its results.
+    """Apply a function to tiles of rays, arrays of equal length, and concatenate its results.
 
-    Other devices than processors have no use for tiles: they get all rays at once.
+    Other devices than processors do not profit from tiles: they get all rays at once.
     """
     count = jax.tree.leaves(rays)[0].shape[0]
     if count <= _FEW or jax.default_backend() != "cpu":
         return function(rays)
-    # XLA takes a loop of one turn apart, and fuses what leads to it into each use: measured, rays take three
+    # XLA unrolls a loop of one iteration and fuses its inputs into each use: measured, rays take three
     # to four times as long.
     size = min(size, -(-count // 2))
     tiles = -(-count // size)

@@ -1,4 +1,4 @@
-"""The walk through a tree as a program of JAX: rays step from node to node, all of a tile together."""
+"""Tree traversal as a JAX program: the rays of a tile step from node to node together."""
 
 from typing import Any
 
@@ -13,11 +13,11 @@ from qmcjax.tracing._shapes.triangles import Triangles
 from qmcjax.tracing._shapes.vectors import components, each, minus
 
 TILE = 1024
-"""Rays that walk together on a processor: they wait for the slowest of them."""
+"""Rays that traverse together on a processor: they wait for the slowest of them."""
 
 
 def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Array, Array]:
-    """Return the distances of hits before the limits, and the rows of the triangles, -1 without one."""
+    """Return the distances of hits before the limits, and the rows of the triangles; -1 without a hit."""
     tree = jax.tree.map(lambda a: a.astype(jnp.int32), shape.tree)
     ends = [shape.vertices] if shape.close is None else [shape.vertices, shape.close]
     ends = [vertices[tree.order] for vertices in ends]
@@ -50,9 +50,9 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
             return (enter <= leave * slower) & (leave > 0)
 
         def step(state: Any) -> Any:
-            """Take in what is known about the node, or the triangle of a leaf, and go to the next one.
+            """Process the current node, or the triangle of a leaf, and go to the next one.
 
-            What is known is a part of the state: XLA would compute it for each result that it is used for.
+            The node is part of the state: XLA would compute it again for each result that uses it.
             """
             node, row, inside, distance, limit, place = state
             skip, last = tree.skip[node], stop[node]
@@ -77,7 +77,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
                 place,
             )
 
-        # All rays but those that can hit nothing enter the root.
+        # All rays enter the root, except those that can hit nothing.
         inside = jnp.isfinite(rays.slack) & (limit > 0)
         none = jnp.full(limit.shape, -1, jnp.int32)
         state = jnp.zeros_like(none), none, inside, limit, limit, none
@@ -88,9 +88,9 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
 
 
 def boxes_of(vertices: Array, tree: Tree) -> Array:
-    """Return boxes of all nodes, low and high, shape (n, 6).
+    """Return the bounding boxes of all nodes, low and high, shape (n, 6).
 
-    The triangles of a node are one run, whose least numbers are those of two runs of a power of 2.
+    The triangles of a node are one run; its minimum is that of two overlapping runs of a power of 2.
     """
     count = vertices.shape[0]
     levels = [jnp.concatenate([vertices.min(axis=1), -vertices.max(axis=1)], axis=1)]

@@ -30,7 +30,7 @@ from qmcjax.tracing._shapes.vectors import (
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Plane(Shape):
-    """Planes without end. u and v are lengths along two orthogonal directions from the point."""
+    """Infinite planes. u and v are lengths along two orthogonal directions from the point."""
 
     point: Any
     """(n, 3)."""
@@ -65,7 +65,7 @@ class Rectangle(Shape):
     corner: Any
     """(n, 3)."""
     edge_u: Any
-    """(n, 3): from there to the next corner, where u = 1."""
+    """(n, 3): from the corner to the next one, where u = 1."""
     edge_v: Any
     """(n, 3)."""
 
@@ -86,7 +86,7 @@ class Rectangle(Shape):
         start = times(scale, minus(along(prepared.origin, distance, prepared.direction), corner))
         inside = True
         for part, dual in zip(_parts(start, u, v), _duals(u, v), strict=True):
-            # Wider by what is rounding, so that rays do not slip between rectangles that share an edge.
+            # Enlarged by rounding, so that rays do not slip between rectangles that share an edge.
             wider = scale * slack * length(dual)
             inside &= (part >= -wider) & (part <= 1 + wider)
         return jnp.where(inside, distance, jnp.inf)
@@ -178,7 +178,7 @@ class Box(Shape):
         return jnp.where(enter <= leave, first(enter, leave, rays, slack), jnp.inf)
 
     def _face(self, number: Any, point: Vector) -> tuple[Vector, Vector, Vector]:
-        """Return how far points are out of the faces of their half, which face that is, and of which side."""
+        """Return how far points are outside the faces of their half, the nearest face, and its side."""
         low, high = row(self.low, number), row(self.high, number)
         above = each(lambda p, a, b: 2 * p >= a + b, point, low, high)
         out = each(lambda up, p, a, b: jnp.where(up, p - b, a - p), above, point, low, high)
@@ -206,32 +206,32 @@ class Box(Shape):
 
 
 def _lower(a: Array, b: Array) -> Array:
-    """Return the lower number, b if one of them is NaN: a single step of the processor.
+    """Return the smaller number, b if one of them is NaN: a single instruction.
 
-    NaN comes of rays across an axis that are along a face. Where that is the low one, the ray enters at inf,
-    as b says; where it is the high one, it leaves at -inf, as b says of :func:`_higher`. Both are misses,
-    also where the other end becomes NaN: comparisons with it are false.
+    NaN arises for a ray along a face. At the lower face, the ray enters at inf, as b says; at the upper face,
+    it leaves at -inf, as b says in :func:`_higher`. Both are misses, also where the other end becomes NaN:
+    comparisons with NaN are false.
     """
     return jnp.where(a < b, a, b)
 
 
 def _higher(a: Array, b: Array) -> Array:
-    """Return the higher number, b if one of them is NaN."""
+    """Return the larger number, b if one of them is NaN."""
     return jnp.where(a > b, a, b)
 
 
 def _axis(axis: Array) -> Vector:
-    """Return normals that were given in any length in one between 1 and 4."""
+    """Return normals of any length, scaled to a length between 1 and 4."""
     return scaled(components(axis))[1][0]
 
 
 def _height(point: Vector, base: Vector, normal: Vector) -> tuple[Array, Vector]:
-    """Return the height above a plane, in lengths of its normal, and its gradient."""
+    """Return the height above a plane, in units of its normal's length, and its gradient."""
     return dot(minus(point, base), normal), normal
 
 
 def _duals(u: Vector, v: Vector) -> tuple[Vector, Vector]:
-    """Return the vectors whose products with one edge are 1, with the other and the normal 0."""
+    """Return the dual vectors of two edges: product 1 with one edge, 0 with the other and the normal."""
     normal = cross(u, v)
     squared = dot(normal, normal)
     squared = 1 / jnp.where(squared > 0, squared, 1)

@@ -17,7 +17,7 @@ from qmcjax.tracing.motion.evaluation import moved
 
 
 class Frame(NamedTuple):
-    """An affine map from the space of an object to the world, at the time of each ray."""
+    """An affine map from object space to the world, at the time of each ray."""
 
     columns: tuple[Vector, Vector, Vector]
     """Images of the axes."""
@@ -26,7 +26,7 @@ class Frame(NamedTuple):
     translation: Vector
 
     def inside(self, vector: Vector) -> Vector:
-        """Return directions of the world in the space of the object."""
+        """Return directions of the world in object space."""
         return dot(self.duals[0], vector), dot(self.duals[1], vector), dot(self.duals[2], vector)
 
     def outside(self, vector: Vector) -> Vector:
@@ -34,12 +34,12 @@ class Frame(NamedTuple):
         return _combined(self.columns, vector)
 
     def normal(self, gradient: Vector) -> Vector:
-        """Return gradients in the world: the inverse transposed keeps them across their surfaces."""
+        """Return gradients in the world: by the inverse transpose."""
         return _combined(self.duals, gradient)
 
 
 def seen_from(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
-    """Return rays of the world in the space of an object with such a frame; distances along them stay."""
+    """Return world rays in the object space of a frame; distances along them stay the same."""
     size = largest(origin)
     if frame is not None:
         size = size + largest(frame.translation)
@@ -52,7 +52,7 @@ def seen_from(frame: Frame | None, origin: Vector, direction: Vector, time: Arra
 
 
 def identity(time: Array) -> Frame:
-    """Return the frame of objects that are still."""
+    """Return the frame of still objects."""
     zero, one = jnp.zeros_like(time), jnp.ones_like(time)
     axes = (one, zero, zero), (zero, one, zero), (zero, zero, one)
     return Frame(axes, axes, (zero, zero, zero))
@@ -66,7 +66,7 @@ def _combined(vectors: tuple[Vector, Vector, Vector], factors: Vector) -> Vector
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Object:
-    """Shapes in a space of their own, and how that moves in the world."""
+    """Shapes in object space, and the motion of that space in the world."""
 
     shapes: tuple[Shape, ...]
     motion: Any
@@ -80,13 +80,13 @@ class Object:
 
     @property
     def starts(self) -> list[int]:
-        """How many primitives are before those of each shape."""
+        """Number of the first primitive of each shape."""
         return list(accumulate((shape.count for shape in self.shapes[:-1]), initial=0))
 
     def frame(self, time: Array) -> Frame | None:
-        """Return the map to the world at some times, shape (n,); None if that is the identity.
+        """Return the map to the world at some times, shape (n,); None for the identity.
 
-        Rays without a time, of NaN, get the map of another one, which does not disturb derivatives.
+        Rays without a time (NaN) get the map of another ray, which keeps derivatives finite.
         """
         if self.motion is None:
             return None
@@ -100,14 +100,14 @@ class Object:
         return Frame((a, b, c), duals, components(translation))
 
     def bounds(self) -> tuple[Array, Array]:
-        """Return the box of the shapes in the space of the object, at all times: low and high, (3,)."""
+        """Return the bounding box of the shapes in object space, at all times: low and high, (3,)."""
         boxes = [shape.bounds(time) for shape in self.shapes for time in (0, 1)]
         lows, highs = zip(*((low.min(axis=0), high.max(axis=0)) for low, high in boxes), strict=True)
         return jnp.min(jnp.stack(lows), axis=0), jnp.max(jnp.stack(highs), axis=0)
 
 
 def as_object(name: str, value: Any) -> Object:
-    """Return an object, or raise a TypeError that names what came."""
+    """Return an object, or raise a TypeError that names the argument."""
     if not isinstance(value, Object):
         raise TypeError(f"{name} must be objects of qmcjax.tracing (sphere, ...), got {checks.shown(value)}")
     return value

@@ -63,7 +63,7 @@ class Cylinder(Shape):
     base: Any
     """(n, 3): the centre of one end."""
     axis: Any
-    """(n, 3): from there to the centre of the other end."""
+    """(n, 3): from the base to the centre of the other end."""
     radius: Any
     """(n,)."""
 
@@ -83,7 +83,7 @@ class Cylinder(Shape):
         hits = []
         for distance in crossings:
             at = height + distance * climb
-            # Wider by what is rounding, so that rays do not slip between the side and a disc at its end.
+            # Enlarged by rounding, so that rays do not slip between the side and a disc at its end.
             there = (at >= -slack) & (at <= tall + slack) & (squared > 0)
             hits.append(jnp.where(there & ahead(distance, prepared, slack), distance, jnp.inf))
         return jnp.minimum(*hits)
@@ -107,7 +107,7 @@ class Cylinder(Shape):
 def _crossings(
     start: Vector, direction: Vector, squared: Any, radius: Any, slack: Any
 ) -> tuple[Array, Array]:
-    """Return where lines cross the sphere, or the circle, of a radius about 0; NaN if they do not."""
+    """Return where lines cross a sphere, or circle, around 0; NaN if they do not."""
     b, c = dot(start, direction), dot(start, start) - radius * radius
     foot = along(start, -b / jnp.where(squared > 0, squared, 1), direction)
     on = abs(c) <= slack * (2 * radius + slack)

@@ -1,4 +1,4 @@
-"""What all shapes have in common: batches of primitives of one kind, and rays in their space."""
+"""The base of all shapes: batches of primitives of one kind, and rays in object space."""
 
 from abc import ABC, abstractmethod
 from typing import Any, NamedTuple
@@ -9,23 +9,23 @@ from jax import Array
 from qmcjax.tracing._shapes.vectors import Vector, components, dot, minus, unit
 
 SLACK = 16
-"""An origin so many units of rounding from a surface is taken to lie on it."""
+"""An origin within so many units of rounding of a surface is taken to lie on it."""
 
 
 class Rays(NamedTuple):
-    """Rays in the space of an object, all components of one shape.
+    """Rays in object space, all components of one shape.
 
-    An origin that is on a surface, within rounding, is not hit there again, but where the surface curves
-    back. What is within rounding is ``slack`` plus as much for the coordinates of the primitive.
+    A ray that starts on a surface, within rounding, does not hit it there again, except where the surface
+    curves back. The tolerance is ``slack`` plus as much for the coordinates of the primitive.
     """
 
     origin: Vector
     direction: Vector
     time: Any
     squared: Any
-    """Length of the direction, squared."""
+    """Squared length of the direction."""
     slack: Any
-    """``SLACK`` units of rounding of the largest coordinate; infinite for rays that hit nothing at all."""
+    """``SLACK`` units of rounding of the largest coordinate; infinite for rays that hit nothing."""
 
 
 def rounding(scale: Any) -> Any:
@@ -34,20 +34,20 @@ def rounding(scale: Any) -> Any:
 
 
 def row(array: Array, number: Any) -> Vector:
-    """Return the vectors of some primitives: one number, or one for each ray."""
+    """Return the vectors of some primitives: one number for all rays, or one per ray."""
     return components(array[number])
 
 
 class Shape(ABC):
-    """A batch of primitives of one kind: a pytree with arrays whose first axis is the primitive.
+    """A batch of primitives of one kind: a pytree of arrays with the primitive as first axis.
 
-    Numbers of primitives are one for all rays, one for each ray, or ``slice(None)`` where there is a
-    primitive for each ray. Points and rays are in the space of the object, their components of one shape (see
+    The number of a primitive is one for all rays, one per ray, or ``slice(None)`` if there is one primitive
+    per ray. Points and rays are in object space, with components of one shape (see
     ``qmcjax.tracing._shapes.vectors``).
     """
 
     tree: Any = None
-    """What finds primitives faster than a loop over all: see ``triangle_tree``. None without."""
+    """Accelerates the search for a primitive, see ``triangle_tree``; None without a tree."""
 
     @property
     @abstractmethod
@@ -56,11 +56,11 @@ class Shape(ABC):
 
     @property
     def moving(self) -> bool:
-        """Tell whether primitives depend on time in the space of the object."""
+        """Whether primitives depend on time in object space."""
         return False
 
     def at(self, time: Any) -> "Shape":
-        """Return the shape as it is at one time."""
+        """Return the shape at one time."""
         return self
 
     def alone(self) -> "Shape":
@@ -68,21 +68,21 @@ class Shape(ABC):
         return self
 
     def prepare(self, rays: Rays) -> Any:
-        """Return what the tests of all primitives against some rays share; by default the rays."""
+        """Return what the tests of all primitives against the same rays share; by default the rays."""
         return rays
 
     @abstractmethod
     def distance(self, number: Any, prepared: Any) -> Array:
-        """Return the distance of the first hit in lengths of the direction, inf where a ray misses.
+        """Return the distance of the first hit in units of the direction's length, inf for a miss.
 
-        No derivative is taken of it, and it is never NaN.
+        It is not differentiated, and never NaN.
         """
 
     @abstractmethod
     def surface(self, number: Any, point: Vector, time: Any) -> tuple[Array, Vector]:
-        """Return a function of the point that is 0 on the surface, and its gradient, which points outside.
+        """Return a function of the point that is 0 on the surface, and its gradient, which points outward.
 
-        What is differentiable about a hit is told by these. They are finite everywhere.
+        Derivatives of hits follow from both. They are finite everywhere.
         """
 
     def normal(self, number: Any, point: Vector, time: Any) -> Vector:
@@ -95,24 +95,24 @@ class Shape(ABC):
 
     @abstractmethod
     def bounds(self, time: float) -> tuple[Array, Array]:
-        """Return boxes of the primitives when the shutter opens (0) or closes (1): low, high (count, 3)."""
+        """Return boxes of primitives when the shutter opens (0) or closes (1): low, high (count, 3)."""
 
 
 def first(near: Any, far: Any, rays: Rays, slack: Any) -> Array:
-    """Return the first of two distances that is one of a hit."""
+    """Return the first of two distances that is a hit."""
     return jnp.where(ahead(near, rays, slack), near, jnp.where(ahead(far, rays, slack), far, jnp.inf))
 
 
 def ahead(distance: Any, rays: Rays, slack: Any) -> Array:
-    """Tell whether a distance is that of a hit: above 0, and above rounding."""
+    """Whether a distance is that of a hit: above 0, and above rounding."""
     return (distance > 0) & (distance * distance * rays.squared > slack * slack)
 
 
 def roots(b: Any, c: Any, squared: Any, chord: Any, on: Any) -> tuple[Array, Array]:
-    """Return where lines cross a round surface: the roots of ``squared t^2 + 2 b t + c``, NaN without any.
+    """Return where lines cross a round surface: the roots of ``squared t^2 + 2 b t + c``, or NaN.
 
-    ``chord`` is half the part of the line inside, squared, which tells the discriminant without cancellation;
-    ``on`` where c is 0 up to rounding.
+    ``chord`` is the squared half chord, which gives the discriminant without cancellation; ``on`` is true
+    where c is 0 up to rounding.
 
     References
     ----------
@@ -127,9 +127,9 @@ def roots(b: Any, c: Any, squared: Any, chord: Any, on: Any) -> tuple[Array, Arr
 
 
 def slabs(below: Vector, above: Vector, direction: Vector) -> tuple[Array, Array]:
-    """Return the distances where rays enter and leave boxes; those that miss leave before they enter.
+    """Return the distances where rays enter and leave boxes; those of a miss are reversed.
 
-    ``below`` and ``above`` are the corners of the boxes seen from the origins. A ray along a face is outside.
+    ``below`` and ``above`` are the corners relative to the origins. A ray along a face is outside.
     """
     enter, leave = -jnp.inf, jnp.inf
     for low, high, d in zip(below, above, direction, strict=True):
@@ -143,7 +143,7 @@ def slabs(below: Vector, above: Vector, direction: Vector) -> tuple[Array, Array
 
 
 def plane(point: Vector, normal: Vector, rays: Rays, slack: Any) -> Array:
-    """Return the distances where rays cross a plane, inf where they do not; the normal is of any length."""
+    """Return the distances where rays cross a plane, else inf; the normal has any length."""
     height, slope = dot(normal, minus(point, rays.origin)), dot(normal, rays.direction)
     off = height * height > slack * slack * dot(normal, normal)
     distance = height / jnp.where(slope == 0, 1, slope)

@@ -1,8 +1,8 @@
-"""Trees over triangles, by their surface areas: what is near what. Built once in NumPy, before tracing.
+"""Surface area trees over triangles, built once in NumPy, before tracing.
 
-A tree holds no boxes. They are those of the vertices that a program gets, in its precision: so minima and
-maxima are exact, and vertices that are replaced, by hand or by steps of an optimiser, are hit where they
-are; only the search may become slower.
+A tree stores no boxes: a program computes them from the vertices it gets, in its precision. Minima and maxima
+are exact, so vertices that are replaced, by hand or by an optimiser, are hit where they are; only the search
+may become slower.
 """
 
 from dataclasses import dataclass
@@ -14,42 +14,42 @@ from numpy.typing import NDArray
 from qmcjax.core.pytrees import pytree
 
 WORTHWHILE = 48
-"""From so many triangles on, compiled walks through their tree are faster than loops over all."""
+"""From so many triangles on, compiled traversal of their tree is faster than loops over all."""
 
 LEAF = 4
-"""Triangles in a leaf, at most; at least 2, so that there are fewer nodes than triangles."""
+"""Maximum number of triangles in a leaf; at least 2, so that there are fewer nodes than triangles."""
 
 _BINS = 16
 
 _DEEP = 32
-"""From this depth on, nodes are halved: no path has more than about 64 nodes."""
+"""From this depth on, nodes are split in halves: no path has more than about 64 nodes."""
 
 _STEP = 1.0
-"""What it costs to go on to both children, in tests of a triangle."""
+"""Cost of visiting both children, in triangle tests."""
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Tree:
-    """A binary tree in depth-first order: children of a node are the next one, and that one's skip.
+    """A binary tree in depth-first order: the children of a node are the next node and that node's skip.
 
-    Nodes that a tree does not need are at the end, so that its arrays have the size of the triangles whatever
-    these are: the first skip is the number of nodes.
+    Unused nodes are at the end: the sizes of arrays depend only on the number of triangles. The first skip is
+    the number of nodes.
     """
 
     order: Any
-    """int32 (n,): numbers of triangles; those below a node are in one run."""
+    """int32 (n,): numbers of triangles; those below a node are contiguous."""
     skip: Any
-    """int32 (n,): the next node that is not below this one; of a leaf, the next node."""
+    """int32 (n,): the next node that is not below this one; for a leaf, the next node."""
     start: Any
-    """int32 (n,): where the run of a node starts. It ends where that of ``skip`` does."""
+    """int32 (n,): start of a node's triangles. They end where those of ``skip`` start."""
 
 
 def build(vertices: Any, close: Any = None) -> Tree:
-    """Return the tree of two triangles or more, (n, 3, 3); those that move are taken half-way.
+    """Return the tree of two triangles or more, (n, 3, 3); moving ones are taken half-way.
 
-    All nodes of a level are split at once, each along the axis and at the one of 15 planes that make the sum
-    of surface areas times triangles least [1]_.
+    All nodes of a level are split at once, each along the axis and at the one of 15 planes with the smallest
+    sum of surface area times number of triangles [1]_.
 
     References
     ----------
@@ -79,7 +79,7 @@ def build(vertices: Any, close: Any = None) -> Tree:
 
 
 def _runs(start: NDArray, stop: NDArray) -> NDArray:
-    """Return all numbers of some runs, one after the other."""
+    """Return all numbers of some ranges, concatenated."""
     length = stop - start
     before = np.cumsum(length) - length
     return np.arange(length.sum()) + np.repeat(start - before, length)
@@ -88,9 +88,9 @@ def _runs(start: NDArray, stop: NDArray) -> NDArray:
 def _sides(
     low: NDArray, high: NDArray, start: NDArray, stop: NDArray, halved: bool
 ) -> tuple[NDArray, NDArray]:
-    """Return which nodes are split, and for each of their triangles whether it goes to the second."""
+    """Return which nodes are split, and which of their triangles go to the second child."""
     length = stop - start
-    split = length >= 4  # Two and two.
+    split = length >= 4  # At least two on each side.
     rows = _runs(start[split], stop[split])
     length = length[split]
     if not len(rows):
@@ -123,9 +123,9 @@ def _sides(
 
 
 def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int) -> NDArray:
-    """Return areas times triangles behind each plane of all nodes; infinite if a side has fewer than two.
+    """Return area times triangles behind each plane of all nodes; infinite if a side has fewer than two.
 
-    Bins come first: what is done with one of all nodes is done with numbers that are side by side.
+    The bin is the first axis: numbers of one bin of all nodes are contiguous.
     """
     key = place * nodes + node
     counts = np.bincount(key, minlength=_BINS * nodes).reshape(_BINS, nodes)
@@ -144,13 +144,13 @@ def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int) -> NDArray
 
 
 def _area(box: NDArray) -> NDArray:
-    """Return half the surfaces of boxes, of low and negated high corners; of none, 0."""
+    """Return half the surface of boxes, from low and negated high corners; 0 for empty boxes."""
     x, y, z = np.maximum(-box[3:] - box[:3], 0)
     return x * y + y * z + z * x
 
 
 def _depth_first(order: NDArray, levels: list[tuple[NDArray, NDArray, NDArray]]) -> Tree:
-    """Return the tree of nodes by levels, where children are in pairs in the order of their parents."""
+    """Return the tree of nodes by levels, with children in pairs in the order of their parents."""
     below: list[NDArray] = []
     size = np.zeros(0, np.int64)
     for _, _, split in reversed(levels):

@@ -23,7 +23,7 @@ from qmcjax.tracing._shapes.vectors import (
 
 
 class _Sheared(NamedTuple):
-    """Linear maps that take directions of rays to (0, 0, 1)."""
+    """Linear maps from the directions of rays to (0, 0, 1)."""
 
     rays: Rays
     x: Vector
@@ -41,7 +41,7 @@ class Triangles(Shape):
     close: Any
     """(n, 3, 3): when it closes; None for still triangles. Vertices move on straight lines between."""
     tree: Any = None
-    """A tree over many triangles; None where a loop over all finds hits as fast."""
+    """A tree over many triangles; None where a loop over all of them is as fast."""
 
     @property
     def count(self) -> int:
@@ -70,11 +70,11 @@ class Triangles(Shape):
         return _Sheared(rays, *sheared(rays.direction))
 
     def distance(self, number: Any, prepared: _Sheared) -> Array:
-        """Return distances by three signed areas in the plane across the ray.
+        """Return distances by three signed areas in the plane perpendicular to the ray.
 
-        Where triangles share an edge, the sign of its area is told by a comparison of the same two rounded
-        products. Rounding keeps their order, but may make them equal; then the ray hits both. So whatever is
-        hit of the mesh whose vertices are the sheared ones in exact arithmetic is hit here [1]_.
+        For a shared edge, the sign of its area follows from a comparison of the same two rounded products.
+        Rounding keeps their order, but may make them equal; then the ray hits both triangles. So every hit of
+        the mesh with the sheared vertices in exact arithmetic is a hit here [1]_.
 
         References
         ----------
@@ -98,7 +98,7 @@ class Triangles(Shape):
         u, v, w = (one - other for one, other in pairs)
         total = u + v + w
         distance = (u * az + v * bz + w * cz) / jnp.where(total == 0, 1, total)
-        # Where a triangle is seen from its edge, the areas are rounding; the distance stays that of a vertex.
+        # For a triangle seen edge-on the areas are rounding; the distance remains that of a vertex.
         distance = jnp.maximum(distance, jnp.minimum(jnp.minimum(az, bz), cz))
         distance = jnp.minimum(distance, jnp.maximum(jnp.maximum(az, bz), cz))
         return jnp.where((left | right) & off & (total != 0) & (distance > 0), distance, jnp.inf)
@@ -126,10 +126,10 @@ class Triangles(Shape):
 
 
 def sheared(direction: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return maps of space, by rows, that take directions to (0, 0, 1).
+    """Return maps of space, by rows, from directions to (0, 0, 1).
 
-    They keep one or two coordinates, along the largest component of the direction: the zeros and ones among
-    their coefficients make products that are exact.
+    They keep one or two coordinates, along the largest component of the direction: coefficients of zero and
+    one make exact products.
     """
     x, y, z = direction
     along_z = (abs(z) >= abs(x)) & (abs(z) >= abs(y))
@@ -152,9 +152,9 @@ def sheared(direction: Vector) -> tuple[Vector, Vector, Vector]:
 
 
 def _on(corner: Vector, one: Vector, other: Vector, slack: Any) -> Array:
-    """Tell whether origins, from which a corner is seen, are on triangles.
+    """Return whether origins are on triangles.
 
-    Near their planes is not enough: a ray along a triangle's plane that starts beside it would pass it, and
+    Near their planes is not enough: a ray in the plane of a triangle that starts beside it would pass it, and
     then slip through the silhouette of a mesh.
     """
     scale, (one, other) = scaled(one, other)

@@ -1,7 +1,7 @@
 """Vectors of space as tuples of their three components.
 
-Arrays whose last axis is 3 do not fill the vector units of a processor; three arrays do, and what is computed
-from them fuses into one loop over rays.
+Arrays with a last axis of 3 do not fill the vector units of a processor; three arrays do, and computations
+with them fuse into one loop over rays.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ def stacked(a: Vector) -> Array:
 
 
 def each(function: Callable[..., Any], *vectors: Vector) -> Vector:
-    """Apply a function to components that belong together."""
+    """Apply a function to corresponding components."""
     x, y, z = zip(*vectors, strict=True)
     return function(*x), function(*y), function(*z)
 
@@ -67,15 +67,14 @@ def length(a: Vector) -> Any:
 
 
 def scaled(*vectors: Vector) -> tuple[Array, list[Vector]]:
-    """Return a power of two, and vectors times it, of which the largest component is in [1, 2).
+    """Return a power of two, and vectors times it, with the largest component in [1, 2).
 
-    Squares of squares of these are in the range of floats. What is computed of them has the same bits as that
-    of the vectors but for the exponents.
+    Fourth powers of these are in the range of floats. Results have the same mantissas as without scaling.
     """
     size = jnp.asarray(jax.lax.stop_gradient(reduce(jnp.maximum, map(largest, vectors))))
     integer, one = (np.uint32, 0x3F800000) if size.dtype == jnp.float32 else (np.uint64, 0x3FF << 52)
     least = one & -one
-    # Exponents of numbers that are not normal, or have inverses that are not, count as the nearest others.
+    # Exponents of subnormal numbers, and of those with a subnormal inverse, are clamped.
     bits = jax.lax.bitcast_convert_type(size, integer) & integer(2 * one + least)
     bits = jnp.clip(bits, integer(least), integer(2 * one - least))
     scale = jax.lax.bitcast_convert_type(integer(2 * one) - bits, size.dtype)
@@ -83,13 +82,13 @@ def scaled(*vectors: Vector) -> tuple[Array, list[Vector]]:
 
 
 def unit(a: Vector) -> Vector:
-    """Return vectors of length 1; vectors without a length stay."""
+    """Return vectors of length 1; zero vectors stay."""
     squared = dot(a, a)
     return times(1 / jnp.sqrt(jnp.where(squared > 0, squared, 1)), a)
 
 
 def tangents(normal: Vector) -> tuple[Vector, Vector]:
-    """Return two unit vectors that make a right-handed frame with a unit vector [Duff et al. 2017]."""
+    """Return two unit vectors that form a right-handed frame with a unit vector [Duff et al. 2017]."""
     x, y, z = normal
     sign = jnp.where(z >= 0, 1, -1).astype(z.dtype)
     a = -1 / (sign + z)

@@ -1,4 +1,4 @@
-"""Cameras: from the screen, the shutter and the lens to rays."""
+"""Cameras: rays from points on the screen, in time and on the lens."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ from qmcjax.tracing._world import maps
 
 
 class Sight(NamedTuple):
-    """Rays that leave a camera: components of shape (n,)."""
+    """Camera rays: components of shape (n,)."""
 
     origin: Vector
     direction: Vector
     """Unit vectors."""
     time: Array
     number: Array | None = None
-    """int32: the primitives that are seen, see :func:`found`; None where that is to be found."""
+    """int32: the primitives that are hit, see :func:`found`; None where they have to be searched."""
 
 
 class View(NamedTuple):
-    """Rays through the middle of the lens."""
+    """Rays through the centre of the lens."""
 
     origin: Vector
     seen: Vector
-    """Where they are at the distance 1 along the view, from the origin."""
+    """Their points at distance 1 along the view, relative to the origin."""
     right: Vector
     upward: Vector
     focus: Array
-    """Distance of the plane in focus."""
+    """Distance of the plane of focus."""
 
 
 @pytree
@@ -74,7 +74,7 @@ class Camera:
 
     @property
     def still(self) -> bool:
-        """Tell whether the shutter opens for no time at all."""
+        """Whether the shutter is open for no time."""
         return np.ndim(self.shutter) == 0
 
     @property
@@ -89,7 +89,7 @@ class Camera:
         return jnp.full_like(time, shutter) if self.still else shutter[0] + (shutter[1] - shutter[0]) * time
 
     def view(self, x: Array, y: Array) -> View:
-        """Return what the camera sees at points of the screen, before it moves."""
+        """Return the view of points on the screen, before the camera moves."""
         x, y = together(x=floats("x", x), y=floats("y", y))
         names = "position", "target", "up", "fov", "aspect"
         number = cast({name: getattr(self, name) for name in names}, x.dtype)
@@ -105,7 +105,7 @@ class Camera:
         return View(position, seen, right, upward, focus)
 
     def rays(self, x: Array, y: Array, time: Array, lens: tuple[Array, ...]) -> Sight:
-        """Return the rays of points on the screen, times, and points of the lens if there is one."""
+        """Return the rays of points on the screen, times, and points on the lens if there is one."""
         x, y, time = together(x=floats("x", x), y=floats("y", y), time=floats("time", time))
         if not isinstance(lens, tuple | list) or len(lens) not in (0, len(self.lens)):
             raise ValueError(f"lens must be {len(self.lens)} coordinates, got {checks.shown(lens)}")
@@ -126,10 +126,10 @@ class Camera:
         return Sight(origin, unit(seen), time)
 
     def projected(self, point: Vector, weight: Array, time: Array) -> tuple[Array, Array, Array]:
-        """Return where points are on the screen at some times, seen through the middle of the lens.
+        """Return the screen positions of points at some times, seen through the centre of the lens.
 
-        It is (x, y) of :meth:`rays`, and the depth along the view, which is positive for what is in front.
-        Points of weight 0 are directions, as far away as can be.
+        The result is (x, y) of :meth:`rays`, and the depth along the view, which is positive in front of the
+        camera. Points of weight 0 are directions: points at infinity.
         """
         if not isinstance(point, tuple | list) or len(point) != 3:
             raise TypeError(f"point must be three components, got {checks.shown(point)}")
@@ -167,45 +167,36 @@ def camera(
     blades: int | None = None,
     motion: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Camera:
-    """Make a camera: a pinhole, or a thin lens.
+    """Make a camera: a pinhole or a thin lens.
 
     Parameters
     ----------
     position, target : float ArrayLike, shape (3,)
-        Where it is, and what is in the middle of the image.
+        The point that the camera looks from, and the point at the centre of the image.
     up : float ArrayLike, shape (3,), optional
-        What is upward in the image, not along the view.
+        The upward direction in the image, not along the view.
     fov : float, optional
         The angle between the lower and the upper edge of the image in degrees, in (0, 180).
     aspect : float, optional
         Width over height of the image, positive.
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1]. One number is the time of a still picture, whose scenes have no
-        coordinate of time.
+        When it opens and closes, in [0, 1]. One number is the time of a still picture: scenes then have no
+        time coordinate.
     aperture : float, optional
-        Radius of the lens, positive. By default there is none: the camera is a pinhole, and its scenes have
-        no coordinates of a lens.
+        Radius of the lens, positive. By default the camera is a pinhole, and scenes have no lens coordinates.
     focus : float, optional
-        Distance of the plane in focus from the lens along the view; by default that of the target.
+        Distance of the plane of focus from the lens along the view; by default that of the target.
     blades : int, optional
-        Sides of the aperture, a regular polygon inscribed in the circle of that radius; at least 3. By
-        default it is round.
+        Sides of the aperture, a regular polygon inscribed in the circle of that radius; at least 3. Round by
+        default.
     motion : callable, optional
-        From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): a map of the world
-        that takes the camera where it is. See :func:`qmcjax.tracing.motion.affine`.
+        From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): a map of world
+        space that moves the camera. See :func:`qmcjax.tracing.motion.affine`.
 
     Returns
     -------
     Camera
         A pytree: its numbers may be traced.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or out of its range, the target is at the position,
-        ``up`` is along the view, or the shutter closes before it opens.
 
     Examples
     --------

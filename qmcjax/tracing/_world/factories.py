@@ -22,37 +22,27 @@ from qmcjax.tracing._shapes.triangles import Triangles
 from qmcjax.tracing._world.materials import as_material
 
 _THIN = 1e-6
-"""Area over squared longest edge below which a triangle or rectangle has none in float32."""
+"""Area over squared longest edge below which a triangle or rectangle has no area in float32."""
 
 
 _TINY = np.finfo(np.float32).tiny
 
 
 def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
-    """Make spheres; under an affine motion they are ellipsoids.
+    """Make spheres, or ellipsoids by an affine motion.
 
     Parameters
     ----------
     center : float ArrayLike, shape (3,) or (n, 3)
-        Here and below, n primitives make one object. All numbers may be traced. In float32, rays hit what is
-        between 1e-10 and 1e9 large: products of three lengths are computed.
+        Here and below, n primitives make one object. Numbers are finite and may be traced. In float32, keep
+        sizes between 1e-10 and 1e9: products of three lengths are computed.
     radius : float ArrayLike, shape () or (n,)
+        Positive.
     motion : callable, optional
-        From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): where the object
-        is. See :func:`qmcjax.tracing.motion.affine`. It is still by default.
+        From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3). See
+        :func:`qmcjax.tracing.motion.affine`. Still by default.
     material : Material, optional
-        See :func:`qmcjax.tracing.diffuse`; by default grey of reflectance 1/2.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a radius not positive.
+        See :func:`qmcjax.tracing.diffuse`; by default grey with reflectance 1/2.
 
     Examples
     --------
@@ -66,7 +56,7 @@ def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material
 
 
 def box(low: ArrayLike, high: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
-    """Make closed boxes with faces along the axes of coordinates.
+    """Make closed boxes with faces along the coordinate axes.
 
     Parameters
     ----------
@@ -74,17 +64,6 @@ def box(low: ArrayLike, high: ArrayLike, *, motion: Any = None, material: Any = 
         Opposite corners, ``low`` below ``high`` in each coordinate.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a box has no volume.
     """
     low, count = _vectors("low", low)
     high, _ = _vectors("high", high, count)
@@ -95,37 +74,26 @@ def box(low: ArrayLike, high: ArrayLike, *, motion: Any = None, material: Any = 
 def rectangle(
     corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, *, motion: Any = None, material: Any = None
 ) -> Object:
-    """Make rectangles, or parallelograms, seen from both sides.
+    """Make rectangles, or parallelograms, visible from both sides.
 
     Parameters
     ----------
     corner : float ArrayLike, shape (3,) or (n, 3)
     edge_u, edge_v : float ArrayLike, shape (3,) or (n, 3)
-        Edges from the corner. The normal is along ``edge_u`` x ``edge_v``.
+        Edges from the corner, not parallel. The normal is along ``edge_u`` x ``edge_v``.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a rectangle has no area.
     """
     corner, count = _vectors("corner", corner)
     (edge_u, _), (edge_v, _) = _vectors("edge_u", edge_u, count), _vectors("edge_v", edge_v, count)
-    _known("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "such that edge_u x edge_v is an area")
+    _known("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "neither zero nor parallel to edge_u")
     return _object(Rectangle(corner, edge_u, edge_v), motion, material)
 
 
 def disc(
     center: ArrayLike, normal: ArrayLike, radius: ArrayLike, *, motion: Any = None, material: Any = None
 ) -> Object:
-    """Make discs, seen from both sides.
+    """Make discs, visible from both sides.
 
     Parameters
     ----------
@@ -133,19 +101,9 @@ def disc(
     normal : float ArrayLike, shape (3,) or (n, 3)
         Of any length above 0.
     radius : float ArrayLike, shape () or (n,)
+        Positive.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, a normal has no length or a radius is not positive.
     """
     center, count = _vectors("center", center)
     normal, _ = _vectors("normal", normal, count)
@@ -171,23 +129,13 @@ def cylinder(
     base : float ArrayLike, shape (3,) or (n, 3)
         The centre of one end.
     axis : float ArrayLike, shape (3,) or (n, 3)
-        From there to the centre of the other end.
+        From the base to the centre of the other end.
     radius : float ArrayLike, shape () or (n,)
+        Positive.
     closed : bool, optional
-        Whether there are discs.
+        Whether to add the discs.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, an axis has no length or a radius is not positive.
     """
     start, count = _vectors("base", base)
     way, _ = _vectors("axis", axis, count)
@@ -203,7 +151,7 @@ def cylinder(
 
 
 def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: Any = None) -> Object:
-    """Make planes without end, seen from both sides.
+    """Make infinite planes, visible from both sides.
 
     Parameters
     ----------
@@ -212,17 +160,6 @@ def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: 
         Of any length above 0.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or a normal has no length.
     """
     point, count = _vectors("point", point)
     normal, _ = _vectors("normal", normal, count)
@@ -233,38 +170,26 @@ def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: 
 def triangles(
     vertices: ArrayLike, close: ArrayLike | None = None, *, motion: Any = None, material: Any = None
 ) -> Object:
-    """Make triangles, seen from both sides: no ray slips between those that share vertices.
+    """Make triangles, visible from both sides: no ray slips between those that share vertices.
 
     Parameters
     ----------
     vertices : float ArrayLike, shape (n, 3, 3)
-        Triangle, vertex, coordinate; when the shutter opens. The normal is along (b - a) x (c - a).
+        Triangle, vertex, coordinate; when the shutter opens. The normal is along (b - a) x (c - a). The area
+        must be above 1e-6 of the squared longest edge: below that, rounding to float32 leaves it unknown.
     close : float ArrayLike, shape (n, 3, 3), optional
-        Vertices when the shutter closes; between, they move on straight lines. By default they are still.
+        Vertices when the shutter closes; in between they move on straight lines. Still by default.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or a triangle has no area: below 1e-6 of its longest
-        edge squared, as much as rounding to float32 leaves unknown.
 
     Notes
     -----
     Vertices are shared if all their numbers are the same.
 
-    Many triangles that are known before tracing get a tree, which rays go through to those that are near. It
-    takes a second for 80,000 triangles, and is walked by compiled loops where numba is installed and the
-    device is a processor. Its integers are leaves of the world: gradients in whole worlds want
-    ``allow_int=True``. Vertices that replace those of a world are hit where they are, but slower
-    if they are far from where they were when the tree was built.
+    Many triangles known before tracing get a tree. It takes a second for 80,000 triangles, and is traversed
+    by compiled loops on a processor with numba installed. Its integers are leaves of the world: take
+    gradients in whole worlds with ``allow_int=True``. Vertices that replace those of a world are hit where
+    they are, but more slowly if they are far from their place when the tree was built.
 
     References
     ----------
@@ -283,20 +208,9 @@ def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
     Parameters
     ----------
     parts : sequence of Object or Shape
-        At least one; objects without a motion or a material of their own.
+        At least one; objects without a motion or material.
     motion, material : optional
         See :func:`sphere`.
-
-    Returns
-    -------
-    Object
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If there is no part, or one has a motion or a material.
 
     Examples
     --------
@@ -313,11 +227,11 @@ def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
             raise TypeError(f"parts must be objects or shapes, got {checks.shown(part)}")
         elif part.motion is not None or part.material is not None:
             own = "motion" if part.motion is not None else "material"
-            raise ValueError(f"parts must have no {own} of their own: give it to the group")
+            raise ValueError(f"parts must have no {own}: give it to the group")
         else:
             shapes.extend(part.shapes)
     if not shapes:
-        raise ValueError("parts must be at least one, got none")
+        raise ValueError("parts must have at least one object, got none")
     return _object(tuple(shapes), motion, material)
 
 
@@ -331,7 +245,7 @@ def _object(shapes: Shape | tuple[Shape, ...], motion: Any, material: Any) -> Ob
 
 
 def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]:
-    """Return vectors, shape (n, 3), and how many they are; a single one counts for all."""
+    """Return vectors, shape (n, 3), and their number; a single one counts for all."""
     single = axes(value) == 1
     array = numbers(name, value, (3,) if single else (count, 3))
     if single:
@@ -360,7 +274,7 @@ def _triangles(name: str, value: Any, count: int | None) -> Any:
 
 
 def _fat(u: Any, v: Any) -> Any:
-    """Tell whether edges span an area that is known in float32."""
+    """Whether edges span an area that is known in float32."""
     u, v = np.asarray(u, np.float64), np.asarray(v, np.float64)
     area = np.linalg.norm(np.cross(u, v), axis=-1)
     longest = np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1))
@@ -372,6 +286,6 @@ def _long(vectors: Any) -> Any:
 
 
 def _known(name: str, value: Any, other: Any, holds: Any, rule: str) -> None:
-    """Raise a ValueError if two arguments are known and do not hold a rule together."""
+    """Raise a ValueError if two arguments are known and do not satisfy a rule together."""
     if not isinstance(other, Tracer):
         require(name, value, lambda v: holds(v, np.asarray(other)), rule)

@@ -14,33 +14,23 @@ from qmcjax.tracing._world.textures import color
 
 
 def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
-    """Make a light that is a point.
+    """Make a point light.
 
     Parameters
     ----------
     position : float ArrayLike, shape (3,)
     intensity : float ArrayLike, shape () or (3,)
-        Radiant intensity, not negative: at distance d a surface across gets intensity / d^2.
-
-    Returns
-    -------
-    PointLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or the intensity is negative.
+        Radiant intensity, not negative: a surface at distance d facing the light gets irradiance intensity /
+        d^2.
     """
     return PointLight(numbers("position", position, (3,)), _radiance("intensity", intensity))
 
 
 def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> SphereLight:
-    """Make a sphere that shines outwards, and reflects nothing.
+    """Make a spherical light that emits outward and reflects nothing.
 
-    Points of it are sampled evenly in the cone of directions in which it is seen. Seen from inside it is
-    black; a sphere with an :func:`emitter` as its material shines to both sides.
+    Points on it are sampled uniformly in its cone of directions. It is black from inside; a sphere with an
+    :func:`emitter` as its material emits to both sides.
 
     Parameters
     ----------
@@ -48,18 +38,7 @@ def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> S
     radius : float
         Positive.
     radiance : float ArrayLike, shape () or (3,)
-        The same in all directions, not negative.
-
-    Returns
-    -------
-    SphereLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite or negative, or the radius is 0.
+        Not negative; the same in all directions.
     """
     center, radius = numbers("center", center, (3,)), numbers("radius", radius)
     factories.sphere(center, radius)
@@ -69,27 +48,16 @@ def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> S
 def rectangle_light(
     corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
 ) -> RectangleLight:
-    """Make a rectangle, or parallelogram, that shines from one side, and reflects nothing.
+    """Make a rectangular light, or parallelogram, that emits from one side and reflects nothing.
 
-    Points of it are sampled evenly by area.
+    Points on it are sampled uniformly by area.
 
     Parameters
     ----------
     corner, edge_u, edge_v : float ArrayLike, shape (3,)
-        A corner, and the edges from there. It shines to the side of ``edge_u`` x ``edge_v``.
+        A corner, and the edges from it. It emits to the side of ``edge_u`` x ``edge_v``.
     radiance : float ArrayLike, shape () or (3,)
-        The same in all directions of that side, not negative.
-
-    Returns
-    -------
-    RectangleLight
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, the rectangle has no area, or radiance is negative.
+        Not negative; the same in all directions of that side.
     """
     corner, edge_u, edge_v = (
         numbers(name, value, (3,))
@@ -100,25 +68,14 @@ def rectangle_light(
 
 
 def environment(radiance: ArrayLike) -> Environment:
-    """Make light that comes from infinity, the same from everywhere.
+    """Make a constant environment light at infinity.
 
-    Directions of it are sampled in proportion to the cosine at the surface.
+    Directions are sampled in proportion to the cosine at the surface.
 
     Parameters
     ----------
     radiance : float ArrayLike, shape () or (3,)
         Not negative.
-
-    Returns
-    -------
-    Environment
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is not finite or negative.
     """
     return Environment(_radiance("radiance", radiance))
 

@@ -1,4 +1,4 @@
-"""Lights: where light comes from, how points of it are sampled, and with which density."""
+"""Lights: emission, sampling of points on them, and densities."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -31,63 +31,63 @@ from qmcjax.tracing._world import maps
 
 
 class Sample(NamedTuple):
-    """Light that may reach points, components of shape (n,)."""
+    """Samples of light that may reach points, components of shape (n,)."""
 
     way: Vector
-    """Unit vectors towards it."""
+    """Incoming direction: unit vectors towards the light."""
     distance: Array
-    """Inf for light from infinity."""
+    """Inf for environments."""
     arriving: Vector
-    """Radiance over density; for points of light the irradiance of a surface across."""
+    """Radiance over density; for point lights the irradiance of a surface that faces them."""
     density: Array
-    """Per solid angle; inf for points of light."""
+    """Per solid angle; inf for point lights."""
     slope: Array
-    """The cosine at the light, which says how well known the distance is; 1 where it is exact."""
+    """The cosine at the light, which determines the error of the distance; 1 where that is exact."""
 
 
 class Start(NamedTuple):
-    """Where light sets out, components of shape (n,)."""
+    """Emitted rays, components of shape (n,)."""
 
     point: Vector
     way: Vector
     """Unit vectors."""
     radiance: Vector
-    """Of points of light the intensity."""
+    """Intensity for point lights."""
 
 
 class Light(ABC):
-    """Lights of one kind; in numbers that have a first axis, that is the light."""
+    """Lights of one kind: arrays with the light as first axis."""
 
     coordinates: ClassVar[int]
-    """How many coordinates choose a point of it."""
+    """Number of coordinates that choose a point on the light."""
 
     def object(self) -> Object | None:
-        """Return what rays hit of it."""
+        """Return the object that rays hit."""
         return None
 
     @abstractmethod
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
-        """Return light of one light for each point."""
+        """Return a sample of one light for each point."""
 
     def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
-        """Return the density of directions that hit it somewhere; 0 for lights without extent."""
+        """Return the density of directions that hit the light anywhere; 0 for lights without extent."""
         return jnp.zeros_like(point[0])
 
     @abstractmethod
     def emitted(self, number: Array) -> Vector:
-        """Return radiance: of what rays hit, to the side of its normal."""
+        """Return radiance: of points that rays hit, to the side of the normal."""
 
 
 class Source(Light):
-    """A light at which paths may begin: one with a place."""
+    """A light with a position, at which paths may begin."""
 
     @abstractmethod
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
-        """Return points of one light for each row, and directions, evenly in area times projected angle."""
+        """Return points on one light per row, and directions, uniform in area times projected angle."""
 
     @abstractmethod
     def extent(self) -> Array:
-        """Return its area times projected solid angle; of points of light the solid angle."""
+        """Return area times projected solid angle; for point lights the solid angle."""
 
 
 @pytree
@@ -103,7 +103,7 @@ class PointLight(Source):
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
         way = minus(row(self.position, number), point)
         squared = dot(way, way)
-        # A light at the very point gives none.
+        # A light at the point itself contributes nothing.
         inverse = jnp.where(squared > 0, 1 / jnp.where(squared > 0, squared, 1), 0)
         one = jnp.ones_like(squared)
         intensity = row(self.intensity, number)
@@ -137,7 +137,7 @@ class RectangleLight(Source):
         return Object((Rectangle(corner, edge_u, edge_v),), None, None)
 
     def _across(self, number: Any) -> tuple[Vector, Array]:
-        """Return normals of some length, and areas."""
+        """Return unnormalized normals, and areas."""
         scale, (edge_u, edge_v) = scaled(row(self.edge_u, number), row(self.edge_v, number))
         across = cross(edge_u, edge_v)
         return across, length(across) / (scale * scale)
@@ -191,7 +191,7 @@ class SphereLight(Source):
         return Object((Sphere(self.center[None], self.radius[None]),), None, None)
 
     def _cone(self, number: Array, point: Vector) -> tuple[Vector, Array, Array, Array]:
-        """Return ways to the centres, squared, and the cones: one minus the cosine, 0 from inside."""
+        """Return vectors to the centres, squared distances, and cones as one minus cosine; 0 from inside."""
         between = minus(row(self.center, number), point)
         squared = dot(between, between)
         sine = self.radius[number] * self.radius[number] / jnp.where(squared > 0, squared, 1)
@@ -204,7 +204,7 @@ class SphereLight(Source):
         axis = unit(between)
         local = maps.cone(u, v, lost)
         way = unit(maps.around(local, axis))
-        # How far the ray passes from the centre, squared; then the first of its two crossings.
+        # Squared distance of the ray from the centre; then the first of its two crossings.
         aside = squared * (local[0] * local[0] + local[1] * local[1])
         chord = self.radius[number] * self.radius[number] - aside
         chord = jnp.sqrt(jnp.maximum(chord, jnp.finfo(chord.dtype).tiny))
@@ -255,7 +255,7 @@ class Environment(Light):
 
 
 def as_light(name: str, value: Any) -> Light:
-    """Return a light, or raise a TypeError that names what came."""
+    """Return a light, or raise a TypeError that names the argument."""
     if not isinstance(value, Light):
         raise TypeError(f"{name} must be lights (point_light, ...), got {checks.shown(value)}")
     return value

@@ -1,4 +1,4 @@
-"""Maps of the unit square that keep proportions of area: to lenses, hemispheres and cones."""
+"""Area-preserving maps of the unit square: to lenses, hemispheres and cones."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from qmcjax.tracing._shapes.vectors import Vector, plus, tangents, times
 
 
 def disc(u: Any, v: Any) -> tuple[Array, Array]:
-    """Return points of the unit disc: squares go to rings [1]_.
+    """Return points of the unit disc: squares map to rings [1]_.
 
     References
     ----------
@@ -25,10 +25,10 @@ def disc(u: Any, v: Any) -> tuple[Array, Array]:
 
 
 def polygon(u: Any, v: Any, sides: int) -> tuple[Array, Array]:
-    """Return points of the regular polygon inscribed in the unit circle, a corner at (0, 1).
+    """Return points of the regular polygon inscribed in the unit circle, with a corner at (0, 1).
 
-    u goes round, v outwards: triangles at the centre, one a side, get equal parts of u, and a triangle's
-    layers an area in proportion to v.
+    u goes around and v outward: the triangles of the sides get equal parts of u, and the layers of a triangle
+    an area in proportion to v.
     """
     place = u * sides
     side = jnp.floor(place)
@@ -51,9 +51,9 @@ def hemisphere(u: Any, v: Any) -> tuple[Vector, Array]:
 
 
 def cone(u: Any, v: Any, lost: Any) -> Vector:
-    """Return unit vectors uniformly in a cone around z, one minus the cosine of whose half angle is ``lost``.
+    """Return unit vectors uniformly in a cone around z; ``lost`` is one minus the cosine of its half angle.
 
-    Its edge is the circle that v = 1 goes to.
+    v = 1 maps to its edge.
     """
     below = v * lost
     radius = jnp.sqrt(jnp.maximum(below * (2 - below), jnp.finfo(below.dtype).tiny))
@@ -62,6 +62,6 @@ def cone(u: Any, v: Any, lost: Any) -> Vector:
 
 
 def around(local: Vector, normal: Vector) -> Vector:
-    """Return vectors given around z around a unit vector."""
+    """Rotate vectors from around z to around a unit vector."""
     one, other = tangents(normal)
     return plus(plus(times(local[0], one), times(local[1], other)), times(local[2], normal))

@@ -1,4 +1,4 @@
-"""Materials: what a surface does with light at a point."""
+"""Materials: reflection and emission of a surface at a point."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from qmcjax.tracing._world.textures import color as checked_color
 
 
 class Surface(NamedTuple):
-    """What a material is at points: colours are three components; None is what it never has."""
+    """The properties of a material at points: colours are three components; None if it never has them."""
 
     diffuse: Vector | None = None
     """Reflectance of a Lambertian surface."""
@@ -28,22 +28,22 @@ class Surface(NamedTuple):
     roughness: Any = None
     """The width alpha of their distribution, in (0, 1]; given with ``glossy``."""
     mirror: Vector | None = None
-    """Reflectance of a perfect mirror. A surface that has any does nothing else."""
+    """Reflectance of a perfect mirror. Where it is not 0, nothing else counts."""
     emission: Vector | None = None
-    """Radiance that leaves both sides."""
+    """Radiance emitted to both sides."""
 
 
 class Material(ABC):
-    """A surface's material; any object with the method ``at`` is one."""
+    """A surface's material: any object with the method ``at``."""
 
     @property
     def textured(self) -> bool:
-        """Tell whether anything depends on coordinates."""
+        """Whether anything depends on coordinates."""
         return any(callable(unheld(part)) for part in vars(self).values())
 
     @property
     def moving(self) -> bool:
-        """Tell whether anything depends on time."""
+        """Whether anything depends on time."""
         textures = (unheld(part) for part in vars(self).values() if callable(unheld(part)))
         return any(getattr(texture, "motion", self) is not None for texture in textures)
 
@@ -100,7 +100,7 @@ class Glossy(Material):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Emitter(Material):
-    """A surface that shines; see :func:`emitter`."""
+    """An emitting surface; see :func:`emitter`."""
 
     radiance: Any
     smooth: ClassVar[tuple[str, ...]] = ("radiance",)
@@ -110,23 +110,12 @@ class Emitter(Material):
 
 
 def diffuse(color: ArrayLike | Any) -> Diffuse:
-    """Make the material of a surface that scatters light evenly, on both sides.
+    """Make a Lambertian material, for both sides of a surface.
 
     Parameters
     ----------
     color : float ArrayLike, shape () or (3,), or texture
-        The part of light that is reflected, in [0, 1]: grey, or linear RGB.
-
-    Returns
-    -------
-    Diffuse
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is out of range.
+        Reflectance in [0, 1]: grey, or linear RGB.
 
     Examples
     --------
@@ -142,45 +131,22 @@ def mirror(color: ArrayLike | Any = 1.0) -> Mirror:
     Parameters
     ----------
     color : float ArrayLike, shape () or (3,), or texture
-        The part of light that is reflected, in [0, 1].
-
-    Returns
-    -------
-    Mirror
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is out of range.
+        Reflectance in [0, 1].
     """
     return Mirror(checked_color("color", color, 1))
 
 
 def glossy(color: ArrayLike | Any, roughness: ArrayLike, diffuse: ArrayLike | Any | None = None) -> Glossy:
-    """Make the material of a rough mirror: microfacets by GGX, masked after Smith [1]_.
+    """Make the material of a rough mirror: GGX microfacets with Smith masking [1]_.
 
     Parameters
     ----------
     color : float ArrayLike, shape () or (3,), or texture
-        The part of light that is reflected at normal incidence, in [0, 1]; it grows to 1 at grazing incidence
-        (Schlick).
+        Reflectance at normal incidence, in [0, 1]; it grows to 1 at grazing incidence (Schlick).
     roughness : float
         The width alpha of the distribution of slopes, in [0.01, 1].
     diffuse : float ArrayLike, shape () or (3,), or texture, optional
-        A Lambertian part added to it, in [0, 1]. The sum conserves energy only if its user sees to it.
-
-    Returns
-    -------
-    Glossy
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, or a number is out of range.
+        A Lambertian part that is added, in [0, 1]. The sum is not made to conserve energy.
 
     References
     ----------
@@ -193,32 +159,21 @@ def glossy(color: ArrayLike | Any, roughness: ArrayLike, diffuse: ArrayLike | An
 
 
 def emitter(radiance: ArrayLike | Any) -> Emitter:
-    """Make the material of a surface that shines evenly in all directions, on both sides.
+    """Make the material of a surface that emits uniformly in all directions, on both sides.
 
-    Only rays that hit it find its light. What is to be sampled is a light, like
+    Only rays that hit it find its light. To sample a light, use a light such as
     :func:`qmcjax.tracing.rectangle_light`.
 
     Parameters
     ----------
     radiance : float ArrayLike, shape () or (3,), or texture
         Not negative.
-
-    Returns
-    -------
-    Emitter
-
-    Raises
-    ------
-    TypeError
-        If it has another type.
-    ValueError
-        If its shape does not fit, or a number is negative.
     """
     return Emitter(checked_color("radiance", radiance))
 
 
 def as_material(name: str, value: Any) -> Any:
-    """Return a material as a pytree, or raise a TypeError that names what came."""
+    """Return a material as a pytree, or raise a TypeError that names the argument."""
     if isinstance(value, type) or not callable(getattr(value, "at", None)):
         raise TypeError(f"{name} must be a material (diffuse, mirror, ...), got {checks.shown(value)}")
     return held(name, value)

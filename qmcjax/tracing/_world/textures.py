@@ -1,4 +1,4 @@
-"""Textures: colours that depend on a shape's coordinates, and patterns of them that move."""
+"""Textures: colours that depend on a shape's coordinates, and moving patterns of them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from qmcjax.tracing._shapes.vectors import Vector, components, each
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Pattern:
-    """Two colours by turns; see :func:`checker` and :func:`stripes`."""
+    """Two alternating colours; see :func:`checker` and :func:`stripes`."""
 
     one: Any
     other: Any
@@ -51,14 +51,14 @@ class Pattern:
         return each(lambda a, b: jnp.where(first, a, b), *colors)
 
     def first(self, u: Array, v: Array, scale: Array) -> Array:
-        """Tell where the first colour is."""
+        """Return where the first colour is."""
         return _even(u * scale[0]) == _even(v * scale[1])
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Stripes(Pattern):
-    """Two colours along u by turns; see :func:`stripes`."""
+    """Two colours alternating along u; see :func:`stripes`."""
 
     def first(self, u: Array, v: Array, scale: Array) -> Array:
         return _even(u * scale[0])
@@ -85,19 +85,12 @@ def checker(
     scale : float ArrayLike, shape () or (2,), optional
         Squares per unit of u and v, positive. Coordinates of planes are lengths, others run from 0 to 1.
     motion : callable, optional
-        From times, shape (...), to (du, dv), shape (...) each: how far the pattern moved along u and v.
+        From times, shape (...), to (du, dv), shape (...) each: the displacement of the pattern along u and v.
 
     Returns
     -------
     Pattern
-        A texture: the colour of a material.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or ``scale`` is not positive.
+        A texture, to be used as the colour of a material.
 
     Examples
     --------
@@ -131,14 +124,7 @@ def stripes(
     Returns
     -------
     Stripes
-        A texture: the colour of a material.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a shape does not fit, a number is not finite, or ``scale`` is not positive.
+        A texture, to be used as the colour of a material.
     """
     return Stripes(*_pattern(one, other, scale, motion))
 

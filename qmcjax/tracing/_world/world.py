@@ -1,4 +1,4 @@
-"""Worlds: all objects and lights of a scene, with one number for each primitive."""
+"""Worlds: all objects and lights of a scene, with one number per primitive."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from qmcjax.tracing._world.lights import Environment, Light, as_light
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class World:
-    """What rays can hit, and where light comes from."""
+    """Objects and lights."""
 
     objects: tuple[Object, ...]
     lights: tuple[Light, ...]
 
     @property
     def count(self) -> int:
-        """Number of primitives, in the order of objects, their shapes and these' rows; then lights."""
+        """Number of primitives, in the order of objects, their shapes and rows; then lights."""
         return sum(item.count for item in self.parts)
 
     @property
     def parts(self) -> tuple[Object, ...]:
-        """Return all that rays hit: the objects, then one for each light that has an extent."""
+        """Return everything that rays can hit: the objects, then one for each light with an extent."""
         lights = (light.object() for light in self.lights)
         return (*self.objects, *(item for item in lights if item is not None))
 
@@ -50,9 +50,9 @@ class World:
 
 
 def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
-    """Return one shape for all of each kind, and which of the given ones it is made of.
+    """Merge shapes of each kind into one, and return which of the given ones it consists of.
 
-    A program for one batch of many primitives is shorter, and faster, than one for many batches of few.
+    A program for one batch of many primitives is shorter and faster than one for many small batches.
     """
     shapes = [shape.alone() for shape in shapes]
     kinds: dict[Any, list[int]] = {}
@@ -70,21 +70,14 @@ def world(objects: Any, lights: Any = ()) -> World:
     Parameters
     ----------
     objects : sequence of Object
-        May be empty: then no ray hits anything.
+        May be empty.
     lights : sequence of Light, optional
-        Rays hit those that have an extent.
+        Rays hit those with an extent.
 
     Returns
     -------
     World
         A pytree: its numbers may be traced and differentiated. ``world.count`` is the number of primitives.
-
-    Raises
-    ------
-    TypeError
-        If ``objects`` or ``lights`` is no sequence, or one of them has another type.
-    ValueError
-        If there are two environments.
 
     Examples
     --------
@@ -99,5 +92,5 @@ def world(objects: Any, lights: Any = ()) -> World:
         parts.append(tuple(value))
     lights = tuple(as_light("lights", item) for item in parts[1])
     if sum(isinstance(light, Environment) for light in lights) > 1:
-        raise ValueError("lights must have one environment at most: give it the sum of their radiances")
+        raise ValueError("lights must have one environment at most: add their radiances")
     return World(tuple(as_object("objects", item) for item in parts[0]), lights)

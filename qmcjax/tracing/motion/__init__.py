@@ -1,4 +1,4 @@
-"""Motion as pure functions of time: curves, rotations, matrices, and what bounds them (thesis, Chapter 2).
+"""Motion as pure functions of time: curves, rotations, matrices, and their bounds (thesis, Chapter 2).
 
 A path maps times, shape (...), to points, shape (..., d); a rotation path maps them to unit quaternions,
 shape (..., 4), with the scalar last.

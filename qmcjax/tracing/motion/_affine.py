@@ -1,4 +1,4 @@
-"""Motions of objects, from a part that is linear and one that is not."""
+"""Motions of objects: a linear part and a translation."""
 
 from __future__ import annotations
 
@@ -55,11 +55,10 @@ class Affine:
         return getattr(path, "knots", None) if callable(path) else np.zeros(0)
 
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return a box, (3,) and (3,), of where another one is at any time in [0, 1].
+        """Return a box, (3,) and (3,), that contains the image of another box at all times in [0, 1].
 
-        A path of points says where it is by its ``bounds()``, one of matrices by its ``reach(low, high)``;
-        rotations of any kind keep what they turn in a ball. Of other paths nothing is known: the box is all
-        space.
+        Paths of points are bounded by their ``bounds()``, paths of matrices by their ``reach(low, high)``;
+        rotations keep points in a ball. Other paths have no known bound: the box is all of space.
         """
         low, high = (floats(name, end, (3,), finite=False) for name, end in (("low", low), ("high", high)))
         path = unheld(self.matrix)
@@ -90,7 +89,7 @@ def affine(
     matrix: ArrayLike | Callable[[Array], Array] | None = None,
     translation: ArrayLike | Callable[[Array], Array] | None = None,
 ) -> Affine:
-    """Make the motion of an object: where it is at any time, turned, scaled and moved.
+    """Make the motion of an object from rotation, scale and translation.
 
     Parameters
     ----------
@@ -104,13 +103,6 @@ def affine(
     -------
     Affine
         ``motion(time)``: matrix and translation.
-
-    Raises
-    ------
-    TypeError
-        If an argument is neither callable nor of real numbers.
-    ValueError
-        If a shape does not fit or a number is not finite.
 
     Examples
     --------

@@ -1,11 +1,11 @@
-"""Rational curves by their arc length, with a bound on what is not known of it.
+"""Rational curves by arc length, with an error bound.
 
-A curve is cut into Bezier pieces, and these in halves until each has its length within rounding: where its
-speed is analytic around it by Gauss-Legendre quadrature, whose error is bounded there [1]_, else between its
-chord and its control polygon: no weight is negative, so that halving cuts corners, which makes the polygon
-shorter, and its limit is the curve [2]_. A piece is kept as weights and steps from control point to control
-point. Steps of halves are sums of parts of the steps: what rounding adds to all of them together is in
-proportion to the length of the polygon, however much weights differ.
+A curve is cut into Bezier pieces, and these in halves until the length of each is known within rounding:
+where the speed is analytic around a piece by Gauss-Legendre quadrature, with an error bound [1]_, else
+between its chord and its control polygon: no weight is negative, so halving cuts corners, which shortens the
+polygon, and its limit is the curve [2]_. A piece is stored as weights and differences of control points.
+Differences of halves are sums of parts of the differences: their total rounding error is proportional to the
+length of the polygon, however much weights differ.
 
 References
 ----------
@@ -41,7 +41,7 @@ _MOST = 2**16
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class ArcLength:
-    """Chords between points of a curve that are equally far apart along it."""
+    """Chords between points at equal arc lengths along a curve."""
 
     points: Any
     """(segments + 1, d)."""
@@ -50,7 +50,7 @@ class ArcLength:
     """Of the whole curve."""
 
     bound: float = field(metadata={"static": True})
-    """No point is farther from that of the curve at the same part of its length."""
+    """Maximum distance of a point from that of the curve at the same part of its length."""
 
     def __call__(self, part: ArrayLike) -> Array:
         """Return points by the part of the curve's length that is travelled, in constant time.
@@ -58,7 +58,7 @@ class ArcLength:
         Parameters
         ----------
         part : float ArrayLike, shape (...)
-            In [0, 1]; others are moved to the nearest end.
+            In [0, 1]; clamped.
 
         Returns
         -------
@@ -85,11 +85,11 @@ class _Pieces(NamedTuple):
     start: NDArray[Any]
     """(n, d): first control points."""
     steps: NDArray[Any]
-    """(n, degree, d): from each control point to the next."""
+    """(n, degree, d): differences of successive control points."""
     weights: NDArray[Any]
     """(n, degree + 1)."""
     smooth: NDArray[Any]
-    """Whether quadrature has the length of the piece, and of each part of it."""
+    """Whether quadrature gives the length of the piece, and of each part of it."""
 
     def rows(self, which: NDArray) -> "_Pieces":
         """Return some pieces, with weights up to 1."""
@@ -104,10 +104,10 @@ def by_arc_length(
 
     A point of an arc of length h and the point of its chord c at the same part are at most
     ``sqrt(h**2 - c**2) / 2`` apart: at the part a, Stewart's theorem bounds the squared distance by
-    ``a (1 - a) (h**2 - c**2)``, since the arc reaches no farther from either end than it is long.
+    ``a (1 - a) (h**2 - c**2)``, since no point of the arc is farther from an end than along the arc.
     """
     segments = checks.integer("segments", segments, 1, 2**16)
-    # In units of the curve's size, and with weights as large as they may be: no product leaves the range.
+    # In units of the curve's size, and with weights as large as possible: no product overflows or underflows.
     shape = control - control[0]
     size = np.ldexp(1.0, int(np.frexp(np.abs(shape).max())[1]))
     weights = np.ldexp(weights, 1000 - int(np.frexp(weights.max())[1]))
@@ -163,7 +163,7 @@ def _bezier(control: NDArray, weights: NDArray, knots: NDArray, degree: int) -> 
             points, of_points = one * points[:, :-1] + other * points[:, 1:], before + after
         found.append((points[:, 0], of_points[:, 0]))
     points, weights = (np.stack(part, axis=1) for part in zip(*found, strict=True))
-    # A control point without a weight may be anywhere: it is where the one before it is.
+    # A control point without a weight is arbitrary: it gets the place of the previous one.
     place = np.maximum.accumulate(np.where(weights > 0, np.arange(degree + 1), 0), axis=1)
     points = np.take_along_axis(points, place[..., None], axis=1)
     return _Pieces(points[:, 0], np.diff(points, axis=1), weights, np.zeros(len(points), bool))
@@ -180,8 +180,8 @@ def _shares(before: NDArray, after: NDArray) -> tuple[NDArray[np.float64], NDArr
 def _divided(pieces: _Pieces) -> tuple[_Pieces, float]:
     """Halve pieces until all are smooth, or of no length, and bound what rounding does to the length.
 
-    Weights of pieces that are halved k times have a relative error of ``k (degree + 1)`` roundings, shares of
-    them of twice that, and each of the ``degree`` rows of the algorithm adds as much times the polygon.
+    Weights of pieces that are halved k times have a relative error of ``k (degree + 1)`` roundings, their
+    shares twice that, and each of the ``degree`` rows of the algorithm adds as much times the polygon.
     """
     number, degree, dims = pieces.steps.shape
     rounding = 16 * degree**2 * np.sqrt(dims) * _EPS * number
@@ -228,7 +228,7 @@ def _numerator(pieces: _Pieces) -> NDArray[np.float64]:
     """Return Bernstein coefficients, (n, 2 degree - 1, d), of the derivative times the squared denominator.
 
     With weights w and points P, it is the sum over i < j of ``(j - i) B_i B_j w_i w_j (P_j - P_i) / t / (1 -
-    t)``: its sums of products are of positive numbers and steps.
+    t)``: a sum of products of positive numbers and differences.
     """
     count, degree, dims = pieces.steps.shape
     result = np.zeros((count, 2 * degree - 1, dims))
@@ -242,7 +242,7 @@ def _numerator(pieces: _Pieces) -> NDArray[np.float64]:
 
 
 def _smooth(pieces: _Pieces) -> NDArray[np.bool_]:
-    """Tell where speeds are analytic, and nearly constant, in a disc about the middle of pieces.
+    """Return where speeds are analytic, and nearly constant, in a disc around the middle of pieces.
 
     In the disc of twice the radius, where s = 2 t - 1 is at most 2, numerator and denominator differ by no
     more than 0.3 of their values in the middle from these. So the speed is at most 2.7 times that there. The
@@ -259,7 +259,7 @@ def _smooth(pieces: _Pieces) -> NDArray[np.bool_]:
 
 @cache
 def _powers(degree: int) -> NDArray[np.float64]:
-    """Return the matrix from Bernstein coefficients in t to those of powers of 2 t - 1."""
+    """Return the matrix from Bernstein coefficients in t to coefficients of powers of 2 t - 1."""
     up, down = np.polynomial.Polynomial([0.5, 0.5]), np.polynomial.Polynomial([0.5, -0.5])
     basis = (comb(degree, k) * up**k * down ** (degree - k) for k in range(degree + 1))
     return np.stack([np.asarray(one.coef, np.float64) for one in basis], axis=1)

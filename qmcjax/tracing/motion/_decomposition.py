@@ -1,4 +1,4 @@
-"""Matrices as translation, rotation and scale, which can be interpolated one by one."""
+"""Matrices as translation, rotation and scale, for separate interpolation."""
 
 from typing import Any, NamedTuple
 
@@ -20,30 +20,20 @@ class Decomposition(NamedTuple):
     rotation: NDArray[np.float64]
     """(4,): a unit quaternion (x, y, z, w), w not negative."""
     scale: NDArray[np.float64]
-    """(3, 3), symmetric: factors along three orthogonal axes, all negative if the map is a reflection."""
+    """(3, 3), symmetric: scale along three orthogonal axes, all negative if the map is a reflection."""
 
 
 def decompose(matrix: ArrayLike) -> Decomposition:
     """Split an affine map into scale, rotation and translation.
 
-    The linear part is the product of the rotation and the symmetric factor of its polar decomposition, the
-    rotation that is closest to it [1]_.
+    The linear part is the product of the rotation and the symmetric factor of its polar decomposition; this
+    rotation is the closest one [1]_.
 
     Parameters
     ----------
     matrix : float ArrayLike, shape (4, 4)
-        Known before tracing, for columns: the last column is the translation, the last row (0, 0, 0, 1).
-
-    Returns
-    -------
-    Decomposition
-
-    Raises
-    ------
-    TypeError
-        If the matrix is traced or not of numbers.
-    ValueError
-        If it has another shape or last row, is not finite, or its linear part is singular.
+        Regular, finite and known before tracing. It acts on columns: the last column is the translation, the
+        last row (0, 0, 0, 1).
 
     References
     ----------
@@ -71,7 +61,7 @@ def decompose(matrix: ArrayLike) -> Decomposition:
 
 
 def _quaternion(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the quaternion q of a rotation, which tells q q^T: its largest row has no cancellation."""
+    """Return the quaternion q of a rotation from q q^T: its largest row has no cancellation."""
     m = matrix
     products = np.array(
         [

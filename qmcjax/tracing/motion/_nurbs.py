@@ -20,7 +20,7 @@ MAX_DEGREE = 16
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Nurbs:
-    """A curve over ``[knots[0], knots[-1]]``; parameters outside are moved to the nearest end."""
+    """A curve over ``[knots[0], knots[-1]]``; parameters outside are clamped."""
 
     control: Any
     """(n + 1, d): control points."""
@@ -61,7 +61,7 @@ class Nurbs:
 
     @property
     def corners(self) -> np.ndarray:
-        """Parameters inside the curve where its direction may jump: knots as multiple as the degree."""
+        """Parameters inside the curve where its direction may jump: knots of full multiplicity."""
         inner = known("knots", self.knots)[self.degree + 1 : -self.degree - 1]
         places, times = np.unique(inner, return_counts=True)
         return places[times >= self.degree]
@@ -78,7 +78,7 @@ class Nurbs:
         -------
         ArcLength
             From the part of the curve's length that is travelled, in [0, 1], to a point. ``length`` is the
-            whole length. ``bound``, which holds for all weights, bounds the distance to the point of the
+            total length. ``bound``, which holds for all weights, bounds the distance to the point of the
             curve at the same part of its length, and the error of ``length``.
 
         Raises
@@ -86,8 +86,7 @@ class Nurbs:
         TypeError
             If the curve is traced.
         ValueError
-            If ``segments`` is out of range, the curve is a single point, or its length takes more
-            than 65536 pieces.
+            If the curve is a single point, or its length takes more than 65536 pieces.
 
         References
         ----------
@@ -98,7 +97,7 @@ class Nurbs:
 
 
 def _basis(u: Array, knots: Array, degree: int) -> tuple[Array, list[Array]]:
-    """Return spans of parameters, from 0 on, and the basis functions that do not vanish there [PT97, p. 68].
+    """Return spans of parameters, from 0 on, and the basis functions that are nonzero there [PT97, p. 68].
 
     The inverted triangular scheme never divides by an empty span.
     """
@@ -129,12 +128,12 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
     control : float ArrayLike, shape (n + 1, d)
         Control points. May be traced, as may the weights.
     weights : float ArrayLike, shape (n + 1,), optional
-        None negative. A weight of zero switches its control point off; of those that the curve depends on at
-        a knot, one is positive. All one by default: a B-spline.
+        Not negative. A weight of zero disables its control point; of those that the curve depends on at
+        a knot, one must be positive. All one by default: a B-spline.
     knots : float ArrayLike, shape (n + degree + 2,)
         Nondecreasing, the first and the last ``degree + 1`` of them equal: the curve begins at the first and
-        ends at the last control point. Those inside are at most ``degree`` times equal: as many
-        make the curve pass through a control point, where its direction may jump.
+        ends at the last control point. Inner knots have multiplicities up to ``degree``; at a knot of full
+        multiplicity the curve passes through a control point, where its direction may jump.
     degree : int
         In [1, 16].
 
@@ -142,15 +141,7 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
     -------
     Nurbs
         ``curve(u)``, shape (...) to (..., d), for u in ``[knots[0], knots[-1]]``. ``curve.corners`` are the
-        parameters of possible jumps of its direction.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If shapes do not fit, a value is not finite, weights are negative, knots decrease, are too often
-        equal, or not often enough at the ends.
+        parameters where its direction may jump.
 
     References
     ----------
@@ -174,7 +165,7 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
     require("weights", weights, lambda w: w >= 0, "not negative")
     knots = _knots(knots, count, degree)
     _, times = np.unique(knots, return_counts=True)
-    # At a knot, as many basis functions as it is multiple vanish.
+    # At a knot of multiplicity m, m basis functions vanish.
     last = np.minimum(np.cumsum(times) - 1, len(knots) - 2)
     near = [slice(k - degree, k - min(n, degree) + 1) for k, n in zip(last, times, strict=True)]
     rule = "positive for at least one of the control points that matter at each knot"

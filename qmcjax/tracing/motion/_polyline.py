@@ -1,4 +1,4 @@
-"""Curves as linear segments, with ends where the direction jumps."""
+"""Curves as linear segments that end where the direction jumps."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Curve = Callable[[Array], Array]
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class LinearSegments:
-    """Straight lines from point to point, each of them left and reached at given times."""
+    """Straight lines between points, with a time for each point."""
 
     times: Any
     """(segments + 1,), increasing."""
@@ -32,7 +32,7 @@ class LinearSegments:
     """(segments + 1, d)."""
 
     def __call__(self, time: ArrayLike) -> Array:
-        """Return the points at times; before the first and after the last time those of the ends.
+        """Return the points at times, clamped to the first and last time.
 
         Parameters
         ----------
@@ -52,7 +52,7 @@ class LinearSegments:
 
     @property
     def knots(self) -> Any:
-        """Times between which the path is straight, and travelled at constant speed."""
+        """Times between which the path is straight with constant speed."""
         return self.times
 
     def bounds(self) -> tuple[Array, Array]:
@@ -62,12 +62,12 @@ class LinearSegments:
 
 
 def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
-    """Make a path of straight lines, travelled at constant speed each.
+    """Make a path of straight lines, each with constant speed.
 
     Parameters
     ----------
     times : float ArrayLike, shape (segments + 1,)
-        Increasing.
+        Two or more, increasing.
     points : float ArrayLike, shape (segments + 1, d)
         May be traced.
 
@@ -75,13 +75,6 @@ def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
     -------
     LinearSegments
         From a time to a point.
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of numbers.
-    ValueError
-        If shapes do not fit, a value is not finite, or times do not increase.
 
     Examples
     --------
@@ -97,7 +90,7 @@ def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
 def approximated(curve: Curve, start: float, end: float, segments: int, corners: Any = ()) -> LinearSegments:
     """Approximate a motion by linear segments that end where its direction jumps.
 
-    Without an end there, a ball that jumps on the floor would never touch it [1]_.
+    Without an end there, a bouncing ball would never touch the floor [1]_.
 
     Parameters
     ----------
@@ -106,22 +99,15 @@ def approximated(curve: Curve, start: float, end: float, segments: int, corners:
     start, end : float
         The interval of times, ``start < end``.
     segments : int
-        Their number, in [1, 65536], and more than there are corners. Each interval between corners has a
+        Their number, in [1, 65536], and more than there are corners. Each interval between corners gets a
         share in proportion to its length, and at least one.
     corners : float ArrayLike, shape (k,), optional
-        Times at which the direction jumps, such as :attr:`Nurbs.corners`.
+        Times strictly inside the interval at which the direction jumps, such as :attr:`Nurbs.corners`.
 
     Returns
     -------
     LinearSegments
-        Its points are points of the curve.
-
-    Raises
-    ------
-    TypeError
-        If an argument is of another type.
-    ValueError
-        If a corner is not inside the interval, or there are as many corners as segments.
+        Its points lie on the curve.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Unit quaternions: orientations that interpolate."""
+"""Unit quaternions: orientations that can be interpolated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from qmcjax.core.parameters import cast, floats, numbers, require, together
 from qmcjax.core.pytrees import pytree
 
 UNIT = 1e-4
-"""How far from 1 the length of a quaternion may be that is meant to be a rotation; it is normalised."""
+"""How far from 1 the length of a quaternion may be to count as a rotation; it is normalized."""
 
 
 def unit_quaternions(name: str, value: Any, shape: tuple[int | None, ...]) -> Any:
-    """Return quaternions normalised, or raise a ValueError if one is known not to be of unit length."""
+    """Return quaternions normalized, or raise a ValueError if one is known not to have unit length."""
     given = numbers(name, value, (*shape, 4))
     require(name, given, lambda q: abs(np.linalg.norm(q, axis=-1) - 1) < UNIT, "of unit length")
     norm = (jnp if isinstance(given, Tracer | Array) else np).linalg.norm(given, axis=-1, keepdims=True)
@@ -32,9 +32,9 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
     Parameters
     ----------
     axis : float ArrayLike, shape (..., 3)
-        Not of zero length; it is normalised.
+        Not of zero length; it is normalized.
     angle : float ArrayLike, shape (...)
-        In radians, counterclockwise for a viewer to whom the axis points.
+        In radians, counterclockwise for a viewer that the axis points to.
 
     Returns
     -------
@@ -65,7 +65,7 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
 def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
     """Return sines and cosines of angles.
 
-    On processors XLA computes them anew for each number that is made of them, 20 times for a motion: but not
+    XLA on processors computes them anew for each number that depends on them, 20 times for a motion, except
     where they come from a branch.
     """
     if jax.default_backend() != "cpu":
@@ -82,7 +82,7 @@ def _none(angle: Array) -> tuple[Array, Array]:
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """Return the rotation that is ``b``, then ``a``: their Hamilton product.
+    """Return the rotation by ``b``, then ``a``: the Hamilton product.
 
     Parameters
     ----------
@@ -143,12 +143,12 @@ def rotation_matrix(q: Array) -> Array:
         (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
         (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
     )
-    # Columns first: what takes them apart in the same order finds the components as they are here.
+    # Columns first: code that takes them apart in the same order gets the components as they are here.
     return jnp.stack([jnp.stack(column, axis=-1) for column in columns], axis=-1)
 
 
 def exponential(half_turn: Array) -> Array:
-    """Return the rotations whose axes times half their angles are these vectors, (..., 3) to (..., 4)."""
+    """Return the rotations of vectors, (..., 3) to (..., 4): the axis times half the angle."""
     squared = jnp.sum(half_turn * half_turn, axis=-1, keepdims=True)
     small = squared < 1e-12
     length = jnp.sqrt(jnp.where(small, 1, squared))
@@ -181,11 +181,6 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     -------
     Array, shape (..., 4)
 
-    Raises
-    ------
-    ValueError
-        If a quaternion is known not to be of unit length.
-
     References
     ----------
     .. [1] K. Shoemake, "Animating Rotation with Quaternion Curves", 1985.
@@ -203,7 +198,7 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
 
 
 def _shorter(q: Array) -> Array:
-    """Return the one of q and -q, the same rotation, that turns by half a turn at most."""
+    """Return the one of q and -q, the same rotation, that turns by at most half a turn."""
     return jnp.where(q[..., 3:] < 0, -q, q)
 
 
@@ -218,7 +213,7 @@ class RotationSpline:
     """(n, 4)."""
 
     def __call__(self, time: ArrayLike) -> Array:
-        """Return the rotations at times; before the first and after the last time those of the ends.
+        """Return the rotations at times, clamped to the first and last time.
 
         Parameters
         ----------
@@ -233,7 +228,7 @@ class RotationSpline:
         steps = times[1:] - times[:-1]
         turns = logarithm(_shorter(multiply(conjugate(keys[:-1]), keys[1:])))
         velocity = _velocities(turns / steps[:, None], steps)
-        # The inner factor of the Bezier form of each interval makes it arrive at its second key.
+        # The inner factor of the Bezier form of each interval makes it end at its second key.
         first, last = velocity[:-1] * steps[:, None] / 3, velocity[1:] * steps[:, None] / 3
         inner = logarithm(multiply(multiply(exponential(-first), exponential(turns)), exponential(-last)))
         i = jnp.clip(jnp.searchsorted(times, time, side="right") - 1, 0, times.shape[0] - 2)
@@ -260,21 +255,13 @@ def rotation_spline(times: ArrayLike, keys: ArrayLike) -> RotationSpline:
     times : float ArrayLike, shape (n,)
         Two or more, increasing.
     keys : float ArrayLike, shape (n, 4)
-        Unit quaternions ``(x, y, z, w)``: the rotations at these times. From each to the next goes the
-        shorter way.
+        Unit quaternions ``(x, y, z, w)``: the rotations at these times, each reached the shorter way.
 
     Returns
     -------
     RotationSpline
         From a time to a unit quaternion. Angular velocity is continuous; through two keys it is
         :func:`slerp`.
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of numbers.
-    ValueError
-        If times do not increase, shapes do not fit or a quaternion is known not to be of unit length.
 
     References
     ----------

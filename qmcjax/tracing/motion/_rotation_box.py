@@ -1,4 +1,4 @@
-"""Boxes of points that turn about an axis."""
+"""Bounding boxes of points that rotate about an axis."""
 
 from __future__ import annotations
 
@@ -13,42 +13,35 @@ from qmcjax.core.parameters import numbers, require
 
 
 def rotation_box(points: ArrayLike, axis: ArrayLike, start: ArrayLike, end: ArrayLike) -> tuple[Array, Array]:
-    r"""Return the box of points while they turn about an axis through the origin.
+    r"""Return the bounding box of points while they rotate about an axis through the origin.
 
-    A coordinate of a point p that turns about the unit vector a by the angle :math:`\theta` is
+    A coordinate of a point p rotated about the unit vector a by the angle :math:`\theta` is
 
     .. math:: A \cos\theta + B \sin\theta + C, \quad C = a_j (a \cdot p), \quad A = p_j - C,
               \quad B = (a \times p)_j,
 
     with the largest value :math:`C + \sqrt{A^2 + B^2}` at :math:`\operatorname{atan2}(B, A)` and all full
-    turns from there, and the smallest half a turn later. If no such angle is on the way, the ends of the way
-    decide.
+    turns from there, and the smallest half a turn later. If the range of angles contains none of these, its
+    ends decide.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, 3)
     axis : float ArrayLike, shape (3,)
-        Not of zero length; it is normalised.
+        Not of zero length; it is normalized.
     start, end : float ArrayLike, shape ()
         Angles in radians, of either sign and in either order, any number of turns apart.
 
     Returns
     -------
     low, high : Array, shape (3,)
-        The smallest such box with sides along the axes of coordinates, up to rounding.
-
-    Raises
-    ------
-    TypeError
-        If an argument is not of real numbers.
-    ValueError
-        If a shape does not fit, a value is not finite, or ``axis`` has no length.
+        The smallest axis-aligned box, up to rounding.
 
     Notes
     -----
     Eq. 2.8 and 2.10 of the thesis have wrong signs as printed: the rotation is
     :math:`\bar v = u \sin\theta + v \cos\theta`, and :math:`d\bar v / d\theta = u \cos\theta - v \sin\theta`.
-    It finds the box in a frame whose z is the axis, and boxes that once more; this one is tighter.
+    The thesis bounds the points in a frame with the axis as z, and then bounds that box; this box is tighter.
 
     References
     ----------
@@ -80,6 +73,6 @@ def _box(points: Array, axis: Array, start: Array, end: Array) -> tuple[Array, A
 
 
 def _passed(angle: Array, first: Array, last: Array) -> Array:
-    """Tell whether ``angle``, or a full turn from it, is between two angles."""
+    """Whether ``angle``, up to full turns, is between two angles."""
     turn = np.asarray(2 * np.pi, angle.dtype)
     return angle + turn * jnp.ceil((first - angle) / turn) <= last

@@ -1,18 +1,18 @@
-"""Rows of tables for each time, component by component.
+"""Rows of tables for each time, by components.
 
-Arrays whose last axis is short do not fill the vector units of a processor, so motions compute with
-components, and stack them at the end.
+Arrays with a short last axis do not fill the vector units of a processor, so motions compute with components
+and stack them at the end.
 """
 
 import jax.numpy as jnp
 from jax import Array
 
 _FEW = 16
-"""Up to so many rows, choosing among all is faster than fetching one: that takes the processor a jump."""
+"""Up to so many rows, selecting from all is faster than a gather."""
 
 
 def span(times: Array, time: Array) -> Array:
-    """Return in which interval between increasing numbers others are; outside, the first or the last."""
+    """Return the interval between increasing numbers that contains others; outside, the first or the last."""
     inner = times[1:-1]
     if len(inner) >= _FEW:
         return jnp.searchsorted(inner, time, side="right").astype(jnp.int32)

@@ -43,27 +43,20 @@ class Straightened:
 def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLike) -> Straightened:
     """Approximate a motion by linear segments: every point moves on straight lines between given times.
 
-    Objects are where they should be at these times; between, what turns shrinks, by 1 - cos(angle / 2) of its
-    radius half-way.
+    Objects are exact at these times; in between, rotating objects shrink, half-way by 1 - cos(angle / 2) of
+    their radius.
 
     Parameters
     ----------
     motion : callable
         From times, shape (n,), to (matrix, translation), shapes (n, 3, 3) and (n, 3).
     times : float ArrayLike, shape (k,)
-        Two or more, increasing. Before the first and after the last the motion rests.
+        Two or more, increasing. The motion rests before the first and after the last.
 
     Returns
     -------
     Straightened
         A motion.
-
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If times do not increase, or ``motion`` returns other shapes.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Motions evaluated: what a callable of a user returns is checked once, here."""
+"""Evaluation of motions: checks what a user's callable returns."""
 
 from typing import Any
 

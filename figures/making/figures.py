@@ -2,14 +2,16 @@
 
 import json
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
 from tqdm import tqdm
 
+from figures import page
 from figures.catalogue import Entry
 from figures.making import store
 from figures.making.finished_cells import Place
@@ -19,6 +21,9 @@ from figures.making.worker import Done, Failed, Progress, Task
 
 CELLS = ".cells"
 """The folder of what is finished of figures that are not."""
+
+PAGE_INTERVAL = 5
+"""Seconds: the page grows with the figures."""
 
 
 def outdated(
@@ -55,7 +60,7 @@ def make(
     """Make figures, keep them, and return the names of those that failed."""
     failed: list[str] = []
     running: dict[str, float] = {}
-    ended = 0
+    ended, due = 0, 0.0
     layout = "{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
 
     def left(task: Task) -> bool:
@@ -80,6 +85,10 @@ def make(
                     failed.append(name)
                 if task.place is not None:
                     task.place.end()
+                if process is None and time.monotonic() >= due:
+                    with suppress(OSError):  # The command says so in the end.
+                        page.write(folder, catalogue, failed)
+                    due = time.monotonic() + PAGE_INTERVAL
             bar.n = ended + sum(running.values())
             bar.set_description(", ".join(running))
     return failed

@@ -48,7 +48,10 @@ class Reference(NamedTuple):
 
 
 def reference(
-    scene: Any, side: int, spp: int, image: Callable[[Any, Any, int, int], NDArray] = scene_images.image
+    scene: Any,
+    side: int,
+    spp: int,
+    image: Callable[[Any, Any, int, int], NDArray] = scene_images.replicate,
 ) -> Reference:
     """Return the stored reference of a scene, or else an estimate from randomised replicates.
 

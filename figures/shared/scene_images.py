@@ -1,6 +1,7 @@
 """Images of traced scenes by one compiled program a scene, whatever the sampler, size and count."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+import qmcjax as qj
 from figures.making import finished_cells
 from qmcjax import samplers
 from qmcjax.core.digests import digest
@@ -17,30 +19,58 @@ from qmcjax.core.pytrees import jit
 POINTS = 2**14
 """In one call of a scene."""
 
+SAMPLES = 2**16
+"""In one call of a sampler, whose steps are compiled one by one, for each size."""
+
 
 @jit()
 def _values(scene: Any, points: Array) -> Array:
     return scene(points)
 
 
-def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
+def compile_all(wanted: Iterable[Any]) -> None:
+    """Compile scenes side by side, two at a time: XLA leaves the interpreter to others meanwhile."""
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda scene: _values(scene, jnp.zeros((POINTS, len(scene.needs)))), wanted))
+
+
+@jit("dims")
+def _compiled(sampler: samplers.Sampler, x: Array, y: Array, sample: Array, dims: tuple[int, ...]) -> Array:
+    return sampler(x, y, sample, dims)
+
+
+def image(
+    scene: Any, sampler: samplers.Sampler, side: int, spp: int, of_many: bool = False
+) -> NDArray[np.float64]:
     """Return what `qmcjax.render` does, by a program that knows nothing of the sampler.
 
-    To compile a scene takes longer than a small image of it.
+    To compile a scene takes longer than a small image of it. ``of_many`` says that there will be many images
+    by the same sampler but for its key, which is then compiled, too.
     """
     sampler.check(side, side, spp)
     dims = tuple(range(len(scene.needs)))
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    columns, rows = jnp.asarray(x[:, None]), jnp.asarray(y[:, None])
     pixels = np.stack([x, y], axis=-1)
     total = np.zeros((side**2, 3))
     together = max(1, 2**16 // side**2)
     for first in range(0, spp, together):
-        samples = jnp.arange(first, min(first + together, spp), dtype=jnp.uint32)
-        points = np.array(sampler(columns, rows, samples, dims))
+        samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
+        points = _points(sampler, *np.broadcast_arrays(x[:, None], y[:, None], samples), dims, of_many)
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
     return (total / spp).reshape(side, side, 3)
+
+
+def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
+    """Return one image of many."""
+    return image(scene, sampler, side, spp, of_many=True)
+
+
+def rendered(scene: Any, sampler: samplers.Sampler, side: int, spp: int, quality: str) -> NDArray[np.float64]:
+    """Return an image by `qmcjax.render`, in drafts by the program that all samplers share."""
+    if quality == "paper":
+        return np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
+    return replicate(scene, sampler, side, spp)
 
 
 def compared(
@@ -60,9 +90,27 @@ def compared(
     return dict(zip(names, images.values(), strict=True))
 
 
+def _points(
+    sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...], of_many: bool
+) -> NDArray[np.float32]:
+    """Return points of pixels and samples of any shape, in calls of one size."""
+    made = partial(_compiled, sampler) if of_many else sampler
+    calls = (_calls(each.ravel(), SAMPLES) for each in (x, y, sample))
+    points = np.concatenate(
+        [np.asarray(made(*map(jnp.asarray, call), dims)) for call in zip(*calls, strict=True)]
+    )
+    return points[: x.size].reshape(*x.shape, len(dims))
+
+
+def _calls(values: NDArray, size: int) -> NDArray:
+    """Return rows of a size, the last one filled up with its last value."""
+    padding = [(0, -len(values) % size)] + [(0, 0)] * (values.ndim - 1)
+    return np.pad(values, padding, mode="edge").reshape(-1, size, *values.shape[1:])
+
+
 def _evaluated(scene: Any, points: NDArray) -> NDArray[np.float64]:
     """Evaluate a scene at points of any shape, in calls of one size."""
     flat = points.reshape(-1, points.shape[-1])
-    calls = np.pad(flat, ((0, -len(flat) % POINTS), (0, 0)), mode="edge").reshape(-1, POINTS, flat.shape[1])
+    calls = _calls(flat, POINTS)
     values = np.concatenate([np.asarray(_values(scene, jnp.asarray(call)), np.float64) for call in calls])
     return values[: len(flat)].reshape(*points.shape[:-1], 3)

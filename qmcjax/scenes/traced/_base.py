@@ -1,6 +1,7 @@
 """A ray-traced scene of the package: an estimator and a stored reference image."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ class Traced:
     estimator: Any
     """From points to radiance; contains the world and the camera."""
 
-    @property
+    @cached_property
     def needs(self) -> tuple[str, ...]:
         return self.estimator.needs
 

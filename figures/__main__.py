@@ -14,9 +14,9 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from figures import _memory, page
+from figures import page
 from figures.catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, PAPERS, Entry
-from figures.making import compiled_programs, store
+from figures.making import compiled_programs, memory, store
 from figures.making.figures import warn
 from figures.making.job import Job, Where
 from figures.making.updating import update
@@ -77,8 +77,9 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     try:
         if options.distributed or options.coordinator:
             job = _join(options)
-        with _memory.watched() as peak:
-            failed = update(names, catalogue, options.out, options.quality, jobs, job)
+        with memory.watched() as peak:
+            grow = partial(page.write, options.out, catalogue)
+            failed = update(names, catalogue, options.out, options.quality, jobs, job, grow)
         shown = (job is not None and job.process > 0) or _show(options.out, catalogue, failed)
         if job is not None:
             job.meet("shown")

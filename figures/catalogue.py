@@ -16,33 +16,29 @@ class Entry(NamedTuple):
 
 CATALOGUE = {
     "thesis-2.1": Entry("figures.thesis.thesis_2_1", "Cubic B-spline basis functions"),
-    "thesis-2.2": Entry(
-        "figures.thesis.thesis_2_2", "A curve at equal steps of its parameter, and of its length"
-    ),
-    "thesis-2.3": Entry("figures.thesis.thesis_2_3", "A knot as multiple as the degree of the curve"),
-    "thesis-2.4": Entry("figures.thesis.thesis_2_4", "The length of a curve by linear segments"),
-    "thesis-2.5": Entry("figures.thesis.thesis_2_5", "A curve made of segments of the same length"),
-    "thesis-2.6": Entry("figures.thesis.thesis_2_6", "The box of a rectangle under continuous rotation"),
-    "thesis-2.7": Entry("figures.thesis.thesis_2_7", "A fast rotation by linear segments"),
-    "thesis-2.8": Entry("figures.thesis.thesis_2_8", "A ball that jumps, by linear segments"),
-    "thesis-3.1.3": Entry(
-        "figures.thesis.thesis_3_1_3", "Frames from the images of others, and moving thick lines"
-    ),
+    "thesis-2.2": Entry("figures.thesis.thesis_2_2", "Equal steps in parameter and in arc length"),
+    "thesis-2.3": Entry("figures.thesis.thesis_2_3", "A knot of full multiplicity"),
+    "thesis-2.4": Entry("figures.thesis.thesis_2_4", "Arc length by linear segments"),
+    "thesis-2.5": Entry("figures.thesis.thesis_2_5", "A curve in segments of equal length"),
+    "thesis-2.6": Entry("figures.thesis.thesis_2_6", "Bounds of a rotating rectangle"),
+    "thesis-2.7": Entry("figures.thesis.thesis_2_7", "A fast rotation approximated by linear segments"),
+    "thesis-2.8": Entry("figures.thesis.thesis_2_8", "A jumping ball approximated by linear segments"),
+    "thesis-3.1.3": Entry("figures.thesis.thesis_3_1_3", "Sliding-window motion blur and moving lines"),
     "thesis-3.1.5": Entry(
-        "figures.thesis.thesis_3_1_5", "Photons with a time each, and in intervals", our_scene=True
+        "figures.thesis.thesis_3_1_5", "Photons at one time each, and over intervals of time", our_scene=True
     ),
     "thesis-3.1.7": Entry("figures.thesis.thesis_3_1_7", "Frameless rendering: pixels in the order of a net"),
-    "thesis-3.1": Entry("figures.thesis.thesis_3_1", "A triangle that moves, and when a ray hits it"),
-    "thesis-3.2": Entry("figures.thesis.thesis_3_2", "What a ray sees while the shutter is open"),
+    "thesis-3.1": Entry("figures.thesis.thesis_3_1", "When a ray hits a moving triangle"),
+    "thesis-3.2": Entry("figures.thesis.thesis_3_2", "Visibility along a ray while the shutter is open"),
     "thesis-3.2.1": Entry(
         "figures.thesis.thesis_3_2_1",
-        "Visibility in time computed, against sampled, at equal time",
+        "Analytic and sampled visibility in time, at equal run time",
         our_scene=True,
         timed=True,
     ),
     "thesis-3.3": Entry(
         "figures.thesis.thesis_3_3",
-        "Predictions of the middle of the shutter, Fig. 3.3 and 3.4",
+        "Images predicted in the middle of the shutter",
         our_scene=True,
     ),
     "thesis-3.3.4": Entry(
@@ -50,60 +46,54 @@ CATALOGUE = {
     ),
     "thesis-3.5": Entry(
         "figures.thesis.thesis_3_5",
-        "The same times in all pixels, times of their own, even noise",
+        "Time samples: the same in all pixels, one set per pixel, even noise",
         our_scene=True,
     ),
     "thesis-3.6": Entry(
         "figures.thesis.thesis_3_6",
-        "Pixels as moving triangles, and what is corrected, Fig. 3.6 and 3.7",
+        "Pixels as moving triangles, before and after correction",
         our_scene=True,
     ),
-    "thesis-3.9": Entry("figures.thesis.thesis_3_9", "Points and lines on the lens, Fig. 3.8 to 3.10"),
+    "thesis-3.9": Entry("figures.thesis.thesis_3_9", "Point and line samples on the lens"),
     "thesis-4.1": Entry(
         "figures.thesis.thesis_4_1",
-        "Nodes that rays visit, before and after the optimisation",
+        "Nodes visited by rays, before and after optimising the tree",
         our_scene=True,
         timed=True,
     ),
-    "thesis-4.2": Entry(
-        "figures.thesis.thesis_4_2", "Clusters of two means and their boxes, Fig. 4.2 and 4.3"
-    ),
-    "thesis-table-4.1": Entry(
-        "figures.thesis.thesis_table_4_1", "Binary trees over m leaves, by enumeration"
-    ),
+    "thesis-4.2": Entry("figures.thesis.thesis_4_2", "Two-means clusters and their bounding boxes"),
+    "thesis-table-4.1": Entry("figures.thesis.thesis_table_4_1", "Binary trees over m leaves, enumerated"),
     "thesis-table-4.2": Entry(
         "figures.thesis.thesis_table_4_2",
-        "Trees before and after the optimisation of subtrees",
+        "Trees before and after optimising their subtrees",
         our_scene=True,
         timed=True,
     ),
     "thesis-table-4.3": Entry(
         "figures.thesis.thesis_table_4_3",
-        "Several optimisations of the upper levels, and of all",
+        "Optimising the upper levels, or the whole tree",
         our_scene=True,
         timed=True,
     ),
     "thesis-3.11": Entry(
-        "figures.thesis.thesis_3_11", "Depth of field by lines on the lens", our_scene=True, timed=True
+        "figures.thesis.thesis_3_11", "Depth of field by line samples on the lens", our_scene=True, timed=True
     ),
-    "thesis-5.2": Entry("figures.thesis.thesis_5_2", "Elementary intervals and a net, Fig. 5.1 and 5.2"),
+    "thesis-5.2": Entry("figures.thesis.thesis_5_2", "Elementary intervals, and a net"),
     "thesis-5.3": Entry("figures.thesis.thesis_5_3", "Blocks of the Sobol' (0,2)-sequence"),
     "thesis-5.4": Entry("figures.thesis.thesis_5_4", "Initial direction numbers of the Sobol' sequence"),
     "thesis-5.5": Entry("figures.thesis.thesis_5_5", "Minimum distances of (0,m,3)-nets"),
-    "thesis-5.7": Entry(
-        "figures.thesis.thesis_5_7", "Matrices of (0,2)-sequences and their points, Fig. 5.6 to 5.8"
-    ),
+    "thesis-5.7": Entry("figures.thesis.thesis_5_7", "Matrices of (0,2)-sequences and their points"),
     "thesis-5.9": Entry("figures.thesis.thesis_5_9", "(0,m,3)-nets from searched matrices"),
     "thesis-5.11": Entry("figures.thesis.thesis_5_11", "Padded replications: one net, shifted and jittered"),
-    "thesis-5.12": Entry("figures.thesis.thesis_5_12", "Frames of the Sobol' sequence, Fig. 5.10 and 5.12"),
+    "thesis-5.12": Entry("figures.thesis.thesis_5_12", "Frames of the Sobol' sequence"),
     "thesis-5.14": Entry("figures.thesis.thesis_5_14", "Iterative construction of permutation nets of odd m"),
-    "thesis-5.15": Entry("figures.thesis.thesis_5_15", "The cases of the proof for permutation nets, m = 5"),
-    "thesis-5.16": Entry("figures.thesis.thesis_5_16", "Permutation nets, Fig. 5.13 and 5.16"),
+    "thesis-5.15": Entry("figures.thesis.thesis_5_15", "Cases of the proof for permutation nets, m = 5"),
+    "thesis-5.16": Entry("figures.thesis.thesis_5_16", "Permutation nets"),
     "thesis-5.17": Entry(
         "figures.thesis.thesis_5_17", "Iterative construction of permutation nets of even m"
     ),
-    "thesis-5.20": Entry("figures.thesis.thesis_5_20", "The sheared tiling, Fig. 5.18 to 5.20"),
-    "thesis-5.21": Entry("figures.thesis.thesis_5_21", "Minimum distances of (0,m,2)-nets, with Table 5.1"),
+    "thesis-5.20": Entry("figures.thesis.thesis_5_20", "The sheared tiling of a net"),
+    "thesis-5.21": Entry("figures.thesis.thesis_5_21", "Minimum distances of (0,m,2)-nets"),
     "thesis-5.22": Entry("figures.thesis.thesis_5_22", "Power spectra of nets"),
     "thesis-5.23": Entry("figures.thesis.thesis_5_23", "Owen scramblings of a permutation net"),
     "thesis-5.3.2": Entry("figures.thesis.thesis_5_3_2", "Permutation nets in three dimensions, P_2 to P_5"),
@@ -122,70 +112,64 @@ CATALOGUE = {
         "figures.thesis.thesis_6_8", "Convergence on the helicopter", our_scene=True, long=True
     ),
     "tree-builders": Entry(
-        "figures.ours.tree_builders", "Trees by other ways than the surface area heuristic", timed=True
+        "figures.ours.tree_builders", "Tree builders beside the surface area heuristic", timed=True
     ),
     "trees-in-motion": Entry(
-        "figures.ours.trees_in_motion", "Trees over moving triangles, in four ways", timed=True
+        "figures.ours.trees_in_motion", "Four kinds of trees over moving triangles", timed=True
     ),
     "point-speed": Entry(
-        "figures.ours.point_speed", "Coordinates a second, against scipy, QMCPy and torch", timed=True
+        "figures.ours.point_speed", "Coordinates per second, beside SciPy, QMCPy and PyTorch", timed=True
     ),
     "path-speed": Entry(
-        "figures.ours.path_speed", "Paths a second of diffuse scenes, against Mitsuba", timed=True
+        "figures.ours.path_speed", "Paths per second in diffuse scenes, beside Mitsuba", timed=True
     ),
     "ray-speed": Entry(
-        "figures.ours.ray_speed", "Rays a second by each way to search, against Embree", timed=True
+        "figures.ours.ray_speed", "Rays per second by search method, beside Embree", timed=True
     ),
     "benchmark": Entry(
-        "figures.ours.benchmark", "Run time against error, by sampler and by other programs", timed=True
+        "figures.ours.benchmark", "Error over run time, by sampler and beside other programs", timed=True
     ),
     "benchmark-traced": Entry(
         "figures.ours.benchmark_traced",
-        "Run time against error of ray-traced scenes, beside Mitsuba",
+        "Error over run time in ray-traced scenes, beside Mitsuba",
         timed=True,
     ),
     "mitsuba-samplers": Entry(
-        "figures.ours.mitsuba_samplers", "Samplers of ours in Mitsuba 3, beside its own", timed=True
+        "figures.ours.mitsuba_samplers", "Our samplers in Mitsuba 3, beside its own", timed=True
     ),
     "spp-slider": Entry(
-        "figures.ours.spp_slider", "One scene by eight samplers, from 1 to 256 samples per pixel"
+        "figures.ours.spp_slider", "One scene with eight samplers, from 1 to 256 samples per pixel"
     ),
     "scenes-sheet": Entry("figures.ours.scenes_sheet", "Every scene with its exact image"),
-    "skipping": Entry("figures.ours.skipping", "Pixels that are constant are not sampled", timed=True),
-    "passes": Entry("figures.ours.passes", "Passes in each pixel until its error is small"),
-    "edges": Entry("figures.ours.edges", "Derivatives by samples on an edge alone"),
-    "skipping-traced": Entry(
-        "figures.ours.skipping_traced", "What is not computed of ray-traced scenes", timed=True
-    ),
-    "stability": Entry("figures.ours.stability", "Where single precision holds and where it breaks"),
-    "ray-stability": Entry("figures.ours.ray_stability", "Where rays in single precision hold and break"),
-    "measures": Entry("figures.ours.measures", "All measures of all sequences"),
+    "skipping": Entry("figures.ours.skipping", "Constant pixels need no samples", timed=True),
+    "passes": Entry("figures.ours.passes", "Adaptive passes until each pixel's error is small"),
+    "edges": Entry("figures.ours.edges", "Boundary-sampled derivatives"),
+    "skipping-traced": Entry("figures.ours.skipping_traced", "Work skipped in ray-traced scenes", timed=True),
+    "stability": Entry("figures.ours.stability", "Float32 limits of points, sums and images"),
+    "ray-stability": Entry("figures.ours.ray_stability", "Float32 limits of ray tracing"),
+    "measures": Entry("figures.ours.measures", "Every measure of every sequence"),
     "generators": Entry(
         "figures.ours.generators", "Generators of points: t, projections, discrepancy, convergence"
     ),
     "measure-speed": Entry(
         "figures.ours.measure_speed", "Speed of the measures, beside peers and with gradients", timed=True
     ),
-    "roofline": Entry("figures.ours.roofline", "What an H100 could make of our programs, at most"),
-    "scaling": Entry(
-        "figures.ours.scaling", "Images of more pixels and samples: time and memory", timed=True
-    ),
+    "roofline": Entry("figures.ours.roofline", "Roofline on an H100"),
+    "scaling": Entry("figures.ours.scaling", "Time and memory of larger images", timed=True),
     "measures-at-scale": Entry(
-        "figures.ours.measures_at_scale", "Measures of up to 2^24 points: time and memory", timed=True
+        "figures.ours.measures_at_scale", "Time and memory of measures, up to 2^24 points", timed=True
     ),
     "optimized-orders": Entry(
         "figures.ours.optimized_orders",
-        "Orders with searched permutations beside the samplers of the papers",
+        "Optimised orders beside the samplers of the papers",
         timed=True,
     ),
     "optimized-dimensions": Entry(
         "figures.ours.optimized_dimensions",
-        "Searched orders in 4 and 8 dimensions, and in traced scenes",
+        "Optimised orders in 4 and 8 dimensions and in traced scenes",
         timed=True,
     ),
-    "scramblings": Entry(
-        "figures.ours.scramblings", "Ways to scramble Sobol's sequence: errors and distances"
-    ),
+    "scramblings": Entry("figures.ours.scramblings", "Scramblings of Sobol's sequence: errors and distances"),
     "quadruples": Entry(
         "figures.ours.quadruples",
         "Pairs and quadruples of coordinates: Sobol's, and searched matrices over F_3",
@@ -195,11 +179,13 @@ CATALOGUE = {
     ),
     "optimized-points": Entry("figures.ours.optimized_points", "Points before and after gradient descent"),
     "intervals": Entry(
-        "figures.ours.intervals", "How often intervals hold the truth, and samplers are told apart", long=True
+        "figures.ours.intervals", "Coverage of confidence intervals, and samplers told apart", long=True
     ),
-    "chooser": Entry("figures.ours.chooser", "Which sampler to take, by scenes and samples per pixel"),
+    "chooser": Entry("figures.ours.chooser", "Which sampler to choose, by scene and samples per pixel"),
     "optimized-scrambling": Entry(
-        "figures.ours.optimized_scrambling", "Scramblings of nets by gradients, beside annealing", timed=True
+        "figures.ours.optimized_scrambling",
+        "Scramblings of nets optimised by gradients, beside annealing",
+        timed=True,
     ),
     "hilbert-1": Entry(
         "figures.hilbert.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"
@@ -211,7 +197,7 @@ CATALOGUE = {
         "figures.hilbert.hilbert_5", "An interior along the Hilbert curve", our_scene=True, long=True
     ),
     "z-1": Entry(
-        "figures.z.z_1", "An interior at one sample a pixel, and the spectra of the errors", our_scene=True
+        "figures.z.z_1", "An interior at one sample per pixel, and spectra of its error", our_scene=True
     ),
     "z-2": Entry("figures.z.z_2", "The Morton order of 8 x 8 pixels"),
     "z-3": Entry(

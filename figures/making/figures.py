@@ -11,7 +11,6 @@ from typing import Any, TextIO
 
 from tqdm import tqdm
 
-from figures import page
 from figures.catalogue import Entry
 from figures.making import store
 from figures.making.finished_cells import Place
@@ -56,8 +55,9 @@ def make(
     fingerprints: Mapping[str, str],
     process: int | None = None,
     claim: Callable[[Task], bool] = lambda task: True,
+    grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
-    """Make figures, keep them, and return the names of those that failed."""
+    """Make figures, keep them, call ``grow`` with the failures as they come, and return these."""
     failed: list[str] = []
     running: dict[str, float] = {}
     ended, due = 0, 0.0
@@ -85,9 +85,9 @@ def make(
                     failed.append(name)
                 if task.place is not None:
                     task.place.end()
-                if process is None and time.monotonic() >= due:
+                if grow is not None and time.monotonic() >= due:
                     with suppress(OSError):  # The command says so in the end.
-                        page.write(folder, catalogue, failed)
+                        grow(failed)
                     due = time.monotonic() + PAGE_INTERVAL
             bar.n = ended + sum(running.values())
             bar.set_description(", ".join(running))

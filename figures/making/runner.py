@@ -9,7 +9,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 
-from figures._memory import resident
+from figures.making.memory import resident
 from figures.making.worker import Failed, Message, Progress, Task, serve
 
 MEMORY = 900_000_000

@@ -28,6 +28,7 @@ def update(
     quality: str,
     jobs: int,
     job: Job | None = None,
+    grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
     """Make the figures that are not up to date and say what became of each.
 
@@ -46,6 +47,8 @@ def update(
     job : Job, optional
         Whose processes share the work and the folder: each takes the next figure that nobody has taken, and
         those that run alone are made by process 0 when the others are done.
+    grow : callable, optional
+        Called now and then with the names of the figures that failed so far, without a job only.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def update(
         return _shared(job, catalogue, folder, quality, jobs, fingerprints)
     store.gather(folder, warn)
     tasks = _told(outdated(catalogue, folder, quality, fingerprints), names)
-    failed = make(tasks, catalogue, folder, jobs, fingerprints)
+    failed = make(tasks, catalogue, folder, jobs, fingerprints, grow=grow)
     _forget_cells(folder, set(names) - set(failed))
     return failed
 

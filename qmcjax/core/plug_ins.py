@@ -46,7 +46,7 @@ def held(name: str, value: Any) -> Any:
     ------
     TypeError
         If an object that is not registered has an array as attribute: a compiled program would keep the
-        values that the array had at compile time. Nouns of this package may be attributes: theirs do not change.
+        values that the array had at compile time. Nouns of this package may be attributes.
     """
     if not jax.tree_util.all_leaves([value]):
         return value

@@ -360,7 +360,7 @@ def test_no_names_mean_the_papers_and_what_a_reader_wants_comes_first(
     """Those without a draft are left out of drafts, and named if they were asked for."""
     asked = []
     monkeypatch.setattr(command_line, "update", lambda names, *rest: asked.extend(names) or [])
-    monkeypatch.setattr(command_line._programs, "keep", lambda warn: None)
+    monkeypatch.setattr(command_line.compiled_programs, "keep", lambda warn: None)
     assert command_line.main(["--out", str(tmp_path), *options]) == 0
     left_out = () if "paper" in options else NO_DRAFT
     assert len(asked) == len(set(asked))
@@ -399,7 +399,7 @@ def make(quality, progress):
 def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypatch):
     asked = []
 
-    def update(names, catalogue, folder, quality, jobs, job):
+    def update(names, catalogue, folder, quality, jobs, job, grow):
         asked.append((quality, jobs))
         return []
 

@@ -240,7 +240,11 @@ def test_floats_with_more_digits_are_not_cut_off(tmp_path):
         (lambda: write_image("a.png", POINTS), TypeError, "transfer must be one of .* got None"),
         (lambda: write_image("a.png", POINTS, transfer="x"), ValueError, "transfer must be one of"),
         (lambda: write_image("a.png", POINTS, transfer="srgb", bits=12), ValueError, "bits must be 8 or 16"),
-        (lambda: write_image("a.npy", POINTS, transfer="srgb"), ValueError, "transfer must be None but for"),
+        (
+            lambda: write_image("a.npy", POINTS, transfer="srgb"),
+            ValueError,
+            "transfer must be None except for",
+        ),
         (
             lambda: write_image("a.npy", [[0.0, 1.0, np.inf]]),
             ValueError,

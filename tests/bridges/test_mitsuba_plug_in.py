@@ -268,7 +268,7 @@ def test_llvm_is_checked_in_a_process_of_its_own(monkeypatch):
 
 
 def test_the_figure_says_that_it_is_missing(monkeypatch):
-    monkeypatch.setattr(mitsuba_samplers._mitsuba, "installed", lambda: False)
+    monkeypatch.setattr(mitsuba_samplers.mitsuba_scenes, "installed", lambda: False)
     _, numbers, *images = mitsuba_samplers.make("draft", lambda part: None)
     assert "pip install 'qmcjax[mitsuba]'" in numbers["note"] and not images and not numbers["measured"]
 

@@ -55,7 +55,8 @@ def image(
     together = max(1, 2**16 // side**2)
     for first in range(0, spp, together):
         samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
-        points = _points(sampler, *np.broadcast_arrays(x[:, None], y[:, None], samples), dims, of_many)
+        columns, rows, each = np.broadcast_arrays(x[:, None], y[:, None], samples)
+        points = _points(sampler, columns, rows, each, dims, of_many)
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
     return (total / spp).reshape(side, side, 3)
@@ -97,7 +98,10 @@ def _points(
     made = partial(_compiled, sampler) if of_many else sampler
     calls = (_calls(each.ravel(), SAMPLES) for each in (x, y, sample))
     points = np.concatenate(
-        [np.asarray(made(*map(jnp.asarray, call), dims)) for call in zip(*calls, strict=True)]
+        [
+            np.asarray(made(jnp.asarray(columns), jnp.asarray(rows), jnp.asarray(samples), dims))
+            for columns, rows, samples in zip(*calls, strict=True)
+        ]
     )
     return points[: x.size].reshape(*x.shape, len(dims))
 

@@ -66,7 +66,7 @@ def test_the_general_linear_group(q, m, order):
     for entries in itertools.product(range(q), repeat=m * m):
         matrix = np.reshape(entries, (m, m))
         if finite_field.rank(matrix, q) < m:
-            with pytest.raises(ValueError, match="matrix must be regular"):
+            with pytest.raises(ValueError, match="matrix must be invertible"):
                 finite_field.inverse(matrix, q)
             continue
         regular += 1

@@ -12,24 +12,6 @@ from tables import KINDS, SEQUENCES, first, is_net, some
 from qmcjax import sequences
 from qmcjax.core import digits
 
-BASE_B = {
-    "van_der_corput(7)",
-    "van_der_corput(65536)",
-    "halton(3)",
-    "halton(12)",
-    "halton, zaremba",
-    "halton, faure_lemieux",
-    "halton, random",
-    "faure(10)",
-    "faure(5, modified)",
-    "quad_optimized(6)",
-    "rotate(halton(12))",
-    "korobov(2000)",
-    "rank1_lattice(1700, 3)",
-    "owen(halton(3))",
-    "owen_exact(faure(3))",
-    "digit_scramble(halton(3))",
-}
 KEYED = {
     "uniform": lambda key: sequences.uniform(2, key),
     "jittered": lambda key: sequences.jittered(64, 2, key),
@@ -51,9 +33,6 @@ def test_the_lists_of_kinds_are_right():
 
     assert len(KINDS) == len({kind(seq) for seq in SEQUENCES.values()})
     assert {kind(SEQUENCES[name]) for name in KINDS} == {kind(seq) for seq in SEQUENCES.values()}
-    assert {
-        name for name, seq in SEQUENCES.items() if not isinstance(seq, sequences.BinarySequence)
-    } == BASE_B
 
 
 @pytest.mark.slow

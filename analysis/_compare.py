@@ -14,7 +14,7 @@ from analysis._distance import min_distance, packing_distance
 from analysis._filtered import filtered_error, low_frequency_power
 from analysis._nets import t_value
 from analysis._perceived import perceived_error
-from analysis._promises import broken_promises
+from analysis._promises import broken_promises, said
 from analysis._spectra import error_spectrum, radial_average
 from analysis._star_discrepancy import star_discrepancy
 from qmcjax.core import checks
@@ -38,6 +38,9 @@ _BLOCK = 16
 """Pixels a side whose points are measured together."""
 
 _MOST_POINTS = 2**14
+
+_TIMED = 3
+"""Renderings whose median is the time of an image."""
 
 
 def compare(
@@ -72,8 +75,8 @@ def compare(
     Returns
     -------
     Comparison
-        Samplers of too few dimensions for a scene, or that refuse a number of samples, are left out there,
-        and ``left_out`` says why.
+        Samplers of too few dimensions for a scene, that refuse a number of samples or that fail, are left out
+        there, and ``left_out`` says why. What fails is among ``promises`` too.
 
     Raises
     ------
@@ -134,15 +137,21 @@ def compare(
         try:
             sampler = maker(spp, 0)
             sampler.check(width, height, spp)
-        except ValueError as error:
-            left_out[scene, name, spp] = str(error)
+        except Exception as error:
+            left_out[scene, name, spp] = said(error)
         else:
-            if spp not in points[name]:
-                points[name][spp] = _of_points(sampler, min(width, height, _BLOCK), spp)
-            if sampler.dims < needed:
-                left_out[scene, name, spp] = f"it has {sampler.dims} dimensions, the scene needs {needed}"
-            else:
-                rows.append(_row(scene, worlds[scene], maker, spp, references[scene]))
+            try:
+                if sampler.dims < needed:
+                    left_out[scene, name, spp] = f"it has {sampler.dims} dimensions, the scene needs {needed}"
+                else:
+                    rows.append(_row(scene, worlds[scene], maker, spp, references[scene]))
+                if spp not in points[name]:
+                    points[name][spp] = _of_points(sampler, min(width, height, _BLOCK), spp)
+            except Exception as error:
+                if str(error).startswith("scene must"):
+                    raise
+                left_out[scene, name, spp] = why = said(error)
+                promises[name] = promises[name] or [f"rendering {scene} with {spp} samples fails: {why}"]
         if progress is not None:
             progress(done / len(plan))
     places = list(worlds)
@@ -171,7 +180,10 @@ class Maker:
         made = self._made
         if self._parameters is not None:
             given = {**self._size, "spp": spp, "key": key}
-            made = made(**{parameter: given[parameter] for parameter in self._parameters})
+            try:
+                made = made(**{parameter: given[parameter] for parameter in self._parameters})
+            except Exception as error:
+                raise ValueError(said(error)) from error
         return as_sampler(f"samplers[{self.name!r}]", made)
 
     def broken(self, spp: int) -> list[str]:
@@ -185,13 +197,16 @@ class Maker:
 def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> ComparisonRow:
     height, width = reference.shape[:2]
     values: dict[str, list[float]] = {measure: [] for measure in MEASURES}
-    seconds, powers, alike = [], [], True
-    first = np.asarray(render(scene, maker(spp, 0), width, height, spp))  # It compiles.
-    for key in range(maker.keys):
-        sampler = maker(spp, key)
+    powers, alike, sampler = [], True, maker(spp, 0)
+    first = np.asarray(render(scene, sampler, width, height, spp))
+    seconds = []
+    for _ in range(_TIMED):
         start = time.perf_counter()
-        image = np.asarray(render(scene, sampler, width, height, spp), np.float64)
+        np.asarray(render(scene, sampler, width, height, spp))  # The same object: another may compile anew.
         seconds.append(time.perf_counter() - start)
+    for key in range(maker.keys):
+        image = np.asarray(render(scene, maker(spp, key), width, height, spp)) if key else first
+        image = image.astype(np.float64)
         alike = alike and np.array_equal(image, first)
         for measure, of in MEASURES.items():
             values[measure].append(of(image, reference))

@@ -72,13 +72,13 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
 def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str]:
     try:
         sampler.check(width, height, spp)
-    except (TypeError, ValueError) as error:
-        yield f"it refuses {width} x {height} pixels with {spp} samples: {error}"
+    except Exception as error:  # Whatever a user's code raises is what the user has to know.
+        yield f"it refuses {width} x {height} pixels with {spp} samples: {said(error)}"
         return
     dims = tuple(range(sampler.dims))
     y, x, sample = np.indices((min(height, _SIDE), min(width, _SIDE), min(spp, _SAMPLES)), np.uint32)
 
-    def asked(x: Any, y: Any, sample: Any, dims: tuple[int, ...] = dims) -> Array:
+    def asked(x: Any, y: Any, sample: Any, dims: tuple[int, ...] = dims, sampler: Any = sampler) -> Array:
         return sampler(x, y, sample, dims)
 
     points, why = _tried(lambda: asked(x, y, sample))
@@ -92,7 +92,9 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
         # Whatever else is compared would differ, too.
         yield from again
         return
-    yield from _same(points, "jax.jit", lambda: jax.jit(asked)(x, y, sample))
+    # As render does it: the arrays of a pytree are arguments of the program.
+    compiled = jax.jit(lambda sampler, x, y, sample: asked(x, y, sample, sampler=sampler))
+    yield from _same(points, "jax.jit", lambda: compiled(sampler, x, y, sample))
     last = tuple(n - 1 for n in points.shape[:3])
     some = {(0, 0, 0), last, tuple(n // 2 for n in last)}
     for row, column, number in sorted(some):
@@ -113,8 +115,14 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
 def _tried(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
     try:
         return np.asarray(call()), ""
-    except Exception as error:  # Whatever a user's code raises is what the user has to know.
-        return None, f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else ''}"
+    except Exception as error:
+        return None, said(error)
+
+
+def said(error: Exception) -> str:
+    """Return what a user's code raised, in one line: of errors of this package's kinds the text alone."""
+    text = next(iter(str(error).splitlines()), "")
+    return text if type(error) is ValueError else f"{type(error).__name__}: {text}"
 
 
 def _same(points: NDArray, what: str, call: Callable[[], Any]) -> Iterator[str]:

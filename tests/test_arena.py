@@ -19,6 +19,12 @@ from qmcjax import samplers, sequences
 def mine(key):
     return samplers.independent(sequences.sobol(4), key)
 
+def nothing():
+    return None
+
+def raises():
+    return samplers.function(lambda x, y, sample: 1 / 0, 2)
+
 def broken():
     return samplers.function(lambda x, y, sample: jnp.zeros((*x.shape, 2)) + 0.25, 2)
 """
@@ -91,6 +97,17 @@ def test_a_broken_sampler_is_told_first(folder, capsys):
     assert page.count("(1–2), ") == 2 * 2 * 3 and page.count("(no interval)") == 1
 
 
+def test_errors_of_samplers_end_in_a_page(folder, capsys):
+    """What raises, and one digit more than two errors share."""
+    assert main(["compare", "some_samplers:raises", *SMALL, "--scenes", "disc"]) == 1
+    assert "a call with arrays of pixels and samples fails: ZeroDivisionError" in capsys.readouterr().err
+    page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
+    assert "Left out: raises, since ZeroDivisionError: division by zero." in page
+    with (folder / "out/compare/compare.csv").open(newline="") as file:
+        errors = [float(row["RMS error"]) for row in csv.DictReader(file)]
+    assert len(errors) == 2 and all(f", {error:.4g}</td>" in page for error in errors)
+
+
 def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):
     """Each sampler is compared, by a name whose images have files of their own on any system."""
     (folder / "more.py").write_text(f"{OWN}\nMine = mine\n", encoding="utf-8")
@@ -123,6 +140,7 @@ def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):
         (["some_samplers"], "samplers are named module:function, got 'some_samplers'"),
         (["nowhere:mine"], "No module named 'nowhere'"),
         (["some_samplers:yours"], "some_samplers has no 'yours'"),
+        (["some_samplers:nothing"], "samplers['nothing'] must be a sampler"),
         (["--points", "nowhere.npy"], "nowhere.npy"),
         (["some_samplers:mine", "--spp", "4,1"], "must be ascending numbers"),
         (["some_samplers:mine", "--size", "16"], "must be at least 32"),

@@ -1,6 +1,8 @@
 """Comparisons of samplers: what is measured, how sure it is, and promises that samplers break."""
 
 import re
+import time
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
@@ -67,6 +69,18 @@ class OnePixel:
         return jnp.asarray([float(x) / SIDE, float(y) / SIDE], dtype)
 
 
+@qj.pytree
+@dataclass(frozen=True)
+class Keyed:
+    """Its key becomes an argument of programs, which NumPy cannot read."""
+
+    key: int
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return good(x, y, sample ^ np.uint32(self.key))[..., list(dims)].astype(dtype)
+
+
 BREAKS = {
     "range": (
         Plug(lambda x, y, s: good(x, y, s) * 1.01),
@@ -79,6 +93,7 @@ BREAKS = {
     "company": (ByShape(), "one sample, 0 of pixel .* gives other points"),
     "dims": (ByPlace(), "gives other points"),
     "scalars": (OnePixel(), "a call with arrays of pixels and samples fails: TypeError"),
+    "key": (Keyed(1), "jax.jit fails: TracerArrayConversionError"),
     "shape": (Plug(lambda x, y, s: good(x, y, s)[..., None]), "a call with arrays .* fails"),
 }
 
@@ -161,6 +176,60 @@ def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
         comparison.row("ball", "Owen", 4)
     assert len(comparison.rows) + len(comparison.left_out) == 5 * 3 * 2
     assert comparison.promises["few"][0].startswith("it refuses")
+
+
+def test_time_is_that_of_a_compiled_program():
+    """Of makers that return a new object each time, too: each is traced anew, which takes 0.2 s here."""
+
+    def slow_to_trace(x, y, sample):
+        time.sleep(0.2)
+        return good(x, y, sample)
+
+    made = {"new": lambda key: Plug(lambda x, y, s: slow_to_trace(x, y, s))}
+    result = analysis.compare(made, {"disc": scenes.disc()}, [4], width=SIDE, height=SIDE, keys=2)
+    assert 0 < result.row("disc", "new", 4).seconds < 0.2
+
+
+def test_what_fails_is_left_out_with_the_reason():
+    """Whatever a sampler returns or raises, others are compared."""
+
+    def later(x, y, sample):  # Not where promises are tried out.
+        return jnp.where((x == 40)[..., None], 1.0, good(x, y, sample))
+
+    def missing(key):
+        return {}["key"]
+
+    made = {
+        "one": (
+            lambda: Plug(later),
+            r"sampler must return points in \[0, 1\), got \[1.0, 1.0\] in pixel \(40, 0",
+        ),
+        "nan": (lambda: Plug(lambda x, y, s: good(x, y, s) * jnp.nan), r"sampler must return points .*nan"),
+        "raises": (lambda: Plug(lambda x, y, s: 1 / 0), "ZeroDivisionError: division by zero"),
+        "dtype": (lambda: samplers.function(lambda x, y, s: x, 2), "f must return points of shape"),
+        "maker": (missing, "KeyError: 'key'"),
+    }
+    worlds = {"disc": scenes.disc()}
+    makers = {name: make for name, (make, _) in made.items()} | {"Owen": owen}
+    result = analysis.compare(makers, worlds, [4], width=64, height=32, keys=1)
+    assert [row.sampler for row in result.rows] == ["Owen"] and result.promises["Owen"] == []
+    for name, (_, why) in made.items():
+        assert re.search(why, result.left_out["disc", name, 4]) and result.promises[name], name
+
+
+def test_a_class_may_hold_a_sequence():
+    class Own:
+        dims = 2
+
+        def __init__(self):
+            self.sequences = (sequences.sobol(2),)
+
+        def __call__(self, x, y, sample, dims, dtype):
+            return self.sequences[0](y * np.uint32(SIDE) + x + sample * np.uint32(2**10), dims, dtype)
+
+    assert analysis.broken_promises(Own(), SIDE, SIDE, 4) == []
+    points = samplers.as_sampler("sampler", Own())(3, 5, 2)
+    np.testing.assert_array_equal(points, sequences.sobol(2)(5 * SIDE + 3 + 2 * 2**10))
 
 
 def test_ranks_say_who_is_told_apart():

@@ -63,15 +63,18 @@ def main(argv: Sequence[str]) -> int:
         def progress(part: float) -> None:
             bar.update(part - bar.n)
 
-        compared = analysis.compare(
-            {**own, **rivals(given.against, dims)},
-            worlds,
-            given.spp,
-            width=given.size,
-            height=given.size,
-            keys=given.keys,
-            progress=progress,
-        )
+        try:
+            compared = analysis.compare(
+                {**own, **rivals(given.against, dims)},
+                worlds,
+                given.spp,
+                width=given.size,
+                height=given.size,
+                keys=given.keys,
+                progress=progress,
+            )
+        except (TypeError, ValueError) as error:
+            parser.error(str(error))
     _store.prepare(given.out)
     command = " ".join(["python -m figures compare", *argv])
     page = _report.write(compared, list(own), sets, given.out, command)

@@ -169,7 +169,7 @@ def _rank(rank: tuple[int, int, int] | None, row: ComparisonRow | None, measure:
         return "–"
     least, most = rank[1:]
     between = f"{least}" if least == most else f"{least}–{most}"
-    return f"{rank[0]} ({between}), {row.mean(measure):.3g}"
+    return f"{rank[0]} ({between}), {row.mean(measure):.4g}"
 
 
 def _points(compared: Comparison, sets: Mapping[str, NDArray]) -> Markup:

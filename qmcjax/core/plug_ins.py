@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
@@ -45,17 +46,24 @@ def held(name: str, value: Any) -> Any:
     ------
     TypeError
         If an object that is not registered has an array as attribute: a program would go on with the values
-        that the array has when it is compiled.
+        that the array has when it is compiled. Nouns of this package may be attributes: theirs do not change.
     """
     if not jax.tree_util.all_leaves([value]):
         return value
     for attribute, content in getattr(value, "__dict__", {}).items():
-        if any(isinstance(leaf, np.ndarray | Array) for leaf in jax.tree.leaves(content)):
+        leaves = jax.tree.leaves(content, is_leaf=_is_constant)
+        if any(isinstance(leaf, np.ndarray | Array) for leaf in leaves):
             raise TypeError(
                 f"{name} must be a pytree to have an array as attribute, got {type(value).__name__} with the "
                 f"array {attribute!r}: make the class a frozen dataclass decorated with qmcjax.pytree"
             )
     return Static(_Identity(value))
+
+
+def _is_constant(value: Any) -> bool:
+    """Tell whether an object is one of this package's, of values that are known and cannot change."""
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value))
+    return is_dataclass(value) and is_own(value) and not traced
 
 
 def unheld(value: Any) -> Any:

@@ -47,8 +47,7 @@ class ComparisonRow:
         return float(low), float(high)
 
     def _logarithms(self, measure: str) -> NDArray[np.float64]:
-        if measure not in self.values:
-            raise ValueError(f"measure must be one of {list(self.values)}, got {checks.shown(measure)}")
+        checks.choice("measure", measure, self.values)
         with np.errstate(divide="ignore"):
             return np.log(self.values[measure])
 
@@ -74,15 +73,29 @@ class Comparison:
         ------
         KeyError
             If there is none.
+        TypeError, ValueError
+            If no row has such a scene, sampler or number of samples.
         """
-        for row in self.rows:
-            if (row.scene, row.sampler, row.spp) == (scene, sampler, spp):
-                return row
+        for row in self._rows(scene=scene, sampler=sampler, spp=spp):
+            return row
         raise KeyError(self.left_out.get((scene, sampler, spp), f"no {sampler} on {scene} at {spp}"))
+
+    def _rows(self, **wanted: Any) -> list[ComparisonRow]:
+        """Return the rows with some scene, sampler or number of samples, or raise an error if none has it."""
+        tried = [*self.left_out, *((row.scene, row.sampler, row.spp) for row in self.rows)]
+        for place, name in enumerate(("scene", "sampler", "spp")):
+            known = dict.fromkeys(each[place] for each in tried)
+            if name == "spp" and name in wanted:
+                spp = checks.integer(name, wanted[name], 1, checks.INDEX_LIMIT - 1)
+                checks.choice(name, str(spp), map(str, known))
+            elif name in wanted:
+                checks.choice(name, wanted[name], known)
+        return [row for row in self.rows if all(getattr(row, name) == of for name, of in wanted.items())]
 
     def errors(self, scene: str, sampler: str, measure: str = "RMS error") -> tuple[NDArray, NDArray]:
         """Return numbers of samples per pixel and means of a measure, of one sampler on one scene."""
-        rows = [row for row in self.rows if (row.scene, row.sampler) == (scene, sampler)]
+        rows = self._rows(scene=scene, sampler=sampler)
+        checks.choice("measure", measure, self.rows[0].values)
         return np.array([row.spp for row in rows]), np.array([row.mean(measure) for row in rows])
 
     def slope(self, scene: str, sampler: str, measure: str = "RMS error") -> tuple[float, float, float]:
@@ -97,7 +110,7 @@ class Comparison:
         ValueError
             If there are fewer than two numbers of samples, or an error is zero.
         """
-        rows = [row for row in self.rows if (row.scene, row.sampler) == (scene, sampler)]
+        rows = self._rows(scene=scene, sampler=sampler)
         # Keys that all rows have, one each.
         logarithms = np.array(list(zip(*(row._logarithms(measure) for row in rows), strict=False)))
         if len(rows) < 2 or not np.isfinite(logarithms).all():
@@ -114,7 +127,7 @@ class Comparison:
         one call by Holm's procedure: in 95 of 100 tables, all ranks over all keys are within these. Of
         samplers with fewer than 4 keys nothing is certain, nor of those with an error of zero.
         """
-        rows = [row for row in self.rows if (row.scene, row.spp) == (scene, spp)]
+        rows = self._rows(scene=scene, spp=spp)
         logarithms = [row._logarithms(measure) for row in rows]
         keys = max(map(len, logarithms), default=0)
         known = [k for k, of in enumerate(logarithms) if len(of) == keys and np.isfinite(of).all()]

@@ -110,7 +110,7 @@ def test_spectra_are_radial_means(ax):
         (ValueError, "order must have at most", lambda: plot.order(orders.raster(2048, 1024))),
         (ValueError, "image must be finite, got 1 other", lambda: plot.image([[np.nan]])),
         (ValueError, "image must have shape", lambda: plot.image(np.zeros(3))),
-        (ValueError, "zoom must be an integer", lambda: plot.image([[0.0]], zoom=1.5)),
+        (TypeError, "zoom must be an integer", lambda: plot.image([[0.0]], zoom=1.5)),
         (ValueError, "limits must be", lambda: plot.image([[0.0]], limits=(1, 0))),
         (ValueError, "transfer must be", lambda: plot.image([[0.0]], transfer="gamma")),
         (ValueError, "reference must have", lambda: plot.difference(np.zeros((2, 2)), np.zeros((2, 3)))),

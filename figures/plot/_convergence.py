@@ -9,11 +9,16 @@ from matplotlib.ticker import LogLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
-from figures.plot._panel import panel
+from figures.plot._panel import check_texts, number, panel
 from figures.plot._style import style
+from qmcjax.core import checks
+from qmcjax.core.parameters import known, numbers, require
 
 _FEW_DECADES = 50.0
 """Up to this ratio of the ends of the vertical axis, powers of ten are too few ticks."""
+
+_STEEPEST = 8.0
+"""Largest power of the number of samples that is drawn."""
 
 _RATE = "0.5"
 _LINE = 0.055
@@ -69,10 +74,18 @@ def convergence(
     >>> print([text.get_text() for text in ax.texts if "n" not in text.get_text()])
     ['Z']
     """
-    if not isinstance(errors, Mapping):
-        raise TypeError(f"errors must map names to errors, got {type(errors).__name__}")
-    x = np.asarray(spps, np.float64)
-    of = {name: np.asarray(values, np.float64) for name, values in errors.items()}
+    for kind, given in (("errors", errors), ("bands", bands or {})):
+        if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
+            raise TypeError(f"{kind} must map names to {kind}, got {checks.shown(given)}")
+    if not errors:
+        raise ValueError("errors must be one or more, got {}")
+    x = numbers("spps", known("spps", spps), (None,))
+    require("spps", x, lambda n: n >= 1, "at least 1")
+    powers = [number("slopes", power, -_STEEPEST, _STEEPEST) for power in known("slopes", slopes)]
+    times = number("times", times, -_STEEPEST, _STEEPEST)
+    floor = None if floor is None else number("floor", floor, 0)
+    check_texts(title=title, ylabel=ylabel)
+    of = {name: known(f"errors[{name!r}]", values) for name, values in errors.items()}
     for name, values in of.items():
         if values.shape != x.shape or not ((values > 0) | np.isnan(values)).all() or np.isnan(values).all():
             raise ValueError(f"errors[{name!r}] must be {len(x)} positive numbers, got {values.tolist()}")
@@ -81,7 +94,7 @@ def convergence(
     of = {name: values * scale for name, values in of.items()}
     start = max(values[0] for values in of.values() if values[0] > 0)
     named = [(name, values[~np.isnan(values)][-1], style(name, of).color) for name, values in of.items()]
-    for power in slopes:
+    for power in powers:
         rate = start * (x / x[0]) ** (power + times)
         ax.plot(x, rate, ":", color=_RATE, lw=0.8, zorder=0)
         named.append((f"$n^{{{power:g}}}$", rate[-1], _RATE))
@@ -93,7 +106,7 @@ def convergence(
         there = ~np.isnan(values)
         ax.plot(x[there], values[there], drawn.line, color=drawn.color, marker=drawn.marker, ms=4, lw=1.2)
         if bands and name in bands:
-            low, high = np.asarray(bands[name], np.float64) * scale
+            low, high = numbers(f"bands[{name!r}]", known("bands", bands[name]), (2, len(x))) * scale
             ax.fill_between(x, low, high, color=drawn.color, alpha=0.15, lw=0)
     ax.set_xscale("log", base=2)
     ax.set_yscale("log")

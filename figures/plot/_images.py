@@ -8,8 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from figures.plot._panel import check_texts, number
+from qmcjax.core import checks
+from qmcjax.core.parameters import known, numbers, require
+
 _MARGIN = 12
 _HEAD = 20
+
+_MOST = 2**16
+"""Pixels a side."""
 
 DPI = 150
 
@@ -63,8 +70,8 @@ def _drawn(
     height, width = array.shape[:2]
     if zoom is None:
         zoom = max(1, round(512 / width))
-    if isinstance(zoom, bool) or not isinstance(zoom, int | np.integer) or zoom < 1:
-        raise ValueError(f"zoom must be an integer of at least 1, got {zoom!r}")
+    zoom = checks.integer("zoom", zoom, 1, _MOST)
+    check_texts(title=title)
     whole = zoom * width + 2 * _MARGIN, zoom * height + 2 * _MARGIN + _HEAD * bool(title)
     figure = Figure(figsize=(whole[0] / DPI, whole[1] / DPI), dpi=DPI)
     place(figure, array, _MARGIN, _MARGIN, zoom, title=title, limits=limits, transfer=transfer)
@@ -103,14 +110,17 @@ def place(
         As for :func:`image`.
     """
     array = _checked("image", image)
-    low, high = limits
-    if not low < high:
-        raise ValueError(f"limits must be (low, high) with low < high, got {limits}")
+    if not isinstance(figure, Figure):
+        raise TypeError(f"figure must be a Figure, got {checks.shown(figure)}")
+    left, bottom = (checks.integer(n, at, -_MOST, _MOST) for n, at in (("left", left), ("bottom", bottom)))
+    zoom = checks.integer("zoom", zoom, 1, _MOST)
+    check_texts(title=title)
+    ends = numbers("limits", known("limits", limits), (2,))
+    require("limits", ends, lambda v: v[0] < v[1], "(low, high) with low < high")
+    low, high = ends
     shown = np.clip((array - low) / (high - low), 0, 1)
-    if transfer == "srgb":
+    if checks.choice("transfer", transfer, ("linear", "srgb")) == "srgb":
         shown = srgb(shown)
-    elif transfer != "linear":
-        raise ValueError(f"transfer must be 'linear' or 'srgb', got {transfer!r}")
     height, width = array.shape[:2]
     across, down = figure.get_size_inches() * figure.dpi
     axes = figure.add_axes((left / across, bottom / down, zoom * width / across, zoom * height / down))
@@ -123,6 +133,8 @@ def place(
 
 def srgb(linear: NDArray[Any]) -> NDArray[Any]:
     """Return linear values in [0, 1] by the curve that screens expect (IEC 61966-2-1)."""
+    linear = known("linear", linear)
+    require("linear", linear, lambda v: (v >= 0) & (v <= 1), "in [0, 1]")
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
@@ -160,8 +172,9 @@ def difference(
     error = _checked("image", image) - _same(_checked("reference", reference), image)
     if scale is None:
         scale = 3 * math.sqrt(np.mean(error**2)) or 1.0
-    if not (math.isfinite(scale) and scale > 0):
-        raise ValueError(f"scale must be positive, got {scale!r}")
+    scale = number("scale", scale)
+    require("scale", scale, lambda v: v > 0, "positive")
+    check_texts(title=title)
     return _drawn(error, title or f"error, {-scale:.2g} to {scale:.2g}", None, (-scale, scale), "linear")
 
 

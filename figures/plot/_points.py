@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
-from figures.plot._panel import panel
+from figures.plot._panel import check_texts, panel
+from qmcjax.core import checks
 from qmcjax.orders import as_order
 
 
@@ -56,8 +57,12 @@ def points(
     [0.03125 0.03125]
     """
     array = _checked(points)
+    check_texts(title=title)
+    if cells is not None and (not isinstance(cells, tuple | list) or len(cells) != 2):
+        raise TypeError(f"cells must be (columns, rows), got {checks.shown(cells)}")
+    counts = [checks.integer("cells", count, 1, 2**12) for count in cells or (1, 1)]
     ax = panel(ax, (3.2, 3.4))
-    for count, line in zip(cells or (0, 0), (ax.axvline, ax.axhline), strict=True):
+    for count, line in zip(counts, (ax.axvline, ax.axhline), strict=True):
         for k in range(1, count):
             line(k / count, color="0.85", lw=0.6, zorder=0)
     n = len(array)
@@ -117,6 +122,7 @@ def order(order: Any, *, title: str = "", ax: Axes | None = None, **style: Any) 
     [0. 1. 1.]
     """
     given = as_order("order", order)
+    check_texts(title=title)
     width, height = given.width, given.height
     if width * height > 2**20:
         raise ValueError(f"order must have at most 2**20 pixels, got {width} x {height}")

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
 import analysis
-from figures.plot._panel import panel
+from figures.plot._panel import check_texts, panel
 from figures.plot._style import style
+from qmcjax.core.parameters import known, numbers
 
 
 def spectrum(
@@ -45,10 +46,9 @@ def spectrum(
     >>> print(ax.get_xlabel(), "|", ax.get_ylabel())
     cycles per pixel | power (white noise: 1)
     """
+    check_texts(title=title)
     if not isinstance(spectra, Mapping):
-        power = np.asarray(spectra, np.float64)
-        if power.ndim != 2:
-            raise ValueError(f"spectra must have shape (height, width), or be a mapping, got {power.shape}")
+        power = numbers("spectra", known("spectra", spectra), (None, None))
         ax = panel(ax, (3.4, 3.4))
         ax.imshow(
             np.fft.fftshift(power),
@@ -62,7 +62,8 @@ def spectrum(
         return ax
     ax = panel(ax, (4.8, 3.2))
     for name, of in spectra.items():
-        frequency, mean = analysis.radial_average(of)
+        power = numbers(f"spectra[{name!r}]", known("spectra", of), (None, None))
+        frequency, mean = analysis.radial_average(power)
         drawn = style(name, spectra)
         ax.plot(frequency / max(np.shape(of)), mean, drawn.line, color=drawn.color, lw=1.2, label=name)
     ax.axhline(1, color="0.6", lw=0.8, zorder=0)

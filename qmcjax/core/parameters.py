@@ -52,6 +52,67 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     return array
 
 
+def floats(name: str, value: Any, last: tuple[int | None, ...] = (), finite: bool = True) -> Array:
+    """Return what a call is given as an array of JAX: floating arrays of JAX as they are.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    value : ArrayLike
+        Integers become the default float.
+    last : tuple of int or None
+        Shape of the last axes; None stands for any length of at least 1.
+    finite : bool
+        Whether infinity and NaN are refused where they are known.
+
+    Raises
+    ------
+    TypeError
+        If the values are no real numbers; bools are none.
+    ValueError
+        If the last axes have another shape, or a value is known not to be finite, or too large for its dtype.
+    """
+    try:
+        with np.errstate(over="ignore"):
+            array = value if isinstance(value, Array) else jnp.asarray(value)
+    except OverflowError:  # Integers.
+        array = jnp.asarray(np.asarray(value, np.float64))
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}") from None
+    if jnp.issubdtype(array.dtype, jnp.integer):
+        array = array.astype(jnp.result_type(float))
+    if array.dtype not in (jnp.float32, jnp.float64):
+        raise TypeError(f"{name} must be float32 or float64, got {checks.shown(value)}")
+    found = array.shape[max(array.ndim - len(last), 0) :]
+    if len(found) != len(last) or any(
+        a < 1 if b is None else a != b for a, b in zip(found, last, strict=True)
+    ):
+        wanted = ", ".join(("...", *("n" if n is None else str(n) for n in last)))
+        raise ValueError(f"{name} must have shape ({wanted}), got {array.shape}")
+    if isinstance(array, Tracer):
+        return array
+    infinite = ~np.isfinite(np.asarray(array))
+    if infinite.any():
+        lost = not isinstance(value, Array) and np.isfinite(np.asarray(value, np.float64)[infinite]).any()
+        if lost or finite:
+            rule = f"finite in {array.dtype}" if lost else "finite"
+            raise ValueError(f"{name} must be {rule}, got {checks.shown(value)}")
+    return array
+
+
+def together(**arrays: Array) -> list[Array]:
+    """Return arrays in one shape, or raise a ValueError that names them."""
+    shapes = {name: array.shape for name, array in arrays.items()}
+    if len(set(shapes.values())) == 1:
+        return list(arrays.values())
+    try:
+        shape = jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        raise ValueError(f"{', '.join(arrays)} must have shapes that broadcast, got {shapes}") from None
+    return [jnp.broadcast_to(array, shape) for array in arrays.values()]
+
+
 def axes(value: Any) -> int:
     """Return how many axes numbers have; 0 for what is no array of them, which `numbers` refuses."""
     try:

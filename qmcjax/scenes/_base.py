@@ -1,6 +1,9 @@
 """What a scene is: a function on the unit cube, with names for its dimensions."""
 
 import abc
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from typing import Any, ClassVar, Protocol
 
 import jax
@@ -12,6 +15,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
+from qmcjax.core.parameters import floats
 
 EPS = float(np.finfo(float).eps)
 
@@ -56,8 +60,26 @@ class Scene(Protocol):
         ...
 
 
+def _takes_points(method: Callable[..., Any], names: tuple[str, ...]) -> Callable[..., Any]:
+    """Return a method of a scene that checks the points it is given."""
+    parameters = inspect.signature(method)
+
+    @wraps(method)
+    def checked(*args: Any, **named: Any) -> Any:
+        scene, *points = parameters.bind(*args, **named).args
+        last = len(scene.needs) - (names == ("u",))
+        return method(scene, *(floats(name, p, (last,)) for name, p in zip(names, points, strict=True)))
+
+    return checked
+
+
 class ExactScene(abc.ABC):
     """A scene of this package: its pixel means are known."""
+
+    def __init_subclass__(cls) -> None:
+        for name, points in {"__call__": ("point",), "varies": ("low", "high"), "boundary": ("u",)}.items():
+            if name in vars(cls):
+                setattr(cls, name, _takes_points(vars(cls)[name], points))
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Return the exact mean over each pixel.

@@ -7,6 +7,7 @@ from typing import Any
 from jax import Array
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import floats
 from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.scenes._base import ExactScene
@@ -29,7 +30,7 @@ class PlugIn:
 
     def __call__(self, point: Array) -> Array:
         """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
-        return unheld(self.held)(point)
+        return unheld(self.held)(floats("point", point, (len(self.needs),)))
 
     def __getattr__(self, name: str) -> Any:
         if name not in _OPTIONAL:
@@ -50,7 +51,7 @@ class Function:
 
     def __call__(self, point: Array) -> Array:
         """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
-        return unheld(self.held)(point)
+        return unheld(self.held)(floats("point", point, (len(self.needs),)))
 
     def __repr__(self) -> str:
         given = unheld(self.held)

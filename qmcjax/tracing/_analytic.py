@@ -14,6 +14,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import floats
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._camera import Sight
 from qmcjax.tracing._estimator import Coordinates, Estimator, guarded, named
@@ -67,6 +68,7 @@ class AnalyticVisibility:
 
     def __call__(self, point: Array) -> Array:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
+        point = floats("point", point, (len(self.needs),))
         estimator, coordinates = self.estimator, named(point, self.needs)
         if "time" not in estimator.needs:
             return estimator(point)
@@ -125,6 +127,7 @@ class AnalyticVisibility:
         Array, shape (...)
             In [0, 1]; 0 where visibility is exact.
         """
+        point = floats("point", point, (len(self.needs),))
         coordinates, estimator = named(point, self.needs), self.estimator
         if "time" not in estimator.needs:
             return jnp.zeros(point.shape[:-1], point.dtype)
@@ -146,6 +149,7 @@ class AnalyticVisibility:
             False says for certain that the value does not depend on the coordinate there.
         """
         estimator, needs = self.estimator, self.needs
+        low, high = (floats(name, end, (len(needs),)) for name, end in (("low", low), ("high", high)))
 
         def with_time(corner: Array) -> Array:
             columns = {name: corner[..., j] for j, name in enumerate(needs)}

@@ -11,7 +11,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import axes, cast, numbers, require
+from qmcjax.core.parameters import axes, cast, floats, numbers, require, together
 from qmcjax.core.plug_ins import held
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import _maps
@@ -71,11 +71,13 @@ class Camera:
 
     def times(self, time: Array) -> Array:
         """Return the times of coordinates in [0, 1)."""
+        time = floats("time", time)
         shutter = jnp.asarray(self.shutter).astype(time.dtype)
         return jnp.full_like(time, shutter) if self.still else shutter[0] + (shutter[1] - shutter[0]) * time
 
     def view(self, x: Array, y: Array) -> View:
         """Return what the camera sees at points of the screen, before it moves."""
+        x, y = together(x=floats("x", x), y=floats("y", y))
         names = "position", "target", "up", "fov", "aspect"
         number = cast({name: getattr(self, name) for name in names}, x.dtype)
         position, target = components(number["position"]), components(number["target"])
@@ -91,10 +93,13 @@ class Camera:
 
     def rays(self, x: Array, y: Array, time: Array, lens: tuple[Array, ...]) -> Sight:
         """Return the rays of points on the screen, times, and points of the lens if there is one."""
+        x, y, time = together(x=floats("x", x), y=floats("y", y), time=floats("time", time))
+        if not isinstance(lens, tuple | list) or len(lens) not in (0, len(self.lens)):
+            raise ValueError(f"lens must be {len(self.lens)} coordinates, got {checks.shown(lens)}")
         view = self.view(x, y)
         origin, seen = each(lambda p: jnp.broadcast_to(p, x.shape), view.origin), view.seen
         if lens:
-            u, v = lens
+            u, v = (floats("lens", part) for part in lens)
             aperture = jnp.asarray(self.aperture).astype(x.dtype)
             a, b = _maps.disc(u, v) if self.blades is None else _maps.polygon(u, v, self.blades)
             moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
@@ -113,7 +118,14 @@ class Camera:
         It is (x, y) of :meth:`rays`, and the depth along the view, which is positive for what is in front.
         Points of weight 0 are directions, as far away as can be.
         """
-        half = jnp.full_like(time, 0.5)
+        if not isinstance(point, tuple | list) or len(point) != 3:
+            raise TypeError(f"point must be three components, got {checks.shown(point)}")
+        x, y, z, weight, time = together(
+            **{f"point[{j}]": floats("point", part) for j, part in enumerate(point)},
+            weight=floats("weight", weight),
+            time=floats("time", time),
+        )
+        point, half = (x, y, z), jnp.full_like(time, 0.5)
         view = self.view(half, half)
         if self.motion is not None:
             frame = Object((), self.motion, None).frame(time)

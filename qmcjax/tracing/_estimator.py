@@ -10,6 +10,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
+from qmcjax.core.parameters import floats
 from qmcjax.core.plug_ins import unheld
 from qmcjax.tracing._camera import Camera, Sight
 from qmcjax.tracing._found import in_dtype
@@ -50,6 +51,7 @@ class Estimator(ABC):
     def __call__(self, point: Array) -> Array:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
         needs = self.needs
+        point = floats("point", point, (len(needs),))
         coordinates = named(point, needs)
         world, camera = (self.world, self.camera) if self.smooth else guarded(self.world, self.camera)
         world = in_dtype(world, point.dtype)
@@ -75,6 +77,7 @@ class Estimator(ABC):
             or nothing that moves is, nor its shadow in direct light.
         """
         needs = self.needs
+        low, high = (floats(name, end, (len(needs),)) for name, end in (("low", low), ("high", high)))
         world = in_dtype(self.world, low.dtype)
         if self.camera.motion is not None:
             return jnp.ones_like(low, bool)
@@ -91,8 +94,6 @@ class Estimator(ABC):
 
 def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
     """Return the coordinates of points, shape (..., len(needs))."""
-    if point.shape[-1:] != (len(needs),):
-        raise ValueError(f"point must have shape (..., {len(needs)}) for {needs}, got {point.shape}")
     flat = point.reshape(-1, len(needs))
     return {name: flat[:, j] for j, name in enumerate(needs)}
 

@@ -1,13 +1,17 @@
 """The nearest hit of rays, differentiable, and whether there is any."""
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
+from qmcjax.core.parameters import floats
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._found import found, in_dtype
 from qmcjax.tracing._search import search
@@ -37,7 +41,8 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     that wants objects no smaller than about a thousandth of their distance from the origin of coordinates:
     there about 2 % of the rays into a mesh miss its other side, and of smaller boxes and cylinders more.
     Rays whose numbers are not finite, and those with a direction of zero length, hit nothing; else
-    directions may have any length.
+    directions may have any length at which their largest component is a normal number. While a program is
+    traced that is not known: smaller ones hit nothing there.
 
     Parameters
     ----------
@@ -58,7 +63,7 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     TypeError
         If an argument has another type.
     ValueError
-        If shapes do not fit.
+        If shapes do not fit, or a direction is too small to be a normal number.
 
     Examples
     --------
@@ -115,12 +120,11 @@ def flat_rays(
     if not isinstance(world, World):
         raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
     given = {"origin": origin, "direction": direction, **dict(zip(("time", "limit"), others, strict=False))}
-    arrays = {name: _floats(name, value) for name, value in given.items()}
-    for name in ("origin", "direction"):
-        if arrays[name].shape[-1:] != (3,):
-            raise ValueError(f"{name} must have shape (..., 3), got {arrays[name].shape}")
+    last = {"origin": (3,), "direction": (3,)}
+    arrays = {name: floats(name, value, last.get(name, ()), finite=False) for name, value in given.items()}
     dtype = arrays["origin"].dtype
-    leading = {name: a.shape[: a.ndim - (name in ("origin", "direction"))] for name, a in arrays.items()}
+    _check_lengths(direction, dtype)
+    leading = {name: a.shape[: a.ndim - (name in last)] for name, a in arrays.items()}
     try:
         shape = jnp.broadcast_shapes(*leading.values())
     except ValueError:
@@ -134,16 +138,18 @@ def flat_rays(
     return shape, tuple(flat)
 
 
-def _floats(name: str, value: Any) -> Array:
-    try:
-        array = jnp.asarray(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be real numbers, got {checks.shown(value)}") from None
-    if jnp.issubdtype(array.dtype, jnp.integer):
-        array = array.astype(jnp.float32)
-    if array.dtype not in (jnp.float32, jnp.float64):
-        raise TypeError(f"{name} must be float32 or float64, got {checks.shown(value)}")
-    return array
+def _check_lengths(direction: Any, dtype: np.dtype) -> None:
+    """Raise a ValueError if a direction is known to have a length that is no normal number of a dtype."""
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(direction)):
+        return
+    # Component by component: the last axis is short.
+    size = reduce(np.maximum, (abs(np.asarray(direction)[..., j]) for j in range(3)))
+    normal = np.finfo(dtype)
+    if np.any((size > 0) & (size < normal.tiny) | (size > normal.max) & (size < np.inf)):
+        raise ValueError(
+            f"direction must have a largest component in [{normal.tiny:.3g}, {normal.max:.3g}], or be 0, "
+            f"got {checks.shown(direction)}"
+        )
 
 
 @jit()

@@ -17,7 +17,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.parameters import cast, floats, numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._camera import Camera, Sight
 from qmcjax.tracing._estimator import Estimator, guarded, moving, named, stilled
@@ -142,6 +142,7 @@ class LensLine:
 
     def __call__(self, point: Array) -> Array:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
+        point = floats("point", point, (len(self.needs),))
         coordinates, scene = named(point, self.needs), self.scene
         world, camera = (scene.world, scene.camera) if scene.smooth else guarded(scene.world, scene.camera)
         world = _still(in_dtype(world, point.dtype), camera, point)
@@ -311,6 +312,7 @@ class _Shear:
 
     def __call__(self, time: Array) -> tuple[Array, Array]:
         """Return matrices (..., 3, 3) and translations (..., 3)."""
+        time = floats("time", time)
         matrix, translation = cast((self.matrix, self.translation), time.dtype)
 
         def between(ends: Array) -> Array:

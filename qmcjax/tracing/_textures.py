@@ -10,7 +10,7 @@ from jax import Array
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import axes, numbers, require
+from qmcjax.core.parameters import axes, floats, numbers, require, together
 from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._vectors import Vector, components, each
@@ -31,6 +31,7 @@ class Pattern:
 
     def __call__(self, u: Array, v: Array, time: Array) -> Vector:
         """Return the colours at coordinates and times of one shape."""
+        u, v, time = together(u=floats("u", u), v=floats("v", v), time=floats("time", time))
         dtype = u.dtype
         if self.motion is not None:
             given = unheld(self.motion)(time)

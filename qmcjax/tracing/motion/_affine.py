@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike
 
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import floats, numbers
 from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._quaternions import rotation_matrix
@@ -28,7 +28,7 @@ class Affine:
 
     def __call__(self, time: ArrayLike) -> tuple[Array, Array]:
         """Return matrices (..., 3, 3) and translations (..., 3) at times of shape (...)."""
-        time = jnp.asarray(time)
+        time = floats("time", time)
         matrix, translation = (
             jnp.asarray(unheld(part)(time)) if callable(unheld(part)) else jnp.asarray(part)
             for part in (self.matrix, self.translation)
@@ -59,6 +59,7 @@ class Affine:
         rotations of any kind keep what they turn in a ball. Of other paths nothing is known: the box is all
         space.
         """
+        low, high = (floats(name, end, (3,), finite=False) for name, end in (("low", low), ("high", high)))
         path = unheld(self.matrix)
         if hasattr(path, "reach"):
             low, high = path.reach(low, high)

@@ -25,7 +25,7 @@ from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast
+from qmcjax.core.parameters import cast, floats
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._rows import fetched
 
@@ -64,7 +64,7 @@ class ArcLength:
         -------
         Array, shape (..., d), of the dtype of ``part``
         """
-        part = jnp.asarray(part)
+        part = floats("part", part)
         points = cast(self.points, part.dtype)
         count = points.shape[0] - 1
         place = jnp.clip(part, 0, 1) * count

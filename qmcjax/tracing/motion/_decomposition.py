@@ -8,7 +8,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.core.parameters import known
+from qmcjax.core.parameters import floats, known, together
 from qmcjax.tracing.motion._quaternions import rotation_matrix
 
 
@@ -99,8 +99,12 @@ def compose(translation: Any, rotation: Any, scale: Any) -> Array:
     -------
     Array, shape (..., 4, 4)
     """
-    translation, rotation, scale = (jnp.asarray(a) for a in (translation, rotation, scale))
-    linear = rotation_matrix(rotation) @ scale
-    upper = jnp.concatenate([linear, translation[..., None]], axis=-1)
+    translation, rotation = floats("translation", translation, (3,)), floats("rotation", rotation, (4,))
+    scale = floats("scale", scale, (3, 3))
+    shape = together(translation=translation[..., 0], rotation=rotation[..., 0], scale=scale[..., 0, 0])[
+        0
+    ].shape
+    linear = jnp.broadcast_to(rotation_matrix(rotation) @ scale, (*shape, 3, 3))
+    upper = jnp.concatenate([linear, jnp.broadcast_to(translation[..., None], (*shape, 3, 1))], axis=-1)
     row = jnp.broadcast_to(jnp.asarray([0, 0, 0, 1], upper.dtype), (*upper.shape[:-2], 1, 4))
     return jnp.concatenate([upper, row], axis=-2)

@@ -9,7 +9,7 @@ from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast, known, numbers, require
+from qmcjax.core.parameters import cast, floats, known, numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._arc_length import ArcLength, by_arc_length
 from qmcjax.tracing.motion._rows import fetched, span
@@ -41,7 +41,7 @@ class Nurbs:
         -------
         Array, shape (..., d), of the dtype of ``u``
         """
-        u = jnp.asarray(u)
+        u = floats("u", u)
         control, weights, knots = cast((self.control, self.weights, self.knots), u.dtype)
         spans = knots.shape[0] - 2 * self.degree - 1
         here, basis = _basis(jnp.clip(u, knots[0], knots[-1]), knots, self.degree)

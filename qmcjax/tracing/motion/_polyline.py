@@ -12,7 +12,7 @@ from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast, known, numbers, require
+from qmcjax.core.parameters import cast, floats, known, numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._rows import fetched, span
 
@@ -40,7 +40,7 @@ class LinearSegments:
         -------
         Array, shape (..., d), of the dtype of ``time``
         """
-        time = jnp.asarray(time)
+        time = floats("time", time)
         times, points = cast((self.times, self.points), time.dtype)
         index = span(times, time)
         (begin,), (end,) = fetched(times[:-1, None], index), fetched(times[1:, None], index)
@@ -134,12 +134,11 @@ def approximated(curve: Curve, start: float, end: float, segments: int, corners:
     """
     if not callable(curve):
         raise TypeError(f"curve must be callable, got {checks.shown(curve)}")
-    interval = known("start and end", [start, end])
-    if not np.isfinite(interval).all() or not interval[0] < interval[1]:
+    interval = np.array([numbers(n, known(n, value)) for n, value in (("start", start), ("end", end))])
+    if not interval[0] < interval[1]:
         raise ValueError(f"start must be before end, got {start!r} and {end!r}")
-    inside = np.unique(
-        known("corners", np.reshape(np.asarray(corners, dtype=None if np.size(corners) else float), -1))
-    )
+    given = known("corners", corners)
+    inside = np.unique(numbers("corners", given, (None,)) if given.shape != (0,) else given)
     if inside.size and not (interval[0] < inside[0] and inside[-1] < interval[1]):
         raise ValueError(f"corners must be inside ({start}, {end}), got {inside.tolist()}")
     segments = checks.integer("segments", segments, inside.size + 1, 2**16)

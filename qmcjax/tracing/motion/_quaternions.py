@@ -11,7 +11,7 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
-from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.parameters import cast, floats, numbers, require, together
 from qmcjax.core.pytrees import pytree
 
 UNIT = 1e-4
@@ -46,14 +46,19 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
     >>> print(rotate(quaternion([0, 0, 1], jnp.pi / 2), jnp.array([1.0, 0, 0])).round(6))
     [0. 1. 0.]
     """
-    axis, half = jnp.asarray(axis), 0.5 * jnp.asarray(angle)
-    dtype = np.result_type(half.dtype, np.float32)
-    shape = jnp.broadcast_shapes(axis.shape[:-1], half.shape)
-    half = jnp.broadcast_to(half.astype(dtype), shape)
-    along = axis.astype(dtype)
-    along = along / jnp.linalg.norm(along, axis=-1, keepdims=True)
+    half = 0.5 * floats("angle", angle)
+    along = floats("axis", axis, (3,)).astype(half.dtype)
+    length = jnp.linalg.norm(along, axis=-1, keepdims=True)
+    require(
+        "axis",
+        length,
+        lambda n: (n > 0) & (n < np.inf),
+        f"of a length above 0 and in the range of {half.dtype}",
+    )
+    along = along / length
+    half, *parts = together(angle=half, **{f"axis[{j}]": along[..., j] for j in range(3)})
     sine, cosine = _sine_and_cosine(half)
-    vector = [sine * jnp.broadcast_to(along[..., j], shape) for j in range(3)]
+    vector = [sine * part for part in parts]
     return jnp.stack([*vector, cosine], axis=-1)
 
 
@@ -87,7 +92,7 @@ def multiply(a: Array, b: Array) -> Array:
     -------
     Array, shape (..., 4)
     """
-    a, b = _matched(a, b)
+    a, b = _matched(a=floats("a", a, (4,)), b=floats("b", b, (4,)))
     (*u, p), (*v, q) = ([c[..., j] for j in range(4)] for c in (a, b))
     crossed = _cross(u, v)
     vector = [p * v[j] + q * u[j] + crossed[j] for j in range(3)]
@@ -99,14 +104,15 @@ def _cross(a: Sequence[Array], b: Sequence[Array]) -> Sequence[Array]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _matched(a: Array, b: Array) -> tuple[Array, Array]:
-    """Broadcast all axes but the last."""
-    shape = jnp.broadcast_shapes(a.shape[:-1], b.shape[:-1])
-    return jnp.broadcast_to(a, (*shape, a.shape[-1])), jnp.broadcast_to(b, (*shape, b.shape[-1]))
+def _matched(**vectors: Array) -> list[Array]:
+    """Broadcast all axes but the last, or raise a ValueError that names the vectors."""
+    first = together(**{name: vector[..., 0] for name, vector in vectors.items()})[0]
+    return [jnp.broadcast_to(v, (*first.shape, v.shape[-1])) for v in vectors.values()]
 
 
 def conjugate(q: Array) -> Array:
     """Return the inverse of a rotation."""
+    q = floats("q", q, (4,))
     return jnp.concatenate([-q[..., :3], q[..., 3:]], axis=-1)
 
 
@@ -123,13 +129,14 @@ def rotate(q: Array, vector: Array) -> Array:
     -------
     Array, shape (..., 3)
     """
-    q, vector = _matched(q, vector)
+    q, vector = _matched(q=floats("q", q, (4,)), vector=floats("vector", vector, (3,)))
     twice = 2 * jnp.cross(q[..., :3], vector)
     return vector + q[..., 3:] * twice + jnp.cross(q[..., :3], twice)
 
 
 def rotation_matrix(q: Array) -> Array:
     """Return the matrices of rotations, shape (..., 4) to (..., 3, 3)."""
+    q = floats("q", q, (4,))
     x, y, z, w = (q[..., j] for j in range(4))
     columns = (
         (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)),
@@ -189,8 +196,7 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
     >>> print(half.round(4))
     [0.     0.     0.7071 0.7071]
     """
-    t = jnp.asarray(t)
-    t = t.astype(np.result_type(t.dtype, np.float32))
+    t = floats("t", t)
     a, b = (jnp.asarray(unit_quaternions(n, q, ())).astype(t.dtype) for n, q in (("a", a), ("b", b)))
     turn = logarithm(_shorter(multiply(conjugate(a), b)))
     return multiply(a, exponential(t[..., None] * jnp.broadcast_to(turn, (*t.shape, 3))))
@@ -222,7 +228,7 @@ class RotationSpline:
         -------
         Array, shape (..., 4), of the dtype of ``time``
         """
-        time = jnp.asarray(time)
+        time = floats("time", time)
         times, keys = cast((self.times, self.keys), time.dtype)
         steps = times[1:] - times[:-1]
         turns = logarithm(_shorter(multiply(conjugate(keys[:-1]), keys[1:])))

@@ -9,7 +9,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import cast, numbers, require
+from qmcjax.core.parameters import cast, floats, numbers, require
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._moved import moved
 from qmcjax.tracing.motion._rows import fetched, span
@@ -29,7 +29,7 @@ class Straightened:
 
     def __call__(self, time: ArrayLike) -> tuple[Array, Array]:
         """Return matrices (..., 3, 3) and translations (..., 3) at times of shape (...)."""
-        time = jnp.asarray(time)
+        time = floats("time", time)
         knots, matrix, translation = cast((self.knots, self.matrix, self.translation), time.dtype)
         rows = jnp.concatenate([matrix.reshape(-1, 9), translation], axis=1)
         index = span(knots, time)

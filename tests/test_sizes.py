@@ -72,7 +72,7 @@ def test_bodies_of_all_sizes_are_hit(finder):
         assert np.array_equal(again[0], distance), size
 
 
-@pytest.mark.parametrize("normal", [2.0**-100, 2.0**-66, 2.0**66, 2.0**100])
+@pytest.mark.parametrize("normal", [2.0**-97, 2.0**-66, 2.0**66, 2.0**100])
 def test_hits_do_not_depend_on_lengths_of_normals_and_directions(normal):
     """Those of planes and discs, and of rays."""
     world, again = (
@@ -87,6 +87,28 @@ def test_hits_do_not_depend_on_lengths_of_normals_and_directions(normal):
         assert np.array_equal(getattr(found, name), getattr(wanted, name)), name
     before = tracing.any_hit(again, ORIGIN, WAY * np.float32(normal), 0.0, limit / np.float32(normal))
     assert np.array_equal(before, tracing.any_hit(world, ORIGIN, WAY, 0.0, limit))
+
+
+@pytest.mark.parametrize("count", [1, *slow(_search._FEW + 1)])
+def test_directions_of_all_lengths_hit_or_are_refused(count):
+    """Few bodies are searched by a program of JAX, more by compiled loops."""
+    world = tracing.world([tracing.sphere([0, 0, 5 + 3 * k], 1.0) for k in range(count)])
+    origin, lengths = [0.0, 0.0, 0.0], np.float32([1e-30, 1e-19, 1.0, 1e19, 1e30, 3e38])
+    for way in ([0, 0, 1], [0.01, 0.02, 0.9]):
+        ways = lengths[:, None] * np.float32(way)
+        hit = tracing.nearest_hit(world, origin, ways)
+        assert not hit.shape.any() and tracing.any_hit(world, origin, ways).all()
+        wanted = tracing.nearest_hit(world, origin, np.float32(way)).distance
+        with np.errstate(under="ignore"):
+            np.testing.assert_allclose(hit.distance[:-1], wanted / lengths[:-1], rtol=1e-6)
+    for length in (9e-32, 1e-39, 1e-45, 1e-60, 1e39, 1e300):
+        for find in (tracing.nearest_hit, tracing.any_hit, tracing.visible_intervals):
+            with pytest.raises(
+                ValueError, match=r"^direction must (have a largest component in|be finite in float32)"
+            ):
+                find(world, origin, [0.0, 0.0, length])
+    with pytest.raises(ValueError, match=r"^direction must have"):
+        tracing.nearest_hit(world, origin, jnp.asarray(np.float32([0, 0, 1e-39])))
 
 
 LIGHTS = {

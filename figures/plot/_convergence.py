@@ -74,14 +74,16 @@ def convergence(
     >>> print([text.get_text() for text in ax.texts if "n" not in text.get_text()])
     ['Z']
     """
-    for kind, given in (("errors", errors), ("bands", bands or {})):
+    for kind, given in (("errors", errors), ("bands", {} if bands is None else bands)):
         if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
             raise TypeError(f"{kind} must map names to {kind}, got {checks.shown(given)}")
     if not errors:
         raise ValueError("errors must be one or more, got {}")
     x = numbers("spps", known("spps", spps), (None,))
     require("spps", x, lambda n: n >= 1, "at least 1")
-    powers = [number("slopes", power, -_STEEPEST, _STEEPEST) for power in known("slopes", slopes)]
+    powers = [
+        number("slopes", power, -_STEEPEST, _STEEPEST) for power in np.atleast_1d(known("slopes", slopes))
+    ]
     times = number("times", times, -_STEEPEST, _STEEPEST)
     floor = None if floor is None else number("floor", floor, 0)
     check_texts(title=title, ylabel=ylabel)

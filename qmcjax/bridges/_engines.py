@@ -101,6 +101,9 @@ class SequenceEngine(qmc.QMCEngine):
         super().__init__(d=self.sequence.dims)
 
     def _random(self, n: Any = 1, *, workers: Any = 1) -> NDArray[np.float64]:
+        self.num_generated = int(self.num_generated)  # scipy adds whatever integers it was given.
+        n = checks.integer("n", n, 0, self.sequence.limit - self.num_generated)
+        checks.integer("workers", workers, -1, checks.INDEX_LIMIT)
         if n == 0:
             return np.empty((0, self.d))
         return np.asarray(self.sequence.points(n, self.num_generated, np.float64))
@@ -118,6 +121,6 @@ class SequenceEngine(qmc.QMCEngine):
         SequenceEngine
             This one.
         """
-        left = self.sequence.limit - self.num_generated
+        left = self.sequence.limit - int(self.num_generated)
         self.num_generated += checks.integer("n", n, 0, left)
         return self

@@ -143,9 +143,9 @@ def render_passes(
         """Return the part of the way to what stops the passes first."""
         parts = [state.done / passes]
         if state.done > 1 and tolerance is not None:
-            parts.append((tolerance / max(float(state.error), tolerance)) ** 2)
+            parts.append((float(tolerance) / max(float(state.error), float(tolerance))) ** 2)
         if state.done > 1 and seconds is not None:
-            parts.append((time.monotonic() - begin) / seconds)
+            parts.append((time.monotonic() - begin) / float(seconds))
         return min(max(parts), 1.0)
 
     part = 0.0 if state is None else finished(state)

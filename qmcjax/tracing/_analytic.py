@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import floats
+from qmcjax.core.parameters import floats, together
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._camera import Sight
 from qmcjax.tracing._estimator import Coordinates, Estimator, guarded, named
@@ -149,7 +149,7 @@ class AnalyticVisibility:
             False says for certain that the value does not depend on the coordinate there.
         """
         estimator, needs = self.estimator, self.needs
-        low, high = (floats(name, end, (len(needs),)) for name, end in (("low", low), ("high", high)))
+        low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))
 
         def with_time(corner: Array) -> Array:
             columns = {name: corner[..., j] for j, name in enumerate(needs)}

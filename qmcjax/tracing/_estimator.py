@@ -10,7 +10,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
-from qmcjax.core.parameters import floats
+from qmcjax.core.parameters import floats, together
 from qmcjax.core.plug_ins import unheld
 from qmcjax.tracing._camera import Camera, Sight
 from qmcjax.tracing._found import in_dtype
@@ -77,7 +77,7 @@ class Estimator(ABC):
             or nothing that moves is, nor its shadow in direct light.
         """
         needs = self.needs
-        low, high = (floats(name, end, (len(needs),)) for name, end in (("low", low), ("high", high)))
+        low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))
         world = in_dtype(self.world, low.dtype)
         if self.camera.motion is not None:
             return jnp.ones_like(low, bool)

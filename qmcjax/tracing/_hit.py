@@ -41,8 +41,8 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     that wants objects no smaller than about a thousandth of their distance from the origin of coordinates:
     there about 2 % of the rays into a mesh miss its other side, and of smaller boxes and cylinders more.
     Rays whose numbers are not finite, and those with a direction of zero length, hit nothing; else
-    directions may have any length at which their largest component is a normal number. While a program is
-    traced that is not known: smaller ones hit nothing there.
+    directions may have any length from 1e-30 on, in float64 from 1e-292. While a program is traced their length
+    is not known: small components of shorter ones count as 0.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     TypeError
         If an argument has another type.
     ValueError
-        If shapes do not fit, or a direction is too small to be a normal number.
+        If shapes do not fit, or a direction is too short.
 
     Examples
     --------
@@ -139,16 +139,19 @@ def flat_rays(
 
 
 def _check_lengths(direction: Any, dtype: np.dtype) -> None:
-    """Raise a ValueError if a direction is known to have a length that is no normal number of a dtype."""
+    """Raise a ValueError if a direction is known to be so short that programs lose components, or too long.
+
+    They take numbers that are not normal for 0.
+    """
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(direction)):
         return
     # Component by component: the last axis is short.
     size = reduce(np.maximum, (abs(np.asarray(direction)[..., j]) for j in range(3)))
-    normal = np.finfo(dtype)
-    if np.any((size > 0) & (size < normal.tiny) | (size > normal.max) & (size < np.inf)):
+    least, most = np.finfo(dtype).tiny / np.finfo(dtype).eps, np.finfo(dtype).max
+    if np.any((size > 0) & (size < least) | (size > most) & (size < np.inf)):
         raise ValueError(
-            f"direction must have a largest component in [{normal.tiny:.3g}, {normal.max:.3g}], or be 0, "
-            f"got {checks.shown(direction)}"
+            f"direction must have a largest component in [{least:.3g}, {most:.3g}], or be 0, got "
+            f"{checks.shown(direction)}"
         )
 
 

@@ -252,17 +252,3 @@ MATRICES = faure_matrices(2, 3, 4)
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (
-            lambda: replace_component(MATRICES / 2, 0, ones(4), 3),
-            "matrices must be integers .* got an array of float64",
-        ),
-    ],
-)
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()

@@ -178,6 +178,8 @@ def right_of_functions():
         "analysis.squared_min_distance.side": [4],
         "table.sampler": ["a"],
         "row.measure": ["RMS error"],
+        "scrambling.code": [1],
+        "scrambling.digits": [2],
         "z.rounds": [2],
         "z.counts": [np.ones((4, 4), int)],
         "analysis.compare.scenes": [{"disc": scenes.disc()}],
@@ -534,6 +536,7 @@ OBJECTS = {
         "__call__ varies unresolved",
     ),
     "choice": (lambda: qmcjax.recommend(2, 4), "sampler"),
+    "scrambling": (lambda: orders.scrambled_morton(4, 4, 1), "scrambled"),
     "z": (lambda: samplers.z(4, 4, 4, 1), "extended adaptive"),
 }
 """What functions return, and methods of it."""
@@ -634,7 +637,8 @@ def shown(arguments):
 
 
 def places(qualified):
-    return [name for name in parameters(qualified) if name not in LEFT_OUT]
+    left_out = LEFT_OUT | ({"name"} if ".as_" in qualified else set())  # By what it calls its argument.
+    return [name for name in parameters(qualified) if name not in left_out]
 
 
 def wrong_for(name):
@@ -692,7 +696,8 @@ def test_mixed_arguments(qualified):
             right = right_things(name, qualified)
             wrong = wrong_for(name)
             pool = [*right * (len(wrong) // max(1, len(right))), *wrong]
-            if name not in arguments and data.draw(st.booleans()):
+            optional = parameters(qualified)[name].default is not inspect.Parameter.empty
+            if optional and name not in arguments and data.draw(st.booleans()):
                 continue
             arguments[name] = data.draw(st.sampled_from(pool))
             given.add(name)

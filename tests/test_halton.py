@@ -248,14 +248,3 @@ def test_all_1024_dimensions(permutation):
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sequences.halton(2, "random", key="x"), "key must be one jax.random.key.* got 'x'"),
-    ],
-)
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()

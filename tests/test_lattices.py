@@ -193,14 +193,3 @@ def test_the_table_is_what_the_search_finds(m):
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sequences.korobov(10, 2, 3.0), "a .* got 3.0"),
-    ],
-)
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()

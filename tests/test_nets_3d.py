@@ -236,14 +236,3 @@ def test_jit_with_the_net_as_argument_keeps_m_static(net):
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sequences.permutation_net_3d(4.0), "m must be an integer .* got 4.0"),
-    ],
-)
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()

@@ -204,17 +204,3 @@ def test_traced_keys_are_an_error(make):
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sequences.latin_hypercube(4, 2, "x"), "key must be one jax.random.key.* got 'x'"),
-        (lambda: sequences.poisson_disk("wide", 0), "radius .* got 'wide'"),
-        (lambda: sequences.poisson_disk(0.1, 1.5), "key must be one .* got 1.5"),
-        (lambda: sequences.lloyd(4, 2, None), "key must be one .* got None"),
-    ],
-)
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()

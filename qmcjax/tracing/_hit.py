@@ -41,8 +41,8 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     that wants objects no smaller than about a thousandth of their distance from the origin of coordinates:
     there about 2 % of the rays into a mesh miss its other side, and of smaller boxes and cylinders more.
     Rays whose numbers are not finite, and those with a direction of zero length, hit nothing; else
-    directions may have any length from 1e-30 on, in float64 from 1e-292. While a program is traced their length
-    is not known: small components of shorter ones count as 0.
+    directions may have any length from 1e-30 on, in float64 from 1e-292. While a program is traced their
+    length is not known: small components of shorter ones count as 0.
 
     Parameters
     ----------

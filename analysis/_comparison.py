@@ -83,13 +83,12 @@ class Comparison:
     def _rows(self, **wanted: Any) -> list[ComparisonRow]:
         """Return the rows with some scene, sampler or number of samples, or raise an error if none has it."""
         tried = [*self.left_out, *((row.scene, row.sampler, row.spp) for row in self.rows)]
-        for place, name in enumerate(("scene", "sampler", "spp")):
-            known = dict.fromkeys(each[place] for each in tried)
-            if name == "spp" and name in wanted:
-                spp = checks.integer(name, wanted[name], 1, checks.INDEX_LIMIT - 1)
-                checks.choice(name, str(spp), map(str, known))
-            elif name in wanted:
+        scenes, samplers, spps = (list(dict.fromkeys(each)) for each in zip(*tried, strict=True))
+        for name, known in (("scene", scenes), ("sampler", samplers)):
+            if name in wanted:
                 checks.choice(name, wanted[name], known)
+        if "spp" in wanted and checks.integer("spp", wanted["spp"], 1, checks.INDEX_LIMIT - 1) not in spps:
+            raise ValueError(f"spp must be one of {spps}, got {wanted['spp']}")
         return [row for row in self.rows if all(getattr(row, name) == of for name, of in wanted.items())]
 
     def errors(self, scene: str, sampler: str, measure: str = "RMS error") -> tuple[NDArray, NDArray]:

@@ -9,6 +9,7 @@ from jax import Array, lax
 
 from qmcjax.core import checks
 from qmcjax.core.bits import high_product
+from qmcjax.core.parameters import together
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 
@@ -132,7 +133,10 @@ class ScrambledMorton(SquareOrder):
            Hierarchical Ordering of Pixels", 2020, Eq. 5 and 16.
         """
         digits = checks.integer("digits", digits, 0, 16)
-        return self._scrambled(checks.unsigned("code", code, 4**digits), digits, node)
+        code = checks.unsigned("code", code, 4**digits)
+        if node is not None:
+            code, node = together(code=code, node=checks.unsigned("node", node))
+        return self._scrambled(code, digits, node)
 
     def _scrambled(self, code: Array, digits: int, node: Array | None = None) -> tuple[Array, Array]:
         node = jnp.broadcast_to(self.root if node is None else node, code.shape)

@@ -112,6 +112,7 @@ LONG = {
     "motion.slerp",
     "path.rotations.__call__",
     "estimator.__call__",
+    "estimator.varies",
     "moving.__call__",
     "moving.analytic.__call__",
     "moving.varies",
@@ -601,6 +602,7 @@ RELATED = {
     "trees.surface_area.low": "high",
     "trees.triangle_distances.times": "vertices",
     "plot.difference.image": "reference",
+    "scrambling.scrambled.digits": "code",
 }
 """What is right by itself may not fit to another argument, which is then the one that is named."""
 

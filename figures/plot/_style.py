@@ -110,7 +110,7 @@ def style(name: str, among: Iterable[str] = ()) -> Style:
     Raises
     ------
     TypeError
-        If ``name`` is no string.
+        If ``name`` is no string, or ``among`` has others.
 
     Examples
     --------
@@ -119,6 +119,9 @@ def style(name: str, among: Iterable[str] = ()) -> Style:
     """
     if not isinstance(name, str):
         raise TypeError(f"name must be the name of a sampler, got {name!r}")
+    among = list(among) if isinstance(among, Iterable) else [among]
+    if not all(isinstance(other, str) for other in among):
+        raise TypeError(f"among must be names of samplers, got {among!r}")
     known = _SAME.get(name, name)
     if known in SAMPLERS:
         return SAMPLERS[known]

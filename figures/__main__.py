@@ -1,4 +1,4 @@
-"""Make the figures: ``python -m figures [names...] [--list] [--out DIR] [--quality draft|paper] [--jobs N]``.
+"""Make the figures: ``python -m figures [names...] [--all] [--list] [--out DIR] [--quality draft|paper]``.
 
 Each figure becomes ``<name>.png`` in the output folder, and what it measured stands beside what the
 papers print in ``numbers.json`` there; ``index.html`` there shows all of it. A second run makes only
@@ -11,11 +11,11 @@ import importlib
 import os
 import signal
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from figures import _programs, _store, page
-from figures._catalogue import CATALOGUE, Entry
+from figures import _memory, _programs, _store, page
+from figures._catalogue import CATALOGUE, FIRST, NO_DRAFT, OURS, PAPERS, Entry
 from figures._job import Job, Where
 from figures._making import warn
 from figures._update import update
@@ -57,11 +57,11 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     for name in options.names:
         if name not in catalogue:
             parser.error(f"unknown figure {name!r}: {_advice(name, catalogue)}")
-    names = list(dict.fromkeys(options.names)) or list(catalogue)
     if options.list:
-        print(_listing(names, catalogue))
+        print(_listing(options.names or catalogue, catalogue))
         return 0
     _check_job(parser, options)
+    names = _chosen(options, catalogue)
     try:
         _store.prepare(options.out)
     except OSError as error:
@@ -76,7 +76,8 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     try:
         if options.distributed or options.coordinator:
             job = _join(options)
-        failed = update(names, catalogue, options.out, options.quality, jobs, job)
+        with _memory.watched() as peak:
+            failed = update(names, catalogue, options.out, options.quality, jobs, job)
         shown = (job is not None and job.process > 0) or _show(options.out, catalogue, failed)
         if job is not None:
             job.meet("shown")
@@ -87,9 +88,23 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
             job.desert()
         print(f"interrupted: what was finished stays in {options.out}", file=sys.stderr)
         return 130
+    if peak.bytes:
+        print(f"peak memory of all processes: {peak.bytes / 1e9:.2f} GB")
     if failed:
         print(f"{len(failed)} of {len(names)} figures failed: {', '.join(failed)}", file=sys.stderr)
     return 1 if failed or not shown else 0
+
+
+def _chosen(options: argparse.Namespace, catalogue: Mapping[str, Entry]) -> list[str]:
+    """Return the figures to make, in order, and say which of those named have no draft."""
+    papers = [name for name in (*FIRST, *catalogue) if name in catalogue and name not in OURS]
+    names = dict.fromkeys(options.names or (*papers, *(catalogue if options.all else ())))
+    if options.quality == "paper":
+        return list(names)
+    for name in options.names:
+        if name in NO_DRAFT:
+            print(f"{name}: no draft, since {NO_DRAFT[name]}: --quality paper makes it", file=sys.stderr)
+    return [name for name in names if name not in NO_DRAFT]
 
 
 def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -> bool:
@@ -117,7 +132,8 @@ figures:
 {_listing(catalogue, catalogue)}
 
 examples:
-  python -m figures                                all figures, as drafts, into out/
+  python -m figures                                the papers' figures, as drafts, into out/
+  python -m figures --all                          and measurements of our own
   python -m figures thesis-6.1 --quality paper     one figure as printed
   python -m figures --out gallery --jobs 4         four at a time, into gallery/
   python -m figures --distributed --out gallery    on all machines of a SLURM job, say
@@ -136,7 +152,10 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.add_argument("names", nargs="*", metavar="name", help="figures to make (default: all)")
+    parser.add_argument(
+        "names", nargs="*", metavar="name", help="figures to make (default: all of the papers)"
+    )
+    parser.add_argument("--all", action="store_true", help="make our own figures, too")
     parser.add_argument("--list", action="store_true", help="show the figures' names and titles and end")
     parser.add_argument(
         "--out", type=_folder, default=Path("out"), metavar="DIR", help="output folder (default: out)"
@@ -231,9 +250,15 @@ def _advice(name: str, catalogue: Mapping[str, Entry]) -> str:
     return f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(catalogue)}"
 
 
-def _listing(names: Sequence[str] | Mapping[str, Entry], catalogue: Mapping[str, Entry]) -> str:
-    width = max(map(len, names))
-    return "\n".join(f"  {name:<{width}}  {catalogue[name].title}" for name in names)
+def _listing(names: Collection[str], catalogue: Mapping[str, Entry]) -> str:
+    """Return names and titles by paper; a star marks those that have no draft."""
+    width = max(map(len, names)) + 1
+    groups: dict[str, list[str]] = {title: [] for title in PAPERS.values()}
+    for name in names:
+        title = PAPERS.get(name.partition("-")[0], "Our own, by --all (*: by --quality paper only)")
+        mark = "*" if name in NO_DRAFT else ""
+        groups.setdefault(title, []).append(f"  {name + mark:<{width}}  {catalogue[name].title}")
+    return "\n".join(line for title, lines in groups.items() if lines for line in (f"{title}:", *lines))
 
 
 if __name__ == "__main__":

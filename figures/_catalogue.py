@@ -211,3 +211,39 @@ CATALOGUE = {
         "figures.screen_space_spectra", "Spectra of the errors of all screen-space methods"
     ),
 }
+
+PAPERS = {
+    "hilbert": "Rendering along the Hilbert curve",
+    "z": "The Z-sampler",
+    "thesis": "Motion blur, the thesis",
+}
+"""The papers, by what the names of their figures begin with."""
+
+OURS = frozenset(name for name in CATALOGUE if name.partition("-")[0] not in PAPERS)
+
+FIRST = (
+    "thesis-6.1",
+    "hilbert-1",
+    "thesis-6.5",
+    "hilbert-5",
+    "thesis-6.2",
+    "z-3",
+    "z-1",
+    "z-9",
+    *(name for paper in PAPERS for name in CATALOGUE if name.partition("-")[0] == paper),
+)
+"""The figures of the papers as a reader wants them: images and curves before sheets of points."""
+
+NO_DRAFT = {
+    "benchmark": "it has one or two points a line",
+    "generators": "it has two points a line",
+    "measure-speed": "it times each measure once",
+    "measures-at-scale": "its counts are too small to have a slope",
+    "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
+    "optimized-dimensions": "it has one scene at one count",
+    "path-speed": "its images are too small to outweigh the calls",
+    "ray-speed": "it has one mesh, and too few rays to outweigh the calls",
+    "scaling": "it has two points a line",
+    "skipping-traced": "it has one scene at one count",
+}
+"""Figures that show nothing at the size of a draft, and why: paper quality makes them."""

@@ -2,15 +2,16 @@
 
 import json
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
 from tqdm import tqdm
 
-from figures import _store
+from figures import _store, page
 from figures._catalogue import Entry
 from figures._cells import Place
 from figures._machine import machine
@@ -19,6 +20,9 @@ from figures._worker import Done, Failed, Progress, Task
 
 CELLS = ".cells"
 """The folder of what is finished of figures that are not."""
+
+PAGE_INTERVAL = 5
+"""Seconds: the page grows with the figures."""
 
 
 def outdated(
@@ -55,7 +59,7 @@ def make(
     """Make figures, keep them, and return the names of those that failed."""
     failed: list[str] = []
     running: dict[str, float] = {}
-    ended = 0
+    ended, due = 0, 0.0
     layout = "{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
 
     def left(task: Task) -> bool:
@@ -80,6 +84,10 @@ def make(
                     failed.append(name)
                 if task.place is not None:
                     task.place.end()
+                if process is None and time.monotonic() >= due:
+                    with suppress(OSError):  # The command says so in the end.
+                        page.write(folder, catalogue, failed)
+                    due = time.monotonic() + PAGE_INTERVAL
             bar.n = ended + sum(running.values())
             bar.set_description(", ".join(running))
     return failed

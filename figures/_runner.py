@@ -9,7 +9,11 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 
+from figures._memory import resident
 from figures._worker import Failed, Message, Progress, Task, serve
+
+MEMORY = 900_000_000
+"""Bytes: a worker that holds more after a task makes room for a new one."""
 
 
 def run(
@@ -62,6 +66,10 @@ def run(
                     message = Failed(f"{task.name}: its process ended with exit status {process.exitcode}\n")
                 if not isinstance(message, Progress):
                     del busy[connection]
+                    if connection in workers and resident(workers[connection].pid or 0) > MEMORY:
+                        process = workers.pop(connection)
+                        process.kill()
+                        process.join()
                 yield task, message
     finally:
         for process in workers.values():

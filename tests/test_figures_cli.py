@@ -20,7 +20,7 @@ import pytest
 from figures import __main__ as command_line
 from figures import _making, _store, _update, _worker
 from figures.__main__ import main
-from figures._catalogue import CATALOGUE, Entry
+from figures._catalogue import CATALOGUE, NO_DRAFT, OURS, Entry
 from figures._fingerprint import fingerprint, sources
 from figures._making import _finish
 from figures._runner import run
@@ -129,7 +129,8 @@ def alive(pid):
 @pytest.mark.parametrize(
     "arguments, status, said",
     [
-        (["--list"], 0, "hilbert-1 "),
+        (["--list"], 0, "Rendering along the Hilbert curve:\n  hilbert-1 "),
+        (["--list"], 0, "Our own, by --all (*: by --quality paper only):\n  tree-builders "),
         (["--list", "thesis-6.2"], 0, "thesis-6.2  "),
         (["--help"], 0, "--quality {draft,paper}"),
         (["thesis_5_21"], 2, "unknown figure 'thesis_5_21': did you mean 'thesis-5.21'?"),
@@ -185,7 +186,8 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     status, stdout, stderr = project.run()
     assert (status, stderr) == (0, "")
     assert re.fullmatch(
-        r"one: \d+\.\d s\ntwo: \d+\.\d s\nout/index.html: all of it, for a browser\nimported: set\(\)\n",
+        r"one: \d+\.\d s\ntwo: \d+\.\d s\nout/index.html: all of it, for a browser\n"
+        r"(peak memory of all processes: \d\.\d\d GB\n)?imported: set\(\)\n",
         stdout,
     )
     assert project.calls() == ["one", "two"]
@@ -313,8 +315,10 @@ def test_interrupt_keeps_what_is_finished(tmp_path):
     assert process.returncode == 130
     assert stderr == "interrupted: what was finished stays in out\n"
     wait_for(lambda: not alive((tmp_path / "started").read_text()), 5)
-    assert project.files() == ["numbers.json", "one.png", "one.webp"]
+    assert project.files() == ["index.html", "numbers.json", "one.png", "one.webp"]
     assert list(project.numbers()) == ["one"]
+    page = (project.out / "index.html").read_text()
+    assert "Title of one" in page, "it grows with the figures"
 
     (tmp_path / "slow").unlink()
     project.calls()
@@ -334,6 +338,64 @@ def test_workers_end_with_a_killed_command(tmp_path):
     process.kill()
     process.communicate(timeout=5)  # until nobody holds its output open
     wait_for(lambda: not alive((tmp_path / "started").read_text()), 5)
+
+
+@pytest.mark.parametrize(
+    "options, chosen",
+    [
+        ([], lambda name: name not in OURS),
+        (["--all"], lambda name: True),
+        (["--all", "--quality", "paper"], lambda name: True),
+        (["z-2", "benchmark", "edges"], lambda name: name in ("z-2", "benchmark", "edges")),
+    ],
+)
+def test_no_names_mean_the_papers_and_what_a_reader_wants_comes_first(
+    tmp_path, monkeypatch, capsys, options, chosen
+):
+    """Those without a draft are left out of drafts, and named if they were asked for."""
+    asked = []
+    monkeypatch.setattr(command_line, "update", lambda names, *rest: asked.extend(names) or [])
+    monkeypatch.setattr(command_line._programs, "keep", lambda warn: None)
+    assert command_line.main(["--out", str(tmp_path), *options]) == 0
+    left_out = () if "paper" in options else NO_DRAFT
+    assert len(asked) == len(set(asked))
+    assert set(asked) == {name for name in CATALOGUE if chosen(name) and name not in left_out}
+    assert ("benchmark: no draft" in capsys.readouterr().err) == ("benchmark" in options)
+    if options[:1] != ["z-2"]:
+        assert asked[:3] == ["thesis-6.1", "hilbert-1", "thesis-6.5"]
+        assert all(name in OURS for name in asked[len(set(asked) - OURS) :])
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for memory in /proc")
+def test_the_peak_is_of_all_processes_and_a_full_worker_makes_room(tmp_path):
+    """Two figures hold 200 MB each in processes of workers; a worker that keeps 950 MB is not kept."""
+    holding = """
+import os, subprocess, sys, time
+from matplotlib.figure import Figure
+
+KEPT = []
+
+def make(quality, progress):
+    hold = "import time; held = b'x' * 200_000_000; time.sleep(1)"
+    subprocess.run([sys.executable, "-c", hold], check=True)
+    KEPT.append(b"x" * SIZE)
+    return Figure(figsize=(1, 1)), {"measured": {"process": os.getpid()}}
+"""
+    modules = {"small": "SIZE = 1", "other": "SIZE = 1", "big": "SIZE = 950_000_000", "last": "SIZE = 1"}
+    project = Project(tmp_path, **{name: f"{size}\n{holding}" for name, size in modules.items()})
+
+    def run(*names):
+        status, stdout, _ = project.run(*names)
+        assert status == 0
+        processes = {name: of["numbers"]["measured"]["process"] for name, of in project.numbers().items()}
+        return processes, float(re.search(r"peak memory of all processes: (.*) GB", stdout)[1])
+
+    processes, peak = run("small", "other")
+    assert processes["small"] == processes["other"]
+    assert 0.25 < peak < 0.6
+    processes, peak = run("big", "last")
+    assert processes["big"] != processes["last"]
+    assert 1.0 < peak < 1.6
 
 
 def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypatch):
@@ -669,3 +731,11 @@ def test_catalogue_names_figures_of_this_package():
     for name, entry in CATALOGUE.items():
         assert entry.module == "figures." + re.sub(r"[-.]", "_", name)
         assert entry.title == entry.title.strip() and "\n" not in entry.title
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NO_DRAFT)
+def test_figures_without_a_draft_run(name):
+    """At the size of a draft, which shows nothing of them but that they run."""
+    png, *_ = _worker._draw(Task(name, CATALOGUE[name].module, "draft"), lambda fraction: None)
+    assert png.startswith(b"\x89PNG")

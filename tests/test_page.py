@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import pytest
 
 from figures import page
-from figures._catalogue import CATALOGUE, Entry
+from figures._catalogue import CATALOGUE, NO_DRAFT, OURS, Entry
 from figures.ledger import Claim, _ledger
 from figures.page import _write
 
@@ -126,7 +126,7 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
     assert [tree["items"][1]["name"] for tree in trees if "items" in tree] == [NASTY]
     facts = next(each["text"] for each in parsed.all("dl", "facts"))
     for fact in (
-        "python -m figures z-9 --quality draft",
+        "python -m figures z-9",
         "1.5 s",
         "Abacus, 2 cores, JAX 9.9",
         "2020-02-02",
@@ -157,11 +157,12 @@ def test_links_images_and_names_of_places_hold(folder):
 def test_counts_are_those_of_the_rows(folder):
     parsed = Parsed(written(folder))
     rows = [each["data-verdict"] for each in parsed.all("tr") if "data-verdict" in each]
-    assert rows == ["reproduced", "differs", "depends", "missing", "reproduced", "untested"]
+    assert rows == ["reproduced", "differs", "depends", "reproduced", "untested"]
+    assert "1 more are of figures that are not in this folder" in parsed.all("section")[1]["text"]
     bar = next(each for each in parsed.all("div", "bar"))["aria-label"]
-    assert bar == "2 reproduced, 1 differs, 1 depends, 1 untested, 1 missing"
+    assert bar == "2 reproduced, 1 differs, 1 depends, 1 untested"
     chips = [" ".join(each["text"].split()) for each in parsed.all("button", "chip")]
-    assert chips == ["✓ 2 reproduced", "✗ 1 differs", "◐ 1 depends", "– 1 untested", "○ 1 missing"]
+    assert chips == ["✓ 2 reproduced", "✗ 1 differs", "◐ 1 depends", "– 1 untested"]
     cases = [each["text"] for each in parsed.all("span", "case")]
     assert cases == ["✓ 4 spp", "✗ <16>"] * 2, "in the ledger and under the figure"
     shown = next(each for each in parsed.all("code") if "title" in each)
@@ -171,7 +172,7 @@ def test_counts_are_those_of_the_rows(folder):
 def test_what_is_not_there_and_what_stands_in_are_told(folder):
     parsed = Parsed(written(folder, failed=["own"]))
     missing = next(each for each in parsed.all("section") if each.get("id") == "missing")
-    assert "1 figure." in missing["text"] and "python -m figures z-2" in missing["text"]
+    assert "1 figure of the papers" in missing["text"] and "python -m figures z-2" in missing["text"]
     badges = [each["text"] for each in parsed.all("span", "badge")]
     assert badges == ["our scene", "draft", "draft", "not up to date"]
     assert "Failed in the last run: own." in [each["text"] for each in parsed.all("p", "warning")]
@@ -197,12 +198,12 @@ def test_what_is_not_there_and_what_stands_in_are_told(folder):
     ],
 )
 def test_old_and_damaged_entries_stop_nothing(folder, damage):
-    """The other figure is whole, and claims that cannot be read count as missing."""
+    """The other figure is whole, and claims that cannot be read are left out."""
     entries = json.loads((folder / "numbers.json").read_text())
     (folder / "numbers.json").write_text(json.dumps(entries | {"z-9": damage}))
     parsed = Parsed(written(folder))
     assert [each["id"] for each in parsed.all("article")] == ["z-9", "own"]
-    assert len([each for each in parsed.all("tr") if "data-verdict" in each]) == len(CLAIMS)
+    assert len([each for each in parsed.all("tr") if "data-verdict" in each]) == len(CLAIMS) - 4
     assert parsed.all("p", "warning")
 
 
@@ -211,7 +212,7 @@ def test_a_folder_without_numbers_has_a_page(folder, text):
     (folder / "numbers.json").unlink()
     if text is not None:
         (folder / "numbers.json").write_text(text)
-    assert "3 figures. Each is made by its command" in Parsed(written(folder)).all("main")[0]["text"]
+    assert "3 figures of the papers" in Parsed(written(folder)).all("main")[0]["text"]
 
 
 def row(scene, sampler, spp, error):
@@ -229,9 +230,26 @@ def test_the_sampler_of_least_error_is_picked_with_its_margin(folder):
     parsed = Parsed(written(folder, catalogue))
     table = next(each for each in parsed.elements if each.get("class") == "pick")
     cells = [re.sub(r"\s+", " ", each["text"].partition("ranks")[0]).strip() for each in parsed.all("td")]
-    cells = cells[len(CLAIMS) * 7 :][:6]
+    cells = cells[2 * 7 :][:6]  # Behind those of claims that need no figure.
     assert cells == ["A 1.50 × the error: B", "–", "A B 2.00 × the error: C", "–", "–", "B no other measured"]
     assert "New & othernew & other" in table["text"]
+
+
+def test_what_was_not_made_is_no_failure(folder):
+    """The page says which command adds our own figures, and which quality those without a draft."""
+    (folder / "numbers.json").write_text("{}")
+    parsed = Parsed(written(folder, CATALOGUE))
+    assert not parsed.all("p", "warning") and "missing" not in parsed.all("main")[0]["text"]
+    papers, ours = CATALOGUE.keys() - OURS, OURS - NO_DRAFT.keys()
+    first, *_, of_papers, own, no_draft = [each["text"] for each in parsed.all("p", "lead")]
+    assert f"0 of {len(papers)} figures of the papers are here" in first
+    assert of_papers.startswith(
+        f"{len(papers - NO_DRAFT.keys())} figures of the papers. python -m figures makes"
+    )
+    assert own == f"{len(ours)} figures of our own. python -m figures --all makes them, too."
+    assert no_draft.startswith(f"{len(NO_DRAFT)} figures that a draft would not show. --quality paper makes")
+    commands = [each["text"] for each in parsed.all("code")]
+    assert "python -m figures benchmark --quality paper" in commands and "python -m figures edges" in commands
 
 
 def test_a_page_of_all_figures_is_light(folder):

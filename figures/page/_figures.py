@@ -6,17 +6,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures import ledger
-from figures._catalogue import Entry
+from figures._catalogue import NO_DRAFT, OURS, PAPERS, Entry
 from figures.page import _images, _verdicts
 from figures.page._html import Markup, fill, join, png_size, quantity, script_safe
 from figures.page._ledger import cases
 
-PARTS = {
-    "hilbert": "Rendering along the Hilbert curve",
-    "z": "The Z-sampler",
-    "thesis": "Motion blur, the thesis",
-    "own": "Measurements of our own",
-}
+PARTS = PAPERS | {"own": "Measurements of our own"}
 
 PART = """
 <section id="part-$part" class="part" aria-labelledby="part-$part-title">
@@ -68,8 +63,16 @@ DAMAGED = """
 
 MISSING = """
 <section id="missing" aria-labelledby="missing-title"><h2 id="missing-title">Not in this folder</h2>
-<p class="lead">$count. Each is made by its command, and appears here then.</p>
-<table class="plain"><tbody>$rows</tbody></table></section>
+$groups</section>
+"""
+
+GROUP = """
+<p class="lead">$lead</p>
+<table class="plain"><tbody>$rows</tbody></table>
+"""
+
+ROW = """
+<tr><td class="id">$name</td><td>$title</td><td><code>$command</code> $why</td></tr>
 """
 
 
@@ -210,10 +213,10 @@ def described(figure: Shown) -> str:
 
 def _facts(figure: Shown) -> Markup:
     entry = figure.entry
-    command = f"python -m figures {figure.name} --quality {entry['quality']}"
     facts = {
         "Command": fill(
-            '<code>$command</code> <button type="button" class="copy">copy</button>', command=command
+            '<code>$command</code> <button type="button" class="copy">copy</button>',
+            command=command(figure.name, entry["quality"]),
         ),
         "Quality": entry["quality"],
         "Time": f"{entry['seconds']:,.1f} s",
@@ -255,13 +258,31 @@ def _settings(measured: Any) -> dict[str, str]:
     }
 
 
+def command(name: str, quality: str = "draft") -> str:
+    """Return what makes a figure, in a better quality if a draft would not show it."""
+    quality = "paper" if name in NO_DRAFT else quality
+    return f"python -m figures {name}" + (" --quality paper" if quality == "paper" else "")
+
+
+LEADS = {
+    "papers": "$count of the papers. <code>python -m figures</code> makes them all.",
+    "own": "$count of our own. <code>python -m figures --all</code> makes them, too.",
+    "no draft": "$count that a draft would not show. <code>--quality paper</code> makes them.",
+}
+
+
 def missing(names: Sequence[str], catalogue: Mapping[str, Entry]) -> Markup:
-    """Return what is not there, and how it is made."""
-    if not names:
-        return Markup("")
-    row = '<tr><td class="id">$name</td><td>$title</td><td><code>python -m figures $name</code></td></tr>'
-    return fill(
-        MISSING,
-        count=quantity(len(names), "figure"),
-        rows=join(fill(row, name=name, title=catalogue[name].title) for name in names),
+    """Return what is not there, and what makes it."""
+    groups: dict[str, list[str]] = {lead: [] for lead in LEADS}
+    for name in names:
+        groups["no draft" if name in NO_DRAFT else "own" if name in OURS else "papers"].append(name)
+    found = join(_group(LEADS[lead], chosen, catalogue) for lead, chosen in groups.items() if chosen)
+    return fill(MISSING, groups=found) if names else Markup("")
+
+
+def _group(lead: str, names: Sequence[str], catalogue: Mapping[str, Entry]) -> Markup:
+    rows = (
+        fill(ROW, name=name, title=catalogue[name].title, command=command(name), why=NO_DRAFT.get(name, ""))
+        for name in names
     )
+    return fill(GROUP, lead=fill(lead, count=quantity(len(names), "figure")), rows=join(rows))

@@ -12,7 +12,7 @@ SECTION = """
 <section id="ledger" aria-labelledby="ledger-title">
 <h2 id="ledger-title">What the papers claim, and what came out</h2>
 <p class="lead">$total of three papers, in our words. Every verdict is computed from the numbers of a
-figure, or by a test that has to pass; none is typed.</p>
+figure, or by a test that has to pass; none is typed. $rest</p>
 <div class="bar" role="img" aria-label="$spoken">$bar</div>
 <div class="controls">
 <div class="chips" role="group" aria-label="Show verdicts">$chips</div>
@@ -47,12 +47,15 @@ COLUMNS = ("Paper", "Place", "Claim", "Measured", "Verdict", "Why", "Shown by")
 
 
 def section(findings: Sequence[ledger.Finding]) -> Markup:
-    """Return counts and table."""
-    counted = _verdicts.counts(finding.verdict for finding in findings)
-    every = {verdict: counted.get(verdict, 0) for verdict in _verdicts.VERDICTS}
+    """Return counts and table of what came out, and how many claims wait for their figures."""
+    made = [finding for finding in findings if finding.verdict != "missing"]
+    rest = len(findings) - len(made)
+    counted = _verdicts.counts(finding.verdict for finding in made)
+    every = {verdict: counted.get(verdict, 0) for verdict in _verdicts.VERDICTS if verdict != "missing"}
     return fill(
         SECTION,
-        total=f"{len(findings)} claims",
+        total=f"{len(made)} claims",
+        rest=f"{rest} more are of figures that are not in this folder." if rest else "",
         spoken=", ".join(f"{count} {verdict}" for verdict, count in counted.items()) or "no claims",
         bar=join(
             fill('<span class="$verdict" style="flex-grow:$count"></span>', verdict=verdict, count=count)
@@ -60,9 +63,8 @@ def section(findings: Sequence[ledger.Finding]) -> Markup:
         ),
         chips=join(
             fill(CHIP, verdict=verdict, count=count, sign=sign, meaning=meaning)
-            for (verdict, count), (sign, meaning) in zip(
-                every.items(), _verdicts.VERDICTS.values(), strict=True
-            )
+            for verdict, count in every.items()
+            for sign, meaning in [_verdicts.VERDICTS[verdict]]
         ),
         papers=join(
             fill('<option value="$paper">$name</option>', paper=paper, name=name)
@@ -74,7 +76,7 @@ def section(findings: Sequence[ledger.Finding]) -> Markup:
             )
             for column in COLUMNS
         ),
-        rows=join(_row(order, finding) for order, finding in enumerate(findings)),
+        rows=join(_row(order, finding) for order, finding in enumerate(made)),
     )
 
 

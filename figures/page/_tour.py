@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from figures._catalogue import Entry
-from figures.page._figures import Shown, picture
+from figures.page._figures import Shown, command, picture
 from figures.page._html import Markup, fill, join
 
 STEPS = (
@@ -51,7 +51,7 @@ STEP = """
 """
 
 NOT_MADE = """
-<p class="warning">Not in this folder: <code>python -m figures $name</code> makes it.</p>
+<p class="note"><code>$command</code> makes it.</p>
 """
 
 
@@ -68,7 +68,9 @@ def section(folder: Path, figures: Mapping[str, Shown], catalogue: Mapping[str, 
                 name=name,
                 title=title,
                 text=text,
-                picture=picture(folder, figures[name]) if name in figures else fill(NOT_MADE, name=name),
+                picture=picture(folder, figures[name])
+                if name in figures
+                else fill(NOT_MADE, command=command(name)),
             )
             for name, title, text in steps
         ),

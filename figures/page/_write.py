@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from figures import _store
-from figures._catalogue import Entry
+from figures._catalogue import OURS, Entry
 from figures.page import _figures, _images, _ledger, _picker, _tour, _verdicts
 from figures.page._figures import Shown
 from figures.page._html import Markup, fill, join, quantity, static
@@ -81,7 +81,7 @@ def page(
         static("page.html"),
         style=Markup(static("style.css")),
         script=Markup("\n".join(static(name) for name in SCRIPTS)),
-        state=f"{len(figures)} of {quantity(len(catalogue), 'figure')} are here",
+        state=_state(figures, catalogue),
         dates=_dates(entries),
         told=_told(failed, assessed.outdated),
         nav=_nav(figures, catalogue),
@@ -92,6 +92,14 @@ def page(
         parts=_figures.parts(folder, list(figures.values())),
         missing=_figures.missing(missing, catalogue),
     )
+
+
+def _state(figures: Collection[str], catalogue: Collection[str]) -> str:
+    """Return how many figures there are of the papers, and of our own."""
+    of_papers = [name for name in catalogue if name not in OURS]
+    ours = len(figures) - sum(name in figures for name in of_papers)
+    state = f"{len(figures) - ours} of {quantity(len(of_papers), 'figure')} of the papers"
+    return state + (f" and {ours} of our own" if ours else "") + " are here"
 
 
 def _nav(figures: Collection[str], catalogue: Collection[str]) -> Markup:
@@ -133,7 +141,7 @@ def _told(failed: Collection[str], outdated: Collection[str]) -> Markup:
     """Return what is wrong with the folder."""
     lines = {
         "Failed in the last run": failed,
-        "Made by an older version, so that their claims count as missing": outdated,
+        "Made by an older version, so that their claims are left out": outdated,
     }
     return join(
         fill('<p class="warning">$what: $names.</p>', what=what, names=", ".join(sorted(names)))

@@ -17,6 +17,9 @@ from qmcjax.core.pytrees import jit
 POINTS = 2**14
 """In one call of a scene."""
 
+SAMPLES = 2**16
+"""In one call of a sampler, whose steps are compiled one by one, for each size."""
+
 
 @jit()
 def _values(scene: Any, points: Array) -> Array:
@@ -31,13 +34,12 @@ def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray
     sampler.check(side, side, spp)
     dims = tuple(range(len(scene.needs)))
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    columns, rows = jnp.asarray(x[:, None]), jnp.asarray(y[:, None])
     pixels = np.stack([x, y], axis=-1)
     total = np.zeros((side**2, 3))
     together = max(1, 2**16 // side**2)
     for first in range(0, spp, together):
-        samples = jnp.arange(first, min(first + together, spp), dtype=jnp.uint32)
-        points = np.array(sampler(columns, rows, samples, dims))
+        samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
+        points = _points(sampler, *np.broadcast_arrays(x[:, None], y[:, None], samples), dims)
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
     return (total / spp).reshape(side, side, 3)
@@ -60,9 +62,26 @@ def compared(
     return dict(zip(names, images.values(), strict=True))
 
 
+def _points(
+    sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """Return points of pixels and samples of any shape, in calls of one size."""
+    calls = (_calls(each.ravel(), SAMPLES) for each in (x, y, sample))
+    points = np.concatenate(
+        [np.asarray(sampler(*map(jnp.asarray, call), dims)) for call in zip(*calls, strict=True)]
+    )
+    return points[: x.size].reshape(*x.shape, len(dims))
+
+
+def _calls(values: NDArray, size: int) -> NDArray:
+    """Return rows of a size, the last one filled up with its last value."""
+    padding = [(0, -len(values) % size)] + [(0, 0)] * (values.ndim - 1)
+    return np.pad(values, padding, mode="edge").reshape(-1, size, *values.shape[1:])
+
+
 def _evaluated(scene: Any, points: NDArray) -> NDArray[np.float64]:
     """Evaluate a scene at points of any shape, in calls of one size."""
     flat = points.reshape(-1, points.shape[-1])
-    calls = np.pad(flat, ((0, -len(flat) % POINTS), (0, 0)), mode="edge").reshape(-1, POINTS, flat.shape[1])
+    calls = _calls(flat, POINTS)
     values = np.concatenate([np.asarray(_values(scene, jnp.asarray(call)), np.float64) for call in calls])
     return values[: len(flat)].reshape(*points.shape[:-1], 3)

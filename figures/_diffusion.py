@@ -46,7 +46,10 @@ class Reference(NamedTuple):
 
 
 def reference(
-    scene: Any, side: int, spp: int, image: Callable[[Any, Any, int, int], NDArray] = _images.image
+    scene: Any,
+    side: int,
+    spp: int,
+    image: Callable[[Any, Any, int, int], NDArray] = _images.replicate,
 ) -> Reference:
     """Return the stored reference of a scene, or else an estimate from randomised replicates.
 

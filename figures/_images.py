@@ -26,10 +26,18 @@ def _values(scene: Any, points: Array) -> Array:
     return scene(points)
 
 
-def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
+@jit("dims")
+def _compiled(sampler: samplers.Sampler, x: Array, y: Array, sample: Array, dims: tuple[int, ...]) -> Array:
+    return sampler(x, y, sample, dims)
+
+
+def image(
+    scene: Any, sampler: samplers.Sampler, side: int, spp: int, of_many: bool = False
+) -> NDArray[np.float64]:
     """Return what `qmcjax.render` does, by a program that knows nothing of the sampler.
 
-    To compile a scene takes longer than a small image of it.
+    To compile a scene takes longer than a small image of it. ``of_many`` says that there will be many images
+    by the same sampler but for its key, which is then compiled, too.
     """
     sampler.check(side, side, spp)
     dims = tuple(range(len(scene.needs)))
@@ -39,10 +47,15 @@ def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray
     together = max(1, 2**16 // side**2)
     for first in range(0, spp, together):
         samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
-        points = _points(sampler, *np.broadcast_arrays(x[:, None], y[:, None], samples), dims)
+        points = _points(sampler, *np.broadcast_arrays(x[:, None], y[:, None], samples), dims, of_many)
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
     return (total / spp).reshape(side, side, 3)
+
+
+def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
+    """Return one image of many."""
+    return image(scene, sampler, side, spp, of_many=True)
 
 
 def compared(
@@ -63,12 +76,13 @@ def compared(
 
 
 def _points(
-    sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...]
+    sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...], of_many: bool
 ) -> NDArray[np.float32]:
     """Return points of pixels and samples of any shape, in calls of one size."""
+    made = partial(_compiled, sampler) if of_many else sampler
     calls = (_calls(each.ravel(), SAMPLES) for each in (x, y, sample))
     points = np.concatenate(
-        [np.asarray(sampler(*map(jnp.asarray, call), dims)) for call in zip(*calls, strict=True)]
+        [np.asarray(made(*map(jnp.asarray, call), dims)) for call in zip(*calls, strict=True)]
     )
     return points[: x.size].reshape(*x.shape, len(dims))
 

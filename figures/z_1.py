@@ -91,7 +91,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         }
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
-    others = (_images.image(scene, zero_two(len(scene.needs), key), side, 1) for key in range(KEYS))
+    others = (_images.replicate(scene, zero_two(len(scene.needs), key), side, 1) for key in range(KEYS))
     powers = np.array([_diffusion.measures(image, exact, area)["low-frequency power"] for image in others])
     white = {
         "mean": float(powers.mean()),

@@ -1,6 +1,7 @@
 """A ray-traced scene of the package: its estimator, and the stored image that estimates converge to."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ class Traced:
     estimator: Any
     """From points to radiance: what the scene is made of is in there."""
 
-    @property
+    @cached_property
     def needs(self) -> tuple[str, ...]:
         """The name of each dimension."""
         return self.estimator.needs

@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+import qmcjax as qj
 from figures import _cells
 from qmcjax import samplers
 from qmcjax.core.digests import digest
@@ -56,6 +57,13 @@ def image(
 def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
     """Return one image of many."""
     return image(scene, sampler, side, spp, of_many=True)
+
+
+def rendered(scene: Any, sampler: samplers.Sampler, side: int, spp: int, quality: str) -> NDArray[np.float64]:
+    """Return an image by `qmcjax.render`, in drafts by the program that all samplers share."""
+    if quality == "paper":
+        return np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
+    return replicate(scene, sampler, side, spp)
 
 
 def compared(

@@ -8,8 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-import qmcjax as qj
-from figures import plot
+from figures import _images, plot
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
 
@@ -72,13 +71,18 @@ def _seen(
 
 
 def sampled(
-    side: int, spp: int, intervals: int = 1, which: int = 0, camera: tracing.Camera = CAMERA
+    side: int,
+    spp: int,
+    quality: str,
+    intervals: int = 1,
+    which: int = 0,
+    camera: tracing.Camera = CAMERA,
 ) -> NDArray[np.float64]:
     """Return the image of one of the intervals of the shutter by Owen-scrambled samples in each pixel."""
     shutter = np.array([which, which + 1]) / intervals
     of = scene(replace(camera, shutter=shutter))
     sampler = samplers.independent(sequences.sobol(len(of.needs)), 1)
-    return np.asarray(qj.render(of, sampler, side, side, spp), np.float64)
+    return _images.rendered(of, sampler, side, spp, quality)
 
 
 def rms(image: NDArray, other: NDArray) -> float:

@@ -57,7 +57,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     progress(0.3)
     truth = []
     for which in range(count):
-        truth.append(_predicted.sampled(size.side, size.exact, count, which))
+        truth.append(_predicted.sampled(size.side, size.exact, quality, count, which))
         progress(0.3 + 0.7 * (which + 1) / count)
     middle = count // 2
     images = {

@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-import qmcjax as qj
-from figures import _predicted
+from figures import _images, _predicted
 from figures._image_grid import DPI, Panel, add_axes, image_grid
 from figures._predicted import rms, shown
 from figures._rc import BLACK, BLUE
@@ -51,7 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     size = SIZES[quality]
     side, count = size.side, 2**LEVELS + 1
     scene = _predicted.scene()
-    exact = _predicted.sampled(side, size.exact)
+    exact = _predicted.sampled(side, size.exact, quality)
     progress(0.1)
     regions: dict[str, NDArray[np.bool_]] = {}
     errors: dict[str, dict[str, dict[str, float]]] = {"predicted": {}, "plain": {}}
@@ -74,7 +73,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 images.mean(axis=0),
             )
         spp = _BATCH * max(round(spent / _BATCH), 1)
-        plain = np.stack([_plain(side, spp, key) for key in range(size.keys)])
+        plain = np.stack([_plain(side, spp, key, quality) for key in range(size.keys)])
         at = f"{spp}"
         errors["predicted"][at], errors["plain"][at] = (
             _errors(images, exact, regions),
@@ -117,14 +116,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
 
 
-def _plain(side: int, spp: int, key: int) -> NDArray[np.float64]:
+def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:
     """Return the image of the whole shutter by random samples."""
     scene = _predicted.scene()
     needs, total = len(scene.needs), 0.0
     for batch in range(spp // _BATCH):
         own = key * 1000 + batch
         sampler = samplers.independent(sequences.uniform(needs, own), own)
-        total = total + np.asarray(qj.render(scene, sampler, side, side, _BATCH), np.float64)
+        total = total + _images.rendered(scene, sampler, side, _BATCH, quality)
     return np.asarray(total) / (spp // _BATCH)
 
 

@@ -60,7 +60,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     scene = _predicted.scene(SHAKEN)
     raw, checked = found(scene, 0), found(scene, CHECKS)
     progress(0.5)
-    truth = _predicted.sampled(side, size.exact, 3, 1, SHAKEN)
+    truth = _predicted.sampled(side, size.exact, quality, 3, 1, SHAKEN)
     holes = raw.samples[1] > 0
     parts: Any = ndimage.label(holes)
     labels, count = parts

@@ -15,7 +15,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from figures import _memory, _programs, _store, page
-from figures._catalogue import CATALOGUE, FIRST, NO_DRAFT, OURS, PAPERS, Entry
+from figures._catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, PAPERS, Entry
 from figures._job import Job, Where
 from figures._making import warn
 from figures._update import update
@@ -97,7 +97,8 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
 
 def _chosen(options: argparse.Namespace, catalogue: Mapping[str, Entry]) -> list[str]:
     """Return the figures to make, in order, and say which of those named have no draft."""
-    papers = [name for name in (*FIRST, *catalogue) if name in catalogue and name not in OURS]
+    between = (name for name in catalogue if name not in (*FIRST, *LAST) and name not in OURS)
+    papers = [name for name in (*FIRST, *between, *LAST) if name in catalogue]
     names = dict.fromkeys(options.names or (*papers, *(catalogue if options.all else ())))
     if options.quality == "paper":
         return list(names)

@@ -256,10 +256,11 @@ def _listing(names: Collection[str], catalogue: Mapping[str, Entry]) -> str:
     width = max(map(len, names)) + 1
     groups: dict[str, list[str]] = {title: [] for title in PAPERS.values()}
     for name in names:
-        title = PAPERS.get(name.partition("-")[0], "Our own, by --all (*: by --quality paper only)")
+        title = PAPERS.get(name.partition("-")[0], "Our own, by --all")
         mark = "*" if name in NO_DRAFT else ""
         groups.setdefault(title, []).append(f"  {name + mark:<{width}}  {catalogue[name].title}")
-    return "\n".join(line for title, lines in groups.items() if lines for line in (f"{title}:", *lines))
+    listed = [line for title, lines in groups.items() if lines for line in (f"{title}:", *lines)]
+    return "\n".join(listed + ["*: --quality paper only"] * any(name in NO_DRAFT for name in names))
 
 
 if __name__ == "__main__":

@@ -130,8 +130,13 @@ def alive(pid):
     "arguments, status, said",
     [
         (["--list"], 0, "Rendering along the Hilbert curve:\n  hilbert-1 "),
-        (["--list"], 0, "Our own, by --all (*: by --quality paper only):\n  tree-builders "),
+        (["--list"], 0, "Our own, by --all:\n  tree-builders "),
         (["--list", "thesis-6.2"], 0, "thesis-6.2  "),
+        (
+            ["--list", "z-table-1"],
+            0,
+            "z-table-1*  Run times of images by sampler, Table 1\n*: --quality paper only\n",
+        ),
         (["--help"], 0, "--quality {draft,paper}"),
         (["thesis_5_21"], 2, "unknown figure 'thesis_5_21': did you mean 'thesis-5.21'?"),
         (["HILBERT-1"], 2, "did you mean 'hilbert-1'?"),

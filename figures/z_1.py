@@ -1,7 +1,10 @@
 """Z paper Fig. 1: an interior at one sample a pixel by four samplers, and the spectra of their errors."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -59,11 +62,17 @@ def zero_two(dims: int, key: int) -> samplers.Sampler:
     return _padded.zero_two(_padded.pairs(dims), key, key)
 
 
+@cache
+def _tree(dims: int, side: int) -> Any:
+    """Return the Z-sampler for one sample: more have the same orders."""
+    return samplers.z(side, side, 1, KEY, "tree", dims=dims)
+
+
 def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
     """Return the paper's samplers, by their names there."""
     return {
         "(0,2)": zero_two(dims, KEY),
-        "Z": samplers.z(side, side, spp, KEY, "tree", dims=dims),
+        "Z": replace(_tree(dims, side), spp=spp),
         "Heitz": _padded.ranked(_padded.pairs(dims), KEY),
         "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
     }

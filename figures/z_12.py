@@ -1,6 +1,9 @@
 """Z paper Fig. 12: variants of the Z-sampler and sizes of its alphabet, on the rods in coloured light."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+from typing import Any
 
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -53,23 +56,28 @@ NOTE = (
 )
 
 
-def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
-    """Return the implementations, the trees with few letters, and what they are compared to."""
+@cache
+def _orders(dims: int, side: int) -> dict[str, Any]:
+    """Return the Z-samplers, for one sample: more have the same orders."""
     return (
         {
-            name: samplers.z(side, side, spp, None if variant == "plain" else KEY, variant, dims)
+            name: samplers.z(side, side, 1, None if variant == "plain" else KEY, variant, dims)
             for name, variant in VARIANTS.items()
         }
         | {
-            name: samplers.z(side, side, spp, KEY, "tree", dims, alphabet=letters)
+            name: samplers.z(side, side, 1, KEY, "tree", dims, alphabet=letters)
             for name, letters in ALPHABETS.items()
         }
-        | {
-            "Z joint": samplers.z(side, side, spp, KEY, sequence=sequences.sobol(dims)),
-            "(0,2)": _padded.zero_two(_padded.pairs(dims), KEY, KEY),
-            "random": samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, KEY), spp),
-        }
+        | {"Z joint": samplers.z(side, side, 1, KEY, sequence=sequences.sobol(dims))}
     )
+
+
+def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
+    """Return the implementations, the trees with few letters, and what they are compared to."""
+    return {name: replace(made, spp=spp) for name, made in _orders(dims, side).items()} | {
+        "(0,2)": _padded.zero_two(_padded.pairs(dims), KEY, KEY),
+        "random": samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, KEY), spp),
+    }
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

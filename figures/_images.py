@@ -1,6 +1,6 @@
 """Images of traced scenes by one compiled program a scene, whatever the sampler, size and count."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -55,7 +55,7 @@ def image(
     together = max(1, 2**16 // side**2)
     for first in range(0, spp, together):
         samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
-        points = _points(sampler, *np.broadcast_arrays(x[:, None], y[:, None], samples), dims, of_many)
+        points = _points(sampler, np.broadcast_arrays(x[:, None], y[:, None], samples), dims, of_many)
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
     return (total / spp).reshape(side, side, 3)
@@ -91,15 +91,14 @@ def compared(
 
 
 def _points(
-    sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...], of_many: bool
+    sampler: samplers.Sampler, places: Sequence[NDArray], dims: tuple[int, ...], of_many: bool
 ) -> NDArray[np.float32]:
-    """Return points of pixels and samples of any shape, in calls of one size."""
+    """Return points of pixels and samples, three arrays of one shape, in calls of one size."""
     made = partial(_compiled, sampler) if of_many else sampler
-    calls = (_calls(each.ravel(), SAMPLES) for each in (x, y, sample))
-    points = np.concatenate(
-        [np.asarray(made(*map(jnp.asarray, call), dims)) for call in zip(*calls, strict=True)]
-    )
-    return points[: x.size].reshape(*x.shape, len(dims))
+    calls = zip(*(_calls(each.ravel(), SAMPLES) for each in places), strict=True)
+    found = [made(jnp.asarray(x), jnp.asarray(y), jnp.asarray(sample), dims) for x, y, sample in calls]
+    points = np.concatenate([np.asarray(each) for each in found])
+    return points[: places[0].size].reshape(*places[0].shape, len(dims))
 
 
 def _calls(values: NDArray, size: int) -> NDArray:

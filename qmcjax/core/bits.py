@@ -1,4 +1,4 @@
-"""Words of 32 bits: reversal, carry-free products in log steps, hashes, and the one way to floats.
+"""Words of 32 bits: reversal, carry-free products in log steps, hashes, and the conversion to floats.
 
 A coordinate in base 2 is a ``uint32`` fraction: bit 31 is the first digit after the binary point.
 A *bit-reversed* fraction has the first digit in bit 0. The bits of an index are one already
@@ -115,7 +115,7 @@ def gray_encode(word: Array) -> Array:
 def high_product(a: Array, b: Array) -> Array:
     """Return the upper word of the product of two words.
 
-    ``jax.lax.mulhi`` does the same, but on CPUs no program for several devices can have it (jax 0.10).
+    ``jax.lax.mulhi`` does the same, but XLA for CPUs cannot compile it for several devices (jax 0.10).
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def high_product(a: Array, b: Array) -> Array:
 
 
 def hash_word(word: Array) -> Array:
-    """Mix a word: a bijection of the 32-bit words whose output bits all depend on all input bits.
+    """Mix a word: a bijection of 32-bit words, with all output bits dependent on all input bits.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def hash_pair(one: Array, other: Array) -> Array:
     Parameters
     ----------
     one, other : uint32 Array, broadcast together
-        For another hash of the same pairs, xor each with a random word of its own.
+        For another hash of the same pairs, xor each with its own random word.
 
     Returns
     -------
@@ -179,8 +179,8 @@ def _masked_sum(word: Array, summand: Array, mask: Array) -> Array:
 def owen_hash(reversed_bits: Array, seed: Array) -> Array:
     """Owen-scramble bit-reversed fractions in base 2.
 
-    Digit ``k`` is flipped by a hash of the digits before it: sums and products only carry from bit ``k``
-    to the bits above, so that the map is a nested permutation for every seed [1]_.
+    Digit ``k`` is flipped by a hash of the digits before it: sums and products carry only towards higher
+    bits, so the map is a nested permutation for every seed [1]_.
 
     Parameters
     ----------
@@ -196,11 +196,11 @@ def owen_hash(reversed_bits: Array, seed: Array) -> Array:
 
     Notes
     -----
-    At each level of the tree, count the flips of all nodes: the parity of a composition is the sum of those
-    of its steps. That of a sum or of a product with an odd number is the same at all levels but the first.
-    So hashes of these and of fixed steps [2]_ cannot reach all permutations of three digits. The sum under a
-    mask has the mask's bits as parities, which makes them independent. The rotations and the order of the
-    steps were searched for uniform permutations of four digits.
+    At each level of the tree, count the flips of all nodes: the parity of a composition is the sum of the
+    parities of its steps. A sum or a product with an odd number has the same parity at all levels but the
+    first. So hashes made of these and of fixed steps [2]_ cannot reach all permutations of three digits. The
+    sum under a mask has the mask's bits as parities, which makes them independent. The rotations and the
+    order of the steps were searched for uniform permutations of four digits.
 
     References
     ----------
@@ -234,11 +234,6 @@ def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
     Returns
     -------
     Array of ``dtype``, shape (...)
-
-    Raises
-    ------
-    ValueError
-        For any other dtype.
 
     Examples
     --------

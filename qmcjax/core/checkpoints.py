@@ -1,7 +1,7 @@
-"""The state of a long computation in a file, from which another process goes on to the same bits.
+"""The state of a long computation in a file, from which another process resumes with bit-identical results.
 
-A file is written under a temporary name, brought to disk and then renamed: whenever a process is killed, the
-file there is whole, the last one or the one before.
+A file is written under a temporary name, brought to disk and then renamed: a killed process leaves a complete
+file, the last one or the one before.
 """
 
 import glob
@@ -28,10 +28,10 @@ EVERY = 30.0
 """Seconds between two writes of a state."""
 
 SHARE = 0.05
-"""The most of the time that writing takes: states of gigabytes are written less often."""
+"""Largest part of the time spent on writing: states of gigabytes are written less often."""
 
 LEFT = 86400.0
-"""Age in seconds from which on an unfinished file is no longer being written, whoever began it."""
+"""Age in seconds at which an unfinished file counts as abandoned."""
 
 _FORMAT = "qmcjax checkpoint 1"
 _HEADER = "header"
@@ -43,17 +43,16 @@ State = dict[str, NDArray]
 class Checkpoint:
     """A file that keeps the state of a computation, and a label of the foreign code in that computation.
 
-    Foreign code is any function, class or object from outside qmcjax, JAX, NumPy and SciPy: a scene or
-    sampler of your own, or a function that one is made of. Only you know whether it has changed since the
-    state was written.
+    Foreign code is any function, class or object from outside qmcjax, JAX, NumPy and SciPy: your own scene or
+    sampler, or a function in it. Changes of this code cannot be detected.
 
     Parameters
     ----------
     path : str or path
-        Of the file, which need not be there.
+        The file; it need not exist.
     label : str
         Change it whenever the foreign code changes, or a value that the code uses. A state with another label
-        is refused.
+        raises a ValueError.
 
     Examples
     --------
@@ -73,7 +72,7 @@ class Checkpoint:
 
 
 class File:
-    """The state of one computation in a file: what an earlier run has kept, or nothing."""
+    """The state of one computation in a file, as an earlier run left it, or empty."""
 
     def __init__(self, path: Path, header: str, state: State, writes: bool = True) -> None:
         self.path = path
@@ -83,21 +82,20 @@ class File:
         self._next = time.monotonic() + EVERY
 
     def due(self, last: bool = False) -> bool:
-        """Tell whether it is time to write; in the end of a computation it is."""
+        """Return whether it is time to write; at the end of a computation it is."""
         return self.writes and (last or time.monotonic() >= self._next)
 
     def write(self, **state: Any) -> None:
-        """Keep arrays in place of what was kept before.
+        """Replace the kept arrays.
 
-        If that fails, the file from before stays, with a warning: a full disk need not end what can go on
-        without one.
+        If writing fails, the previous file stays and a warning is issued: the computation continues.
         """
         start = time.monotonic()
         try:
             self._write(state)
         except OSError as error:
             warnings.warn(
-                f"checkpoint {str(self.path)!r} cannot be written, the last one stays: {error}",
+                f"checkpoint {str(self.path)!r} cannot be written, the previous one stays: {error}",
                 RuntimeWarning,
                 stacklevel=2,
             )
@@ -117,22 +115,22 @@ class File:
 
 
 class Part:
-    """The state of a loop inside another one, kept in the same file beside the outer one's arrays."""
+    """The state of an inner loop, kept in the same file as the arrays of the outer loop."""
 
     def __init__(self, whole: File, name: str, **outer: Any) -> None:
         self.whole = whole
         self.prefix = f"{name}."
         self.outer = outer
         own = [key for key in whole.state if key.startswith(self.prefix)]
-        # Taken out: the next turn of the outer loop begins with nothing.
+        # Removed: the next iteration of the outer loop starts with an empty state.
         self.state = {key.removeprefix(self.prefix): whole.state.pop(key) for key in own}
 
     def due(self, last: bool = False) -> bool:
-        """Tell whether it is time to write; the end of a part is not that of the whole."""
+        """Return whether it is time to write; the end of a part is not the end of the whole."""
         return self.whole.due()
 
     def write(self, **state: Any) -> None:
-        """Keep arrays in place of what was kept before, with those of the outer loop."""
+        """Replace the kept arrays, together with those of the outer loop."""
         self.whole.write(**self.outer, **{f"{self.prefix}{key}": value for key, value in state.items()})
 
 
@@ -141,16 +139,16 @@ Kept = File | Part
 
 
 def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
-    """Return the file of a computation, with the state that an earlier run of the same has kept.
+    """Return the file of a computation, with the state kept by an earlier run.
 
     Parameters
     ----------
     checkpoint : path or Checkpoint
-        Of a file, which need not be there.
+        The file; it need not exist.
     mesh : Mesh or None
-        Whose processes compute together. All read the file; then the first one writes it when it is due.
+        All its processes read the file; the first one writes it when it is due.
     **made_of : Any
-        What the result depends on, by the names of arguments.
+        All arguments that the result depends on, by name.
 
     Returns
     -------
@@ -159,12 +157,12 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     Raises
     ------
     TypeError
-        If ``checkpoint`` is no path or Checkpoint, or something is a tracer.
+        If an argument is a tracer.
     ValueError
-        If the file is no checkpoint, damaged, that of another computation, or not the same for all processes,
-        or the folder is not there. If foreign code takes part without a label: now, not when work is lost.
+        If the file is damaged, belongs to another computation, or differs between processes, if its folder
+        does not exist, or if foreign code takes part without a label.
     OSError
-        If nothing can be written there.
+        If the file cannot be written.
     """
     path, label = _checked(checkpoint)
     described, foreign = {"label": repr(label), "device": devices.kind(mesh)}, []
@@ -198,7 +196,7 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
 
 
 def _checked(checkpoint: Any) -> tuple[Path, str | None]:
-    """Return where a checkpoint is to be and its label, or raise a TypeError or ValueError."""
+    """Return the path and the label of a checkpoint, or raise a TypeError or ValueError."""
     path, label = checkpoint, None
     if isinstance(checkpoint, Checkpoint):
         path, label = checkpoint.path, checkpoint.label
@@ -218,7 +216,7 @@ def _prefix(path: Path) -> str:
 
 
 def _clear(path: Path) -> None:
-    """Remove what killed processes left unfinished, and nothing that another one may be writing."""
+    """Remove unfinished files of killed processes, but none that another process may be writing."""
     for part in path.parent.glob(f"{glob.escape(_prefix(path))}*"):
         process, _, host = part.name.removeprefix(_prefix(path)).partition("-")
         with suppress(OSError):  # Another process may have finished or removed it.
@@ -234,7 +232,7 @@ def _clear(path: Path) -> None:
 
 def _read(path: Path) -> tuple[dict[str, str], State]:
     try:
-        # Each array is there with a sum of its bytes, which is checked.
+        # Each array is stored with a checksum, which is verified.
         with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
             header = json.loads(str(file[_HEADER]))
             state = {name: file[name] for name in file.files if name != _HEADER}
@@ -243,13 +241,13 @@ def _read(path: Path) -> tuple[dict[str, str], State]:
         return header["made of"], state
     except (OSError, ValueError, KeyError, TypeError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         raise ValueError(
-            f"checkpoint must be a file that was written as one, got {str(path)!r}, which is damaged or "
+            f"checkpoint must be a checkpoint file, got {str(path)!r}, which is damaged or "
             f"something else ({error}): give another path, or delete it to begin anew"
         ) from None
 
 
 def _refuse_other(path: Path, known: Mapping[str, str], wanted: Mapping[str, str]) -> None:
-    """Raise a ValueError that names what a checkpoint differs in."""
+    """Raise a ValueError that names the differences."""
     differences = []
     for name in {**known, **wanted}:
         old, new = known.get(name), wanted.get(name)
@@ -258,6 +256,6 @@ def _refuse_other(path: Path, known: Mapping[str, str], wanted: Mapping[str, str
             differences.append(f"{name} was {old}, is {new}" if plain else f"{name} is another one")
     if differences:
         raise ValueError(
-            f"checkpoint must be that of this computation, got {str(path)!r}, where {', '.join(differences)}"
+            f"checkpoint must belong to this computation, got {str(path)!r}, where {', '.join(differences)}"
             ": give another path, or delete it to begin anew"
         )

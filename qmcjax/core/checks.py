@@ -1,4 +1,4 @@
-"""Errors for mistakes that are known before tracing: each names the argument, what it must be and what came.
+"""Checks of arguments known before tracing: each error names the argument, what it must be and what came.
 
 A wrong type is a TypeError, a wrong value a ValueError, as in NumPy.
 """
@@ -22,14 +22,14 @@ MAX_SIDE = 2**16
 """Largest width or height of an image: positions of its pixels fit a uint32."""
 
 PRNG = "threefry2x32"
-"""The generator behind keys made from integers, whatever a user's environment chooses as the default."""
+"""The generator of keys made from integers, independent of the user's default."""
 
 _SHOWN = 80
-"""Most characters of a value in a message."""
+"""Largest number of characters of a value in a message."""
 
 
 def shown(value: Any) -> str:
-    """Return what an argument is, in a few words: its repr if that is short, else its type and shape."""
+    """Return a short description of an argument: its repr if that is short, else its type and shape."""
     if isinstance(value, np.ndarray | Array) and value.ndim:
         return f"an array of {value.dtype} {value.shape}"
     text = repr(value)
@@ -39,15 +39,7 @@ def shown(value: Any) -> str:
 
 
 def integer(name: str, value: Any, low: int, high: int) -> int:
-    """Return ``value`` as an int in ``[low, high]``.
-
-    Raises
-    ------
-    TypeError
-        If it is no integer; a bool is none.
-    ValueError
-        If it is out of range.
-    """
+    """Return ``value`` as an int in ``[low, high]``; a bool is not accepted."""
     try:
         if isinstance(value, bool | np.bool_) or isinstance(value, Tracer):
             raise TypeError
@@ -60,15 +52,7 @@ def integer(name: str, value: Any, low: int, high: int) -> int:
 
 
 def power_of_two(name: str, value: Any, most: int) -> int:
-    """Return ``value`` as an int: a power of two, at most ``most``.
-
-    Raises
-    ------
-    TypeError
-        If it is no integer; a bool is none.
-    ValueError
-        If it is out of range, or no power of two.
-    """
+    """Return ``value`` as an int: a power of two, at most ``most``; a bool is not accepted."""
     number = integer(name, value, 1, most)
     if number & (number - 1):
         raise ValueError(f"{name} must be a power of two, got {number}")
@@ -83,15 +67,7 @@ def flag(name: str, value: Any) -> bool:
 
 
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
-    """Return ``value``, one of some words.
-
-    Raises
-    ------
-    TypeError
-        If it is no word.
-    ValueError
-        If it is none of these.
-    """
+    """Return ``value``, one of ``choices``."""
     choices = tuple(choices)
     if not isinstance(value, str):
         raise TypeError(f"{name} must be one of {choices}, got {shown(value)}")
@@ -121,7 +97,7 @@ def positive(name: str, value: Any) -> None:
 
 
 def known_array(name: str, value: Any, kind: type[np.number], wanted: str) -> np.ndarray:
-    """Return a NumPy array of numbers of a kind, or raise a TypeError that says what is wanted."""
+    """Return a NumPy array of numbers of a kind, or raise a TypeError that names ``wanted``."""
     try:
         known = np.asarray(None if isinstance(value, Tracer) else value)
     except (TypeError, ValueError):
@@ -134,15 +110,7 @@ def known_array(name: str, value: Any, kind: type[np.number], wanted: str) -> np
 def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
     """Return integers of any dtype as a uint32 array.
 
-    Negative values and those at or above ``limit`` are refused where they can be seen; traced ones are taken
-    modulo 2**32.
-
-    Raises
-    ------
-    TypeError
-        If the values are no integers; bools are none.
-    ValueError
-        If one of them is out of range.
+    Known values must be in [0, limit); traced ones are taken modulo 2**32. Bools are not accepted.
     """
     if isinstance(value, Tracer | Array):
         given: Any = value
@@ -160,7 +128,7 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
         return jnp.asarray(given)
     if isinstance(given, Tracer):
         return given.astype(jnp.uint32)
-    known = np.asarray(given)  # NumPy, since inside a program JAX would trace it.
+    known = np.asarray(given)  # NumPy: under jit JAX would trace it.
     if known.size:
         for extreme in (int(known.min()), int(known.max())):
             if not 0 <= extreme < limit:
@@ -169,7 +137,7 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
 
 
 def dimensions(wanted: Any, available: int) -> tuple[int, ...]:
-    """Return the static tuple of wanted dimensions; all of them for None."""
+    """Return the tuple of wanted dimensions; all of them for None."""
     if wanted is None:
         return tuple(range(available))
     try:
@@ -184,15 +152,7 @@ def dimensions(wanted: Any, available: int) -> tuple[int, ...]:
 
 
 def prng_key(name: str, value: Any) -> Array:
-    """Return a typed JAX key: ``value`` itself, or one made of an integer or of the words of a legacy key.
-
-    Raises
-    ------
-    TypeError
-        If it is none of these, or more than one key.
-    ValueError
-        If it is an integer out of range.
-    """
+    """Return a typed JAX key: ``value`` itself, or one made of an integer or of the words of a legacy key."""
     if isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and value.ndim == 0:
         return value
     try:
@@ -212,7 +172,7 @@ def prng_key(name: str, value: Any) -> Array:
 
 
 def floating(dtype: Any) -> np.dtype:
-    """Return the dtype of coordinates: float32 or float64, by any of their names."""
+    """Return float32 or float64 as a dtype."""
     try:
         known = np.dtype(dtype)
     except TypeError:
@@ -223,5 +183,5 @@ def floating(dtype: Any) -> np.dtype:
 
 
 def precision(dtype: DTypeLike) -> AbstractContextManager:
-    """Return the context in which arrays of ``dtype`` can be made, whatever the global x64 flag."""
+    """Return a context that allows arrays of ``dtype``, whatever the global x64 flag."""
     return jax.enable_x64(True) if dtype == jnp.float64 else nullcontext()

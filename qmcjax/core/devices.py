@@ -1,4 +1,4 @@
-"""Meshes of devices: all that touches them."""
+"""Meshes of devices."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,16 +17,9 @@ _AXIS = "parts"
 
 
 def checked(mesh: Any) -> Mesh | None:
-    """Return the devices of a mesh in a row, or raise unless they are some that this process can use.
+    """Return a one-dimensional mesh of devices, or None for the default device alone.
 
-    That of the device that JAX computes on anyway is None: nothing is to be spread.
-
-    Raises
-    ------
-    TypeError
-        If it is neither None nor a ``jax.sharding.Mesh``.
-    ValueError
-        If it has devices of another backend or none of this process.
+    Devices of another backend, or none of this process, raise a ValueError.
     """
     if mesh is None:
         return None
@@ -41,7 +34,7 @@ def checked(mesh: Any) -> Mesh | None:
         raise ValueError(f"mesh must be of devices in jax.devices(), got {unknown[0]}")
     if not any(device.process_index == jax.process_index() for device in devices):
         raise ValueError(
-            f"mesh must have a device of each process that takes part, got none of {jax.process_index()}"
+            f"mesh must have a device of each process: it has none of process {jax.process_index()}"
         )
     return None if list(devices) == [_usual()] else Mesh(devices, (_AXIS,))
 
@@ -63,27 +56,27 @@ def processes(mesh: Mesh | None) -> int:
 
 
 def over(function: Callable[..., Any], mesh: Mesh, parts: Any, *shared: Any) -> Any:
-    """Return ``function(parts, *shared)`` of each device's share of parts, put together, on all of them."""
+    """Return ``function(parts, *shared)`` of each device's share of parts, concatenated, on all devices."""
     length = jax.tree.leaves(parts)[0].shape[0]
-    # The last part once more for each device that would have none.
+    # Repeat the last part for devices without one.
     numbers = np.minimum(np.arange(-(-length // mesh.size) * mesh.size), length - 1)
     spread = PartitionSpec(_AXIS)
     in_specs = (spread, *(PartitionSpec() for _ in shared))
     on_devices = jax.shard_map(function, mesh=mesh, in_specs=in_specs, out_specs=spread, check_vma=False)
     made = on_devices(jax.tree.map(lambda leaf: leaf[numbers], parts), *shared)
-    # Not gathered inside, since derivatives of that are sums over devices.
+    # Gathered outside: the derivative of a gather inside is a sum over devices.
     return jax.tree.map(lambda leaf: leaf[:length], everywhere(made, mesh))
 
 
 def everywhere(values: Any, mesh: Mesh | None) -> Any:
-    """Return arrays of a program, and in reverse what is pulled back to them, on all devices of a mesh."""
+    """Return arrays, and in reverse mode their cotangents, on all devices of a mesh."""
     if mesh is None:
         return values
     return jax.lax.with_sharding_constraint(values, NamedSharding(mesh, PartitionSpec()))
 
 
 def placed(values: Any, mesh: Mesh | None) -> Any:
-    """Return a pytree whose arrays are on all devices of a mesh; each of its processes must have the same."""
+    """Return a pytree with its arrays on all devices of a mesh; all processes must have the same values."""
     if mesh is None:
         return values
     sharding = NamedSharding(mesh, PartitionSpec())
@@ -102,29 +95,29 @@ def placed(values: Any, mesh: Mesh | None) -> Any:
 
 
 def local(values: Any, mesh: Mesh | None) -> Any:
-    """Return what all devices of a mesh hold as arrays of this process's first one."""
+    """Return arrays that all devices of a mesh hold as arrays of this process's first device."""
     if mesh is None:
         return values
     return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) else leaf.addressable_data(0), values)
 
 
 def kind(mesh: Mesh | None) -> str:
-    """Return what kind of device computes: bits may differ between kinds."""
+    """Return the kind of device: bits may differ between kinds."""
     return (_usual() if mesh is None else mesh.devices.flat[0]).device_kind
 
 
 def is_first(mesh: Mesh | None) -> bool:
-    """Tell whether this process is the one that writes what all processes of a mesh share."""
+    """Return whether this process writes the files that all processes of a mesh share."""
     return mesh is None or mesh.devices.flat[0].process_index == jax.process_index()
 
 
 def agree(word: int, mesh: Mesh | None) -> bool:
-    """Tell whether all processes of a mesh ask this about the same uint32."""
+    """Return whether all processes of a mesh call this with the same uint32."""
     return bool((told(np.array([word], np.uint32), mesh) == word).all())
 
 
 def told(words: NDArray[np.uint32], mesh: Mesh | None) -> NDArray[np.uint32]:
-    """Return what each process of a mesh tells all of them, row by row: the same number of words each."""
+    """Return the words of all processes of a mesh, one row per process; all send equally many."""
     if mesh is None or processes(mesh) == 1:
         return words[None]
     spread = NamedSharding(mesh, PartitionSpec(_AXIS))
@@ -136,7 +129,7 @@ def told(words: NDArray[np.uint32], mesh: Mesh | None) -> NDArray[np.uint32]:
 
 
 def of_process(mesh: Mesh | None) -> tuple[int, Mesh | None]:
-    """Return this process's place among those of a mesh, and a mesh of its own devices of it."""
+    """Return the number of this process in a mesh, and a mesh of its local devices."""
     if mesh is None:
         return 0, None
     own = [device for device in mesh.devices.flat if device.process_index == jax.process_index()]

@@ -1,8 +1,8 @@
-"""Digests of what a computation is made of, and the names of the code in it that they do not cover.
+"""Digests of the inputs of a computation, and the names of code that they do not cover.
 
-Arrays count, the plain values beside them, and the names of types and functions. What a name of qmcjax, JAX,
-NumPy or SciPy stands for follows from their versions (see :func:`environment`). Other code can change under
-its name, in more ways than can be followed: it is listed as foreign.
+A digest covers arrays, plain values, and the names of types and functions. Versions identify the code of
+qmcjax, JAX, NumPy and SciPy (see :func:`environment`). Other code can change under its name: it is listed as
+foreign.
 """
 
 import functools
@@ -30,25 +30,22 @@ _FLAGS = (
     *("high_dynamic_range_gumbel", "disable_jit", "disable_most_optimizations", "compiler_enable_remat_pass"),
     *("optimization_level", "exec_time_optimization_effort", "memory_fitting_effort", "memory_fitting_level"),
 )
-"""Flags of JAX that change bits: those of precision, derivatives, random numbers, and compilation."""
+"""Flags of JAX that change results: precision, derivatives, random numbers, compilation."""
 
 
 def digest(name: str, value: Any) -> tuple[str, list[str]]:
-    """Return 64 hexadecimal digits, the same in every process, and what is foreign in an object.
+    """Return 64 hexadecimal digits, the same in every process, and the foreign parts of an object.
 
-    Raises
-    ------
-    TypeError
-        If a part of the object is a tracer; ``name`` is for messages.
+    A tracer in the object raises a TypeError that begins with ``name``.
     """
     foreign: dict[str, None] = {}
     return _of(value, name, foreign).hex(), list(foreign)
 
 
 def environment() -> dict[str, str]:
-    """Return what a computation depends on beside its arguments and the device."""
+    """Return all that results depend on besides arguments and device."""
     found = {_ROOT: f"{importlib.metadata.version(_ROOT)}, sources {_sources()}"}
-    for name in (*_VERSIONED, "numba"):  # What numba compiles is rounded otherwise than what JAX does.
+    for name in (*_VERSIONED, "numba"):  # Numba rounds differently from JAX.
         try:
             found[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
@@ -69,7 +66,7 @@ def _sources() -> str:
 
 
 def _of(value: Any, name: str, foreign: dict[str, None]) -> bytes:
-    """Return the digest of an object, and list what is foreign in it."""
+    """Return the digest of an object, and list its foreign parts."""
     kind = type(value)
     if kind in _PLAIN or isinstance(value, np.dtype):
         return _hashed(kind.__name__, value if isinstance(value, bytes) else repr(value).encode())
@@ -90,7 +87,7 @@ def _hashed(tag: str, data: bytes) -> bytes:
 
 
 def _contents(value: Any) -> list[Any] | None:
-    """Return all that an array, container or dataclass of a library consists of; None for anything else."""
+    """Return the contents of an array, container or dataclass of a library; None for anything else."""
     if isinstance(value, Array) and jax.numpy.issubdtype(value.dtype, jax.dtypes.prng_key):
         return [str(value.dtype), jax.random.key_data(value)]
     if isinstance(value, np.ndarray | np.generic | Array):
@@ -107,7 +104,7 @@ def _contents(value: Any) -> list[Any] | None:
 
 
 def _visible(value: Any) -> list[Any]:
-    """Return what counts of a foreign object: the parts of a pytree, and attributes with plain values."""
+    """Return the parts of a foreign pytree, or the attributes with plain values."""
     children = jax.tree.leaves(value, is_leaf=lambda part: part is not value)
     own = {} if isinstance(value, type) else getattr(value, "__dict__", {})
     plain = {k: each for k, each in own.items() if type(each) in _PLAIN and not k.startswith("__")}
@@ -121,7 +118,7 @@ def _path(value: Any) -> tuple[str, str]:
 
 
 def _is_named(value: Any) -> bool:
-    """Return whether a library has an object under its name."""
+    """Return whether a library holds this object under its name."""
     module, name = _path(value)
     found: Any = sys.modules.get(module)
     for part in name.split("."):

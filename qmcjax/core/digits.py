@@ -1,11 +1,11 @@
 """Digits in any base: radical inverses, as exact fractions divided once.
 
-An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with ``base**K >= 2**32``.
-Reflected at the radix point they are an integer over ``base**K``. It can exceed a word, so that its last
-digits are kept apart, and joined in float64, where it is exact.
+An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with ``base**K >= 2**32``. Reflected
+at the radix point they are an integer over ``base**K``. It can exceed a word, so its last digits are kept
+apart and joined in float64, where it is exact.
 
-``base`` can be an array of bases of the same K, of the rank of the index: then there is one program for all,
-which compiles faster but divides slower than one with the divisor built in.
+``base`` can be an array of bases of the same K, of the rank of the index: then one program serves all bases.
+It compiles faster but divides slower than one with a constant divisor.
 """
 
 from itertools import groupby
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _TABLE_SIZE = 8192
-"""Digits are permuted together as long as their table has no more entries: it stays in a near cache."""
+"""Largest table that permutes several digits together: it fits a first-level cache."""
 
 
 Base: TypeAlias = int | np.ndarray
@@ -104,8 +104,8 @@ def exact_fraction(
     """
     with jax.enable_x64(True):
         exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64)
-        # Division by a constant is compiled to a product with its rounded reciprocal: one bit is lost.
-        # A divisor that formally depends on the numerator is divided by.
+        # XLA compiles division by a constant to a product with its rounded reciprocal: one bit is lost.
+        # It does divide by a divisor that formally depends on the numerator.
         value = exact / (exact * 0.0 + np.float64(base ** digit_count(base)))
         if dtype == jnp.float64:
             return value
@@ -121,10 +121,10 @@ def cell_fraction(
     span: int = 1,
     count: int | None = None,
 ) -> Array:
-    """Return a point of the elementary interval that leading digits name, at a random place inside it.
+    """Return a random point of the elementary interval given by the leading digits.
 
     The digits behind them are the middle of a cell of the finest grid on which the sum of both is an exact
-    float64. Then the point is more than a rounding error away from both ends of its interval, so that the one
+    float64. So the point is more than a rounding error away from both ends of its interval, and the one
     division leaves it inside.
 
     Parameters
@@ -139,8 +139,8 @@ def cell_fraction(
         In [2, 2**16].
     dtype : float32 or float64
         In float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of
-        2**-24, unless that lies below its interval of length base**-k, k as large as leaves it longer
-        than 2**-24: then it is rounded up.
+        2**-24, unless that lies below its interval of length base**-k, with the largest k that leaves it
+        longer than 2**-24: then it is rounded up.
     span : int
         In [1, count].
     count : int, optional
@@ -156,7 +156,7 @@ def cell_fraction(
         bits = 53 - np.ceil(np.log2(total)).astype(np.int64)
         middle = ((tail >> word(33 - bits)) << 1 | np.uint32(1)).astype(jnp.float64) * 2.0**-bits
         exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64) + middle
-        # Division by a constant would be a product with its reciprocal, as above.
+        # A divisor that depends on the numerator, as above.
         value = exact / (exact * 0.0 + np.float64(total))
         if dtype == jnp.float64:
             return value
@@ -208,7 +208,7 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
 
 
 def digit_spans(base: Base) -> tuple[int, ...]:
-    """Return how many consecutive digits are permuted by one look-up each.
+    """Return the numbers of consecutive digits that one look-up permutes.
 
     Examples
     --------
@@ -233,7 +233,7 @@ def alike(bases: tuple[int, ...], dims: tuple[int, ...]) -> list[tuple[int, ...]
 
 
 def span_numbers(index: Array, base: Base) -> list[Array]:
-    """Split an index into the numbers of its spans of digits, the one of the low digits first."""
+    """Split an index into its spans of digits, low digits first."""
     numbers = []
     for span in digit_spans(base)[:-1]:
         rest = quotient(index, base**span)

@@ -27,8 +27,8 @@ def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jn
     base : int
         In [2, 2**16].
     dtype : float32 or float64
-        In base 2 the first 32 digits. In others float64 is off by less than 2**-52, and float32 is this,
-        rounded to nearest; neither is ever 1.
+        In base 2 the first 32 digits. In other bases float64 is off by less than 2**-52, and float32 is this
+        value rounded to nearest; neither is ever 1.
 
     Returns
     -------

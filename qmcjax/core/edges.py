@@ -1,4 +1,4 @@
-"""Parameters that move an edge, whose plain derivative would be wrong."""
+"""Parameters that move an edge: their plain derivative would be wrong."""
 
 from functools import partial
 from typing import Any
@@ -10,10 +10,10 @@ from jax.custom_derivatives import SymbolicZero
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def moves_an_edge(name: str, value: Array) -> Array:
-    """Return a parameter whose derivative JAX then refuses to take.
+    """Return a parameter that JAX then refuses to differentiate.
 
-    Where the edge moves to, the value jumps: the plain derivative of samples is 0 almost everywhere, which is
-    not the derivative of their mean.
+    At the edge the value jumps: the plain derivative of samples is 0 almost everywhere, which is not the
+    derivative of their mean.
     """
     return value
 
@@ -24,6 +24,6 @@ def _refuse(name: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, 
         return primals[0], tangents[0]
     raise ValueError(
         f"{name} moves an edge: the plain derivative of the scene is 0 almost everywhere, which is not the "
-        "derivative of any mean of it. qmcjax.boundary_gradient has the derivatives of the pixel means, of "
+        "derivative of its mean. qmcjax.boundary_gradient estimates the derivatives of pixel means, for "
         "scenes with a method boundary"
     )

@@ -1,4 +1,4 @@
-"""Linear algebra over the prime field F_q, exact, on numpy integers: before anything is traced."""
+"""Linear algebra over the prime field F_q, exact, on NumPy integers, before tracing."""
 
 import math
 from typing import Any
@@ -10,11 +10,11 @@ from qmcjax.core import checks
 __all__ = ["FIELD_LIMIT", "inverse", "is_prime", "next_prime", "prime", "product", "rank"]
 
 FIELD_LIMIT = 2**16
-"""Moduli are smaller: a product of two elements fits a 32-bit word."""
+"""Bound on the moduli: a product of two elements fits a 32-bit word."""
 
 
 def is_prime(number: int) -> bool:
-    """Tell whether a number is prime, by trial division.
+    """Return whether a number is prime, by trial division.
 
     Examples
     --------
@@ -59,11 +59,6 @@ def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
     -------
     int64 ndarray, shape (..., m, m), in [0, q)
 
-    Raises
-    ------
-    ValueError
-        If ``q`` is not such a prime, or the matrices are not square, integer and of one size.
-
     Examples
     --------
     >>> product([[1, 2], [0, 1]], [[1, 2], [0, 1]], q=3)
@@ -92,11 +87,6 @@ def rank(matrix: np.ndarray, q: int) -> int:
     int
         In [0, min(m, n)].
 
-    Raises
-    ------
-    ValueError
-        If ``q`` is not such a prime, or ``matrix`` has another shape or no integers.
-
     Examples
     --------
     >>> rank([[1, 2], [2, 1]], q=3), rank([[1, 2], [2, 1]], q=5)
@@ -110,7 +100,7 @@ def rank(matrix: np.ndarray, q: int) -> int:
 
 
 def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
-    """Invert a square matrix over F_q.
+    """Invert a square matrix over F_q; a singular one raises a ValueError.
 
     Parameters
     ----------
@@ -122,11 +112,6 @@ def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
     Returns
     -------
     int64 ndarray, shape (m, m), in [0, q)
-
-    Raises
-    ------
-    ValueError
-        If ``q`` is not such a prime, or ``matrix`` is not square, not integer or singular.
 
     Examples
     --------
@@ -141,7 +126,7 @@ def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
     m = len(elements)
     reduced, pivots = _reduced(np.hstack([elements, np.eye(m, dtype=np.int64)]), m, q)
     if pivots < m:
-        raise ValueError(f"matrix must be regular over F_{q}, got rank {pivots} of {m}")
+        raise ValueError(f"matrix must be invertible over F_{q}, got rank {pivots} of {m}")
     return reduced[:, m:]
 
 

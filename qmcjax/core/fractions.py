@@ -19,7 +19,7 @@ def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Ar
     Parameters
     ----------
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     value : float or uint32 ArrayLike
         float32 or float64; products with 2**32 are exact in either.
     shape : tuple of int, optional
@@ -28,13 +28,6 @@ def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Ar
     Returns
     -------
     uint32 Array
-
-    Raises
-    ------
-    TypeError
-        If it is no array of these dtypes.
-    ValueError
-        If it has another shape, or is known to leave [0, 1).
     """
     try:
         array: Any = value if isinstance(value, Tracer) else np.asarray(value)

@@ -1,4 +1,4 @@
-"""Generators of rank-1 lattices whose toroidal minimum distance is the largest of all.
+"""Generators of the rank-1 lattices with the largest toroidal minimum distance.
 
 The points i (1, a, ...) / n modulo 1, times n, are the integer lattice that (1, a, ...) spans together
 with n times the unit vectors: its shortest vector is their minimum distance. Signs and, in three
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 def shortest_squares(n: int, a: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the squared length of the shortest vector of each lattice with the rows (1, a), (0, n).
 
-    Lagrange and Gauss: the longer of two vectors is reduced by the shorter until nothing changes.
+    By Lagrange-Gauss reduction: the shorter vector reduces the longer until nothing changes.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def shortest_squares(n: int, a: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def best_planar(n: int) -> tuple[int, int]:
-    """Return the smallest ``a`` whose lattice is the best in two dimensions, and its squared distance."""
+    """Return the smallest ``a`` of a best lattice in two dimensions, and its squared distance."""
     a = np.arange(1, max(n // 2, 1) + 1)
     squares = shortest_squares(n, a)
     best = int(np.argmax(squares))
@@ -47,10 +47,10 @@ def best_planar(n: int) -> tuple[int, int]:
 
 
 def best_spatial(n: int) -> tuple[int, int, int]:
-    """Return the first ``a <= b`` whose lattice is the best in three dimensions, and its squared distance.
+    """Return the first ``a <= b`` of a best lattice in three dimensions, and its squared distance.
 
-    All pairs are looked at. A shortest vector is no longer than Hermite's bound for the volume n**2, so
-    that for each ``a`` only those few i matter for which i (1, a) is short already.
+    The search covers all pairs. A shortest vector is no longer than Hermite's bound for the volume n**2, so
+    for each ``a`` only the few i with a short i (1, a) matter.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Parameters of scenes and motions: real numbers and arrays of them, with all their digits."""
+"""Parameters of scenes and motions: real numbers and arrays of them, in full precision."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,29 +14,22 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 
 _FEW = 8
-"""So many numbers or less are shown in messages one by one."""
+"""Up to so many numbers are shown in messages."""
 
 
 def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     """Return finite real numbers of a shape as an array.
 
-    What holds JAX arrays becomes one of JAX, anything else a float64 array of NumPy of its own: what callers
-    do to theirs leaves it alone, and references see all digits.
+    JAX arrays stay JAX arrays. Anything else becomes a float64 copy in NumPy: callers cannot change it, and
+    references see all digits.
 
     Parameters
     ----------
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     value : ArrayLike
     shape : tuple of int or None
         None stands for any length of at least 1.
-
-    Raises
-    ------
-    TypeError
-        If the values are no real numbers; bools are none.
-    ValueError
-        If they have another shape or one is known not to be finite in float32.
     """
     traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
     array = _of_jax(name, value) if traced else known(name, value)
@@ -53,7 +46,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
 
 
 def axes(value: Any) -> int:
-    """Return how many axes numbers have; 0 for what is no array of them, which `numbers` refuses."""
+    """Return the number of axes; 0 for anything that is not an array, which `numbers` refuses."""
     try:
         return np.ndim(value) if not isinstance(value, Array) else value.ndim
     except (TypeError, ValueError):
@@ -61,7 +54,7 @@ def axes(value: Any) -> int:
 
 
 def known(name: str, value: Any) -> NDArray[np.float64]:
-    """Return real numbers as a float64 array of NumPy, or raise a TypeError, also if they are traced."""
+    """Return known real numbers as a float64 NumPy array, or raise a TypeError."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value)):
         raise TypeError(f"{name} must be known before tracing, got {checks.shown(value)}")
     try:
@@ -76,7 +69,7 @@ def known(name: str, value: Any) -> NDArray[np.float64]:
 
 
 def require(name: str, value: Any, holds: Callable[[NDArray], Any], rule: str) -> None:
-    """Raise a ValueError if ``value`` is known and does not hold the rule everywhere."""
+    """Raise a ValueError if ``value`` is known and breaks the rule anywhere."""
     if not isinstance(value, Tracer) and not np.all(holds(np.asarray(value))):
         few = np.size(value) <= _FEW
         given = np.asarray(value).tolist() if few else value

@@ -1,4 +1,4 @@
-"""What is computed part by part, on one device or several, with derivatives of the same bits on any."""
+"""Computation in parts, on one or several devices, with derivatives that do not depend on their number."""
 
 from collections.abc import Callable
 from functools import partial
@@ -14,26 +14,26 @@ from qmcjax.core import devices, summation
 from qmcjax.core.varying import alike
 
 FEW = 8
-"""Parts that any devices share where derivatives are wanted and there is little to do."""
+"""Number of parts of a small computation with derivatives, on any number of devices."""
 
 _GROUPS = (FEW, 64)
-"""Groups of parts that a derivative adds up, at least and at most, unless there are fewer parts."""
+"""Least and largest number of groups of parts in a derivative, unless there are fewer parts."""
 
 _COPIED = 2**24
-"""Bytes up to which tangents are copied for more groups."""
+"""Largest size in bytes of the copies of tangents for more groups."""
 
 
 def mapped(function: Callable[..., Any], mesh: Mesh | None, traced: bool, parts: Any, *shared: Any) -> Any:
-    """Return ``function(part, *shared)`` of each part, one after the other on each device.
+    """Map ``function(part, *shared)`` over the parts, one after the other on each device.
 
     Parameters
     ----------
     function : callable
-        From a part and what all parts share to a pytree of arrays.
+        Maps a part and the shared arguments to a pytree of arrays.
     mesh : Mesh or None
-        Of :func:`checked`.
+        From :func:`checked`.
     traced : bool
-        Whether derivatives may be wanted: they are the same bit by bit on any devices.
+        Whether derivatives may be wanted: they are bit-identical on any devices.
     parts : pytree of Arrays
         Parts along their first axes.
     *shared : pytrees
@@ -41,7 +41,7 @@ def mapped(function: Callable[..., Any], mesh: Mesh | None, traced: bool, parts:
     Returns
     -------
     pytree of Arrays
-        Made of the parts, along the first axes; on all devices of the mesh.
+        Results of the parts along the first axes, on all devices of the mesh.
     """
     if not traced:
         return _mapped(function, mesh, parts, *shared)
@@ -56,7 +56,7 @@ def mapped(function: Callable[..., Any], mesh: Mesh | None, traced: bool, parts:
 def summed(
     function: Callable[..., Array], mesh: Mesh | None, traced: bool, parts: Any, *shared: Any
 ) -> Array:
-    """Return the sum of an array of each part, compensated, in the order of the parts on any devices."""
+    """Return the compensated sum of one array per part, in the order of the parts on any devices."""
     if not traced:
         return _summed(function, mesh, parts, *shared)
     function, closed_over = _converted(function, mesh, parts, *shared)
@@ -86,9 +86,9 @@ def _summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shar
 def _converted(
     function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any
 ) -> tuple[Callable[..., Any], Any]:
-    """Return a function that takes as its last argument what it closed over and may be differentiated by."""
+    """Return a function that takes its differentiable closed-over values as the last argument."""
     example = alike((jax.tree.map(lambda leaf: leaf[0], parts), *shared))
-    if mesh is not None:  # Inside, devices are not those of the arrays outside.
+    if mesh is not None:  # Arrays outside have other devices.
         example = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), example)
     converted, closed_over = jax.closure_convert(function, *example)
 
@@ -101,7 +101,7 @@ def _converted(
 
 def _mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
     def one_by_one(parts: Any, *shared: Any) -> Any:
-        if jax.tree.leaves(parts)[0].shape[0] == 1:  # No loop: its results would be copied.
+        if jax.tree.leaves(parts)[0].shape[0] == 1:  # A loop would copy its results.
             made = function(jax.tree.map(lambda leaf: leaf[0], parts), *shared)
             return jax.tree.map(lambda leaf: leaf[None], made)
         return jax.lax.map(lambda part: function(part, *shared), parts)
@@ -124,9 +124,9 @@ def _in_order(terms: Array) -> Array:
 def _with_tangents(
     function: Callable[..., Any], moved: Callable[[Any, dict[int, Array]], tuple[Any, Any]]
 ) -> Callable[..., Any]:
-    """Return a function that ``moved`` differentiates.
+    """Return a function with the derivative ``moved``.
 
-    That takes its arguments and, by the numbers of their leaves, those tangents that are not zero.
+    ``moved`` takes the arguments and the tangents that are not zero, by the numbers of their leaves.
     """
     differentiable = jax.custom_jvp(function)
 
@@ -141,11 +141,11 @@ def _with_tangents(
 def _moved(
     function: Callable[..., Any], mesh: Mesh | None, primals: Any, moves: dict[int, Array]
 ) -> tuple[Any, Any]:
-    """Return what is mapped, and its tangents.
+    """Return the mapped values and their tangents.
 
-    A derivative with respect to what is shared is a sum over parts. If each device added up its own, sums
-    would be rounded otherwise on more of them: so parts come in groups that do not depend on devices, each
-    with a copy of the tangents, and the transpose of copying adds up groups in their order.
+    The derivative with respect to a shared argument is a sum over parts. One sum per device would make
+    rounding depend on the number of devices. So parts come in groups that do not depend on devices, each with
+    a copy of the tangents, and the transpose of copying adds up the groups in order.
     """
     parts, *shared = primals
     leaves, tree = jax.tree.flatten(parts)
@@ -181,6 +181,6 @@ def _moved(
 
 
 def _copies(value: Array, count: int, mesh: Mesh | None) -> Array:
-    """Return an array so many times along a new first axis, by a loop: so its transpose adds one by one."""
+    """Repeat an array along a new first axis, by a loop: its transpose then adds one by one."""
     _, copies = jax.lax.scan(lambda value, _: (value, value), value, length=count)
     return devices.everywhere(copies, mesh)

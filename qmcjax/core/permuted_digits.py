@@ -1,4 +1,4 @@
-"""Permuted digits: radical inverses whose digits go through tables, several digits in one look-up."""
+"""Permuted digits: radical inverses with tables that permute several digits in one look-up."""
 
 from functools import cache
 from typing import Any
@@ -22,7 +22,7 @@ __all__ = [
 ]
 
 _SELECTED = 5
-"""Single digits of bases up to this one are permuted without a gather."""
+"""Largest base with single digits permuted without a gather."""
 
 
 def reflection_tables(rows: Any) -> list[Any]:
@@ -51,7 +51,7 @@ def reflection_tables(rows: Any) -> list[Any]:
 
 @cache
 def table_starts(bases: tuple[int, ...]) -> np.ndarray:
-    """Return where the tables of each base begin, if they lie one after the other: int64."""
+    """Return the int64 starts of the tables of each base in their concatenation."""
     sizes = [sum(base**span for span in digit_spans(base)) for base in bases]
     return np.cumsum([0, *sizes[:-1]], dtype=np.int64)
 
@@ -62,7 +62,7 @@ def looked_up(tables: Array, start: Array, number: Array) -> Array:
 
 
 def permuted_digit(permutation: Array, digit: Array) -> Array:
-    """Return an entry of a permutation; of a short one by selections: accelerators gather slowly."""
+    """Return an entry of a permutation; short ones use selections, since accelerators gather slowly."""
     base = permutation.shape[0]
     if base > _SELECTED:
         return permutation.at[digit].get(mode="promise_in_bounds")
@@ -73,7 +73,7 @@ def permuted_digit(permutation: Array, digit: Array) -> Array:
 
 
 def permuted_spans(numbers: list[Array], base: Base, tables: Array, start: Array) -> list[Array]:
-    """Permute and reflect the digits of each span by its table, the first of which begins at ``start``."""
+    """Permute and reflect the digits of each span by its table; the first begins at ``start``."""
     permuted = []
     for number, span in zip(numbers, digit_spans(base), strict=True):
         permuted.append(looked_up(tables, start, number))
@@ -82,7 +82,7 @@ def permuted_spans(numbers: list[Array], base: Base, tables: Array, start: Array
 
 
 def joined(numbers: list[Array], base: Base) -> tuple[Array, Array]:
-    """Join reflected spans to one number of all digits but those of the last span, and keep the last."""
+    """Join reflected spans, except the last, to one number, and return it with the last."""
     leading = jnp.zeros_like(numbers[0])
     for number, span in zip(numbers[:-1], digit_spans(base), strict=False):
         leading = leading * word(base**span) + number

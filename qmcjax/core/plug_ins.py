@@ -1,4 +1,4 @@
-"""Objects of users, decorated or not, below transformations of JAX."""
+"""Objects of users under transformations of JAX."""
 
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import FunctionType
@@ -16,7 +16,7 @@ _PLAIN = Array | np.ndarray | np.generic | int | float | str | FunctionType | ty
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Identity:
-    """An object that equals only itself, whatever its class says."""
+    """An object that equals only itself, whatever its class defines."""
 
     value: Any
 
@@ -33,7 +33,7 @@ class _Identity:
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Static:
-    """An object that is no pytree, as a choice: the same object compiles once, another one anew."""
+    """A static object that is not a pytree: the same object compiles once, another one anew."""
 
     identity: _Identity = field(metadata={"static": True})
 
@@ -44,8 +44,8 @@ def held(name: str, value: Any) -> Any:
     Raises
     ------
     TypeError
-        If an object that is not registered has an array as attribute: a program would go on with the values
-        that the array has when it is compiled.
+        If an object that is not registered has an array as attribute: a compiled program would keep the
+        values that the array had at compile time.
     """
     if not jax.tree_util.all_leaves([value]):
         return value
@@ -64,10 +64,7 @@ def unheld(value: Any) -> Any:
 
 
 def is_own(value: Any) -> bool:
-    """Tell whether an object and all that it is made of are this package's: what it returns needs no check.
-
-    Functions are taken for what they are made by; all that counts is known while programs are traced.
-    """
+    """Return whether an object and all its parts belong to this package: its results need no check."""
     if isinstance(value, Static):
         return False
     if isinstance(value, tuple | list):

@@ -1,4 +1,4 @@
-"""Dataclasses as JAX pytrees whose class is part of their structure."""
+"""Dataclasses as JAX pytrees, with the class as part of the structure."""
 
 import dataclasses
 import functools
@@ -19,33 +19,27 @@ R = TypeVar("R")
 
 
 def pytree(cls: T) -> T:
-    """Register a frozen dataclass as a pytree: fields marked static are choices, the others leaves.
+    """Register a frozen dataclass as a pytree: static fields are structure, the others leaves.
 
-    ``jax.tree_util.register_dataclass`` does the same, but the structures of two of its classes
-    compare equal if their static fields do (in jax 0.10: only their hashes differ). A cache whose
-    buckets collide then hands out the program of another class: the image of another net. Here the
-    class is compared too.
+    ``jax.tree_util.register_dataclass`` does the same, but the structures of two of its classes compare equal
+    if their static fields do (in jax 0.10: only their hashes differ). A cache with a hash collision then
+    returns the program of another class: the image of another net. Here the class is compared too.
 
-    What ``dataclass`` makes of ``==``, ``hash`` and ``repr`` fails for arrays, or prints them whole. Here
-    objects are equal if their structures are and all arrays hold the same values, the hash is that of the
+    ``dataclass`` makes an ``==`` and a ``hash`` that fail for arrays, and a ``repr`` that prints them whole.
+    Here objects are equal if their structures and the values of all arrays are equal, the hash is that of the
     structure, and the repr is one line without arrays (see ``qmcjax.core.records``). Methods that a class
-    writes itself stay. Classes of this library ask ``dataclass`` for none: to make and replace them takes a
-    fifth of the time of the import.
+    defines stay. Classes of this library generate none by ``dataclass``: that takes a fifth of the import
+    time.
 
     Parameters
     ----------
     cls : type
-        A frozen dataclass; ``field(metadata={"static": True})`` marks the choices.
+        A frozen dataclass; ``field(metadata={"static": True})`` marks fields of the structure.
 
     Returns
     -------
     type
         ``cls``.
-
-    Raises
-    ------
-    TypeError
-        If it is no dataclass.
     """
     if not isinstance(cls, type) or not hasattr(cls, "__dataclass_fields__"):
         raise TypeError(f"cls must be a frozen dataclass, got {cls!r}")
@@ -78,16 +72,13 @@ def pytree(cls: T) -> T:
 
 
 def _generated(method: Any) -> bool:
-    """Tell whether ``dataclass`` made a method, or one is inherited from object."""
+    """Return whether a method is made by ``dataclass`` or inherited from object."""
     code = getattr(method, "__code__", None)
     return code is None or code.co_filename in ("<string>", dataclasses.__file__, reprlib.__file__)
 
 
 def is_traced(values: Any) -> bool:
-    """Tell whether values are not known yet, or what functions among them close over.
-
-    Inside ``jax.jit`` not even those of new arrays are.
-    """
+    """Return whether values, or values closed over by functions, are traced."""
     leaves = jax.tree.leaves((values, jnp.zeros(())))
     cells = [cell for leaf in leaves for cell in getattr(leaf, "__closure__", None) or ()]
     leaves += jax.tree.leaves([cell.cell_contents for cell in cells])
@@ -122,14 +113,14 @@ class Compiled(Generic[R]):
 
 
 def jit(*static_argnames: str) -> Callable[[Callable[..., R]], Compiled[R]]:
-    """Decorate a function like ``jax.jit``, in whose cache the classes of all arguments count.
+    """Decorate a function like ``jax.jit``, with the classes of all arguments in the cache key.
 
-    Plug-ins may be dataclasses registered with JAX, which takes them for one another (see :func:`pytree`).
+    JAX confuses plug-ins that are dataclasses registered with JAX (see :func:`pytree`).
 
     Parameters
     ----------
     *static_argnames : str
-        Names of arguments that are choices.
+        Names of static arguments.
 
     Returns
     -------

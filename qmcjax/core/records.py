@@ -1,4 +1,4 @@
-"""What dataclasses with arrays are printed as, in one line, and when two of them are equal."""
+"""Reprs of dataclasses with arrays, in one line, and equality."""
 
 import contextlib
 from dataclasses import fields, is_dataclass
@@ -12,10 +12,10 @@ from jax.core import Tracer
 
 
 def one_line(value: Any) -> str:
-    """Return what a dataclass is made of, in one line: without arrays, however large.
+    """Return a dataclass in one line, without arrays.
 
-    Objects inside come first, then the attributes that the class lists as ``reported``, by default its
-    choices, unless they are None or an object inside has the same. The name is that of the class, or its
+    Objects inside come first, then the attributes that the class lists as ``reported``, by default its static
+    fields, unless they are None or an object inside has the same. The name is that of the class, or its
     attribute ``called``.
     """
     inside, parts = [], []
@@ -26,7 +26,7 @@ def one_line(value: Any) -> str:
             parts.append(repr(content))
     choices = (field.name for field in fields(value) if field.metadata.get("static"))
     for name in getattr(type(value), "reported", choices):
-        # A part of JAX's may be looking at an object without its arrays.
+        # JAX may print an object without its arrays.
         with contextlib.suppress(Exception):
             content = getattr(value, name)
             simple = isinstance(content, int | float | str | tuple) and len(repr(content)) < _SIMPLE
@@ -36,11 +36,11 @@ def one_line(value: Any) -> str:
 
 
 _SIMPLE = 40
-"""Attributes whose repr is longer are left out."""
+"""Attributes with a longer repr are left out."""
 
 
 def equal(one: Any, other: Any) -> Any:
-    """Tell whether two pytrees have the same structure, and known arrays of the same values."""
+    """Return whether two pytrees have the same structure, and known arrays of the same values."""
     if type(one) is not type(other):
         return NotImplemented
     leaves, structure = jax.tree.flatten(one)
@@ -49,7 +49,7 @@ def equal(one: Any, other: Any) -> Any:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Tell whether two leaves are known to be the same."""
+    """Return whether two leaves are known to be equal."""
     if one is other:
         return True
     if any(isinstance(leaf, Tracer) for leaf in (one, other)):

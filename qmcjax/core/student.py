@@ -6,14 +6,14 @@ from numpy.typing import NDArray
 __all__ = ["differences", "interval"]
 
 ERROR = 0.05
-"""How often an interval, or one of the distinctions that are made together, may be wrong."""
+"""Probability that an interval, or one of several joint comparisons, is wrong."""
 
 FEWEST = 4
-"""From fewer values nothing follows: they do not show whether they are nearly normal."""
+"""Least number of values: fewer do not show whether they are nearly normal."""
 
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return an interval that holds the mean of the distribution of some values in 95 of 100 cases.
+    """Return a 95 % confidence interval of the mean.
 
     Parameters
     ----------
@@ -36,27 +36,28 @@ def differences(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return intervals of the differences of all pairs of means.
 
-    Where one lies above the margin, the first mean is certainly larger by more than that: in 95 of 100 cases
+    Where an interval lies above the margin, the first mean is larger by more than that: with 95 % confidence,
     all these statements about one set of samples are true, and each single interval holds its difference.
 
     Parameters
     ----------
     values : float64 array, shape (..., conditions, samples, n)
-        Value k of one sample is paired with value k of the others. Differences of pairs are independent over
-        k, and nearly normal, for each condition.
+        Value k of one sample is paired with value k of the others. Differences of pairs must be independent
+        over k and nearly normal for each condition.
     margin : float
         Not negative.
 
     Returns
     -------
     low, high : float64 arrays, shape (..., samples, samples)
-        Of the mean of sample i less that of sample j, under the condition where it is least, and largest.
+        Ends of the interval of the mean of sample i minus that of sample j, least and largest over the
+        conditions.
 
     Notes
     -----
-    Holm's procedure [1]_ goes through the pairs, that of the largest statistic first, as long as they differ
-    at a level of 5 % divided by the number of pairs that are left. All intervals have the level at which it
-    ends. The statistic of a pair is the least under all conditions: they differ if they do under each.
+    Holm's procedure [1]_ goes through the pairs by decreasing statistic, as long as they differ at a level of
+    5 % divided by the number of pairs left. All intervals have the level at which it ends. The statistic of a
+    pair is the least under all conditions: they differ if they do under each.
 
     References
     ----------
@@ -67,7 +68,7 @@ def differences(
     count, n = values.shape[-2:]
     of_pairs = values[..., :, None, :] - values[..., None, :, :]
     mean, error = of_pairs.mean(axis=-1), _standard_error(of_pairs)
-    # Without scatter the sign decides.
+    # Without variance the sign decides.
     above = mean - margin
     signs = np.where(above > 0, np.inf, -np.inf)
     statistic = np.divide(above, error, out=signs, where=error > 0).min(axis=-3)
@@ -81,7 +82,7 @@ def differences(
 
 
 def _standard_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return that of means over the last axis."""
+    """Return the standard error of means over the last axis."""
     n = values.shape[-1]
     if n < FEWEST:
         return np.full(values.shape[:-1], np.inf)

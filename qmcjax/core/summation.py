@@ -1,10 +1,10 @@
-"""Sums over many terms at constant memory, with derivatives of any kind and order at constant memory.
+"""Sums over many terms, with derivatives of any kind and order, in constant memory.
 
-A loop that JAX differentiates in reverse by itself keeps what every turn has computed, and a loop with a rule
-for one direction (``jax.custom_vjp``) refuses the other. But the derivative of a sum is a sum of derivatives:
-so the sum is one primitive, of which each transformation makes another. Its tangents are the sum of the
-terms' tangents; where they are linear in their operands, its transpose is the sum of the terms' transposes;
-mapped over an axis, it is the sum of the mapped terms.
+A loop that JAX differentiates in reverse keeps the intermediate values of all iterations, and a loop with a
+rule for one direction (``jax.custom_vjp``) refuses the other. But the derivative of a sum is a sum of
+derivatives: so the sum is one primitive, and each transformation gives another such sum. Its tangents are the
+sum of the terms' tangents; where they are linear in their operands, its transpose is the sum of the terms'
+transposes; mapped over an axis, it is the sum of the mapped terms.
 """
 
 from collections.abc import Callable
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from jax.extend.core import Primitive
 
 State = tuple[Array, Array]
-"""A sum, and what rounding has added to it."""
+"""A sum and its accumulated rounding error."""
 
 
 def zeros(like: Any) -> State:
@@ -54,17 +54,17 @@ def add_terms(
 ) -> State:
     """Add ``term(parameters, k)`` for ``k = first, ..., first + count - 1``, compensated.
 
-    Derivatives, forward and in reverse, add up one term's after the other, in a loop of the same memory.
+    Derivatives in forward and reverse mode use the same loop and constant memory.
 
     Parameters
     ----------
     term : callable
-        A function of parameters and a uint32 number. Derivatives flow to what it closes over, too.
+        A function of parameters and a uint32 number. Derivatives also flow to values that it closes over.
     pinned : bool
-        Whether to compute all of a term in its turn. Otherwise compilers move what terms share out of the
-        loop, once for each time that a term computes it.
+        Whether to keep all of a term inside the loop. Otherwise compilers hoist common subexpressions, once
+        for each time that a term computes them.
     parameters : pytree
-        Its floating point leaves have derivatives.
+        Floating point leaves are differentiable.
     state : State
         The sum so far.
     first, count : uint32 Array, shape ()
@@ -79,7 +79,7 @@ def add_terms(
     def of_leaves(k: Array, *leaves: Array) -> list[Array]:
         return [term(tree.unflatten(leaves), k)]
 
-    # A program of one function inside another must name what is closed over and not known yet.
+    # Closed-over tracers become arguments of the inner program.
     program = jax.make_jaxpr(of_leaves)(first, *leaves)
     closed_over = program.consts if any(isinstance(const, Tracer) for const in program.consts) else []
 
@@ -94,11 +94,10 @@ def add_terms(
 
 @cache
 def _sum_primitive() -> "Primitive":
-    """Return what goes from count, first number, sums so far, their excesses and operands to new ones.
+    """Return the primitive from count, first number, sums, their rounding errors and operands to new sums.
 
-    Its ``term`` is a function of a number and the operands, and returns a list of ``sums`` arrays. It closes
-    over no tracers. Made at the first use: ``jax.extend`` imports Pallas, which takes longer than what this
-    library consists of.
+    ``term`` is a function of a number and the operands; it returns a list of ``sums`` arrays and closes over
+    no tracers. Made at the first use: ``jax.extend`` imports Pallas, which takes longer than this library.
     """
     from jax.extend.core import Primitive
 
@@ -114,7 +113,7 @@ def _sum_primitive() -> "Primitive":
 
 
 def _in_precision(rule: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a rule that may run after the context is left in which float64 sums were asked for."""
+    """Return a rule that may run outside the context that enabled float64."""
 
     def in_precision(*args: Any, **how: Any) -> Any:
         wide = any(getattr(leaf, "dtype", None) == np.float64 for leaf in jax.tree.leaves(args))
@@ -144,7 +143,7 @@ def _loop(
 
 
 def compensated(state: State, term: Array) -> State:
-    """Return a sum with one term more, less what rounding added before (W. Kahan, 1965)."""
+    """Add one term to a compensated sum (W. Kahan, 1965)."""
     total, excess = state
     term = term - excess
     new = total + term
@@ -155,7 +154,7 @@ def _jvp(primals, tangents, *, term, pinned, sums):
     made = _bind(*primals, term=term, pinned=pinned, sums=sums)
     count, first, *rest = primals
     before, operands, moves = tangents[2 : 2 + 2 * sums], rest[2 * sums :], tangents[2 + 2 * sums :]
-    # Others are constants: a scene may refuse derivatives that nobody asked for.
+    # Others are constants: a scene may refuse derivatives that are not wanted.
     moved = [j for j, move in enumerate(moves) if not isinstance(move, ad.Zero)]
     if not moved:
         return made, before
@@ -189,7 +188,7 @@ def _transpose(cotangents, count, first, *args, term, pinned, sums):
         _, pull_back = jax.vjp(of_linear, *[ad.zeros_like_aval(aval) for aval in shapes])
         return list(pull_back(list(pulling)))
 
-    # What rounding adds depends on no operand.
+    # Rounding errors do not depend on operands.
     pulling = [ad.instantiate_zeros(each) for each in cotangents[:sums]]
     start = [ad.zeros_like_aval(aval) for aval in (*shapes, *shapes)]
     made = _bind(count, first, *start, *known, *pulling, term=pulled_back, pinned=pinned, sums=len(linear))
@@ -201,9 +200,9 @@ def _transpose(cotangents, count, first, *args, term, pinned, sums):
 def _batch(args, axes, *, term, pinned, sums):
     count, first, *rest = args
     if axes[0] is not None:
-        raise ValueError("the number of terms must be the same for all that is mapped")
+        raise ValueError("the number of terms must not be mapped")
     size = next(arg.shape[axis] for arg, axis in zip(args, axes, strict=True) if axis is not None)
-    # A number that is mapped is one operand more, added to numbers from 0 on.
+    # A mapped first number becomes an operand, added to numbers from 0.
     operands, mapped = [first, *rest[2 * sums :]], (axes[1], *axes[2 + 2 * sums :])
 
     def each(k: Array, *given: Array) -> list[Array]:

@@ -1,4 +1,4 @@
-"""Symbols on the line in which no two equal ones come close at any level: factors of the Thue-Morse word."""
+"""Symbols on a line, equal ones far apart at every level: factors of the Thue-Morse word."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 __all__ = ["CONTEXT", "children", "factors"]
 
 CONTEXT = 20
-"""Letters of the Thue-Morse word before its own that a symbol remembers."""
+"""Letters of the Thue-Morse word in a symbol before its own."""
 
 
 def factors() -> list[tuple[int, ...]]:
@@ -21,10 +21,10 @@ def factors() -> list[tuple[int, ...]]:
 def children() -> NDArray[np.uint32]:
     """Return the numbers of the two children of each symbol, shape (64, 2).
 
-    A symbol is a factor u of the Thue-Morse word, which says the letter at its place with those before it.
-    The substitution m of that word, 0 -> 01, 1 -> 10, writes the next level: the children of u are the
-    factors m(u)[20:41] and m(u)[21:42] [1]_. The symbols of a level are therefore successive factors of the
-    word, equal ones of which are 24 or more places apart.
+    A symbol is a factor u of the Thue-Morse word: the letter at its place and those before it. The
+    substitution m of that word, 0 -> 01, 1 -> 10, writes the next level: the children of u are the factors
+    m(u)[20:41] and m(u)[21:42] [1]_. The symbols of a level are therefore successive factors of the word, and
+    equal ones are at least 24 places apart.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Over which axes of a mesh of devices arrays vary, inside ``jax.shard_map``."""
+"""Axes of a mesh over which arrays vary, inside ``jax.shard_map``."""
 
 from typing import Any
 
@@ -6,9 +6,9 @@ import jax
 
 
 def alike(values: Any) -> Any:
-    """Return the arrays of a pytree such that all vary over the same axes of a mesh.
+    """Make the arrays of a pytree vary over the same axes of a mesh.
 
-    Loops whose state is first the same on all devices and then not are refused by JAX.
+    JAX refuses loops with a state that is first the same on all devices and then is not.
     """
     axes = frozenset[Any]().union(*map(_varying, jax.tree.leaves(values)))
 
@@ -21,5 +21,5 @@ def alike(values: Any) -> Any:
 
 def _varying(leaf: Any) -> frozenset[Any]:
     aval: Any = jax.typeof(leaf)
-    # As later or earlier releases of jax have it.
+    # In later or earlier releases of jax.
     return aval.mat.varying if hasattr(aval, "mat") else aval.vma

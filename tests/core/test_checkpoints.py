@@ -43,7 +43,7 @@ def test_what_was_written_is_read(tmp_path):
 def test_another_computation_is_refused(tmp_path, other, message):
     keep(tmp_path / "state", done=1)
     with pytest.raises(
-        ValueError, match=f"^checkpoint must be that of this computation, got '.*state', {message}"
+        ValueError, match=f"^checkpoint must belong to this computation, got '.*state', {message}"
     ):
         begin(tmp_path / "state", **other)
 
@@ -96,9 +96,7 @@ def test_a_damaged_or_foreign_file_is_refused_and_stays(tmp_path, kind):
         flipped = whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :]
         path.write_bytes({"empty": b"", "text": b"hello", "cut": whole[:middle], "flipped": flipped}[kind])
     before = path.read_bytes()
-    with pytest.raises(
-        ValueError, match=r"checkpoint must be a file that was written as one, got .* delete it"
-    ):
+    with pytest.raises(ValueError, match=r"checkpoint must be a checkpoint file, got .* delete it"):
         keep(path)
     assert path.read_bytes() == before
 
@@ -135,7 +133,7 @@ def test_a_full_disk_leaves_the_last_one(tmp_path):
     resource.setrlimit(resource.RLIMIT_FSIZE, (2 * len(before), hard))
     try:
         with pytest.warns(
-            RuntimeWarning, match=r"checkpoint '.*' cannot be written, the last one stays: .*large"
+            RuntimeWarning, match=r"checkpoint '.*' cannot be written, the previous one stays: .*large"
         ):
             held.write(total=np.zeros(10_000))
     finally:

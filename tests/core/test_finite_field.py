@@ -66,7 +66,7 @@ def test_the_general_linear_group(q, m, order):
     for entries in itertools.product(range(q), repeat=m * m):
         matrix = np.reshape(entries, (m, m))
         if finite_field.rank(matrix, q) < m:
-            with pytest.raises(ValueError, match="matrix must be regular"):
+            with pytest.raises(ValueError, match="matrix must be invertible"):
                 finite_field.inverse(matrix, q)
             continue
         regular += 1
@@ -113,7 +113,7 @@ def test_primes_by_the_sieve():
         ),
         (
             lambda: finite_field.inverse(np.ones((3, 3), int), 3),
-            "matrix must be regular over F_3, got rank 1 of 3",
+            "matrix must be invertible over F_3, got rank 1 of 3",
         ),
         (lambda: finite_field.product(np.ones((2, 2), int), np.ones((3, 3), int), 3), "a and b .* same size"),
         (

@@ -54,7 +54,7 @@ def test_other_matrices_have_no_numbers():
     matrices = np.stack([sequences.sobol(1).matrices[0], upper.astype(np.uint32)])
     with pytest.raises(ValueError, match="got another matrix in dimension 2"):
         sequences.direction_numbers(sequences.digital(matrices))
-    with pytest.raises(ValueError, match="sequence must begin with the component of van der Corput's"):
+    with pytest.raises(ValueError, match="sequence must begin with the van der Corput sequence"):
         sequences.direction_numbers(sequences.digital(matrices[::-1]))
     with pytest.raises(TypeError, match="sequence must be a digital sequence in base 2"):
         sequences.direction_numbers(sequences.halton(2))
@@ -84,7 +84,7 @@ def test_irreducible_polynomials_that_are_not_primitive_do():
         (["2 1 0 1", "here", "3 2 1 1 3"], "line 2 of .*: must be d, s, a, m_1, ..., m_s, got 'here'"),
         (["2 1 0"], "line 1 of .*: must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
         (["2 1 0 -1"], "line 1 of .*: must be d, s, a"),
-        (["d s a m_i"], "path must be that of .* there are none in .*a.txt"),
+        (["d s a m_i"], "path must name a file .* there are none in .*a.txt"),
     ],
 )
 def test_errors_name_the_line(lines, message, tmp_path):
@@ -95,7 +95,7 @@ def test_errors_name_the_line(lines, message, tmp_path):
 
 def test_what_is_no_text(tmp_path):
     (tmp_path / "a.txt").write_bytes(bytes(range(256)))
-    with pytest.raises(ValueError, match="path must be that of a file of direction numbers"):
+    with pytest.raises(ValueError, match="path must name a file of direction numbers"):
         sequences.read_direction_numbers(tmp_path / "a.txt")
     with pytest.raises(TypeError, match="path must be a path or a string, got 3"):
         sequences.read_direction_numbers(3)

@@ -245,7 +245,10 @@ MATRICES = faure_matrices(2, 3, 4)
         (lambda: replace_component(MATRICES[:, :3], 0, ones(4), 3), r"matrices .* got \(2, 3, 4\)"),
         (lambda: replace_component(MATRICES, 0, ones(5), 3), r"replacement .* \(4, 4\), got \(5, 5\)"),
         (lambda: replace_component(MATRICES, 2, ones(4), 3), r"component must be .* \[0, 1\], got 2"),
-        (lambda: replace_component(MATRICES * 0, 0, ones(4), 3), r"matrices\[0\] must be regular .* rank 0"),
+        (
+            lambda: replace_component(MATRICES * 0, 0, ones(4), 3),
+            r"matrices\[0\] must be invertible .* rank 0",
+        ),
         (lambda: replace_component(MATRICES, 0, ones(4)[::-1], 3), "replacement .* singular 1 x 1 part"),
     ],
 )

@@ -105,7 +105,7 @@ def test_steps_of_arrays_of_jax():
         (lambda: sequences.kronecker([0.5, True]), TypeError, "steps must be .* got True among them"),
         (lambda: sequences.kronecker([math.nan]), ValueError, "steps must be finite, got nan among them"),
         (lambda: sequences.kronecker([math.inf]), ValueError, "steps must be finite, got inf among them"),
-        (lambda: sequences.kronecker([0.5, 3]), ValueError, "steps must be no integers, got 3 among them"),
+        (lambda: sequences.kronecker([0.5, 3]), ValueError, "steps must not be integers, got 3 among them"),
         (lambda: sequences.roberts(0), ValueError, r"dims must be an integer in \[1, 64\], got 0"),
         (lambda: sequences.roberts(65), ValueError, r"dims must be an integer in \[1, 64\], got 65"),
     ],

@@ -224,7 +224,7 @@ def test_sequences_with_a_size_have_length_slices_and_points(seq):
 @pytest.mark.parametrize("use", [len, iter, lambda seq: seq[2:10], lambda seq: seq[0]])
 def test_unbounded_sequences_have_neither(use):
     assert bool(SOBOL)
-    with pytest.raises(TypeError, match=r"sobol\(dims=2\) has no last point: take .points\(n\) of it"):
+    with pytest.raises(TypeError, match=r"sobol\(dims=2\) has no last point: use its .points\(n\)"):
         use(SOBOL)
-    with pytest.raises(TypeError, match="is no array"):
+    with pytest.raises(TypeError, match="is not an array"):
         np.asarray(SOBOL)

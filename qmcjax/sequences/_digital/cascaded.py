@@ -1,4 +1,4 @@
-"""Nets whose consecutive pairs of dimensions are all (0,m,2)-nets: each is Sobol's of the one before."""
+"""Nets with (0,m,2)-nets in all consecutive pairs of dimensions, by cascaded Sobol' components."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,7 +17,7 @@ _CHOSEN = (
     1, 1, 2, 2, 2, 2, 4, 3, 18, 2, 2, 2, 2, 23, 9, 8, 3, 1, 39, 8, 29, 1, 3, 23, 31, 35, 13, 60, 36, 35, 24,
 )
 # fmt: on
-"""The component of Joe and Kuo's table from 1 on, that makes each dimension of the one before it."""
+"""The component of Joe and Kuo's table, from 1, that maps each dimension to the next."""
 
 CASCADED_DIMS = 1 + len(_CHOSEN)
 
@@ -25,7 +25,7 @@ CASCADED_DIMS = 1 + len(_CHOSEN)
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class DigitalNet(Digital):
-    """The first 2**m points of matrices of order m, which are no matrices of a sequence."""
+    """The first 2**m points of matrices of order m, which do not extend to a sequence."""
 
     m: int = field(default=32, metadata={"static": True})
 
@@ -38,15 +38,15 @@ class DigitalNet(Digital):
         return 2**self.m
 
     def inverted(self, log_side: int) -> Any:
-        """Refuse: there are no frames."""
+        """Raise: there are no frames."""
         return BinarySequence.inverted(self, log_side)
 
 
 def cascaded_net(m: int, dims: int) -> DigitalNet:
-    """Make a net of 2**m points whose consecutive pairs of dimensions are all (0,m,2)-nets.
+    """Make a net of 2**m points with (0,m,2)-nets in all consecutive pairs of dimensions.
 
-    The first coordinate is i / 2**m. Each further one is a component of the Sobol' sequence, the index of
-    which is the coordinate before it: 2**m times as large an integer.
+    The first coordinate is i / 2**m. Each further coordinate is a component of the Sobol' sequence, with 2**m
+    times the previous coordinate as index.
 
     Parameters
     ----------
@@ -58,22 +58,17 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
     Returns
     -------
     DigitalNet
-        The net for m is no part of the one for m + 1.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` or ``dims`` is out of range.
+        The net for m is not part of the net for m + 1.
 
     Notes
     -----
-    The construction is that of [1]_; which components are taken is not theirs, but of our own search
-    (``analysis/tables/make_cascade.py``): one after the other, from Joe and Kuo's, such that t is small for
-    all pairs, and for three and four dimensions in a row, for m = 4 to 14. It
-    matters: with Pascal's matrix P, that of x + 1, all the way, every third dimension is the same, since
-    (P J)**3 is the identity, where J reverses the digits. Over all pairs of the 32 dimensions, the mean of t
-    is 2.1, 2.7 and 3.3 for m = 8, 12 and 15, the largest 6, 8 and 11; of :func:`sobol` 2.2, 2.5 and 2.9, and
-    5, 5 and 6.
+    The construction is that of [1]_; the components are from our own search
+    (``analysis/tables/make_cascade.py``) among Joe and Kuo's, one after the other, for small t of all pairs,
+    and of three and four consecutive dimensions, for m = 4 to 14. The choice matters: with Pascal's matrix P,
+    that of x + 1, for all dimensions, every third dimension is the same, since (P J)**3 is the identity,
+    where J reverses the digits. Over all pairs of the 32 dimensions, the mean of t is 2.1, 2.7 and 3.3 for m
+    = 8, 12 and 15, the largest t 6, 8 and 11; for :func:`sobol` the mean is 2.2, 2.5 and 2.9, the largest 5,
+    5 and 6.
 
     References
     ----------

@@ -1,8 +1,8 @@
-"""From a cell of a raster to the indices of a net's points there, also after a scrambling.
+"""From a cell of a raster to the indices of the points of a net in it, also after a scrambling.
 
-Nets invert themselves; a digital sequence takes linear equations over F2. Each ``4**k`` consecutive points
-of a (0,2)-sequence put one point into every cell of a raster of ``2**k`` cells a side: a frame. The frame
-gives the upper bits of the index, the cell the lower ``2 k``.
+Nets invert themselves; for a digital sequence linear equations over F2 are solved. Each ``4**k`` consecutive
+points of a (0,2)-sequence put one point into every cell of a raster of ``2**k`` cells per side: a frame. The
+frame gives the upper bits of the index, the cell the lower ``2 k``.
 """
 
 import abc
@@ -23,7 +23,7 @@ from qmcjax.sequences._digital.matrix_products import selected
 
 @runtime_checkable
 class Invertible(Protocol):
-    """A point set in base 2 that knows the indices of its points in a cell of a raster."""
+    """A point set in base 2 that gives the indices of its points in a cell of a raster."""
 
     @property
     def dims(self) -> int:
@@ -32,7 +32,7 @@ class Invertible(Protocol):
 
     @property
     def size(self) -> int | None:
-        """Number of points, None if each further sample takes a further frame of a sequence."""
+        """Number of points; None if each further sample is a further frame of a sequence."""
         ...
 
     def word(self, index: Array, dim: int) -> Array:
@@ -40,23 +40,23 @@ class Invertible(Protocol):
         ...
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return how many points each cell of a raster of ``2**log_side`` cells a side holds."""
+        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side."""
         ...
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a cell's point."""
+        """Return the index of a point in a cell."""
         ...
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class NetByFrames:
-    """A (0,2)-sequence cut into frames of one point in each cell of a raster."""
+    """A (0,2)-sequence split into frames with one point in each cell of a raster."""
 
     sequence: Any
     """Digital, in base 2."""
     inverse: Array
-    """uint32 (2 * log_side,): column i says which lower index bits change with digit i of the cell."""
+    """uint32 (2 * log_side,): column i has the lower index bits that change with digit i of the cell."""
 
     log_side: int = field(metadata={"static": True})
 
@@ -70,7 +70,7 @@ class NetByFrames:
 
     @property
     def size(self) -> None:
-        """None: there are as many frames as 32-bit indices allow."""
+        """None: the number of frames is limited by 32-bit indices only."""
         return
 
     def word(self, index: Array, dim: int) -> Array:
@@ -80,20 +80,18 @@ class NetByFrames:
     def points_per_cell(self, log_side: int) -> int:
         """Return the number of frames."""
         if log_side != self.log_side:
-            raise ValueError(
-                f"log_side must be {self.log_side}, which the frames are made for, got {log_side}"
-            )
+            raise ValueError(f"log_side must be {self.log_side}, as of the frames, got {log_side}")
         return 4 ** (16 - log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of the point that a cell has in frame number ``sample``.
+        """Return the index of the point of a cell in frame ``sample``.
 
         Parameters
         ----------
         x, y : uint32 Array
             Column and row of the cell.
         log_side : int
-            That of the frames.
+            As of the frames.
         sample : uint32 Array
             The frame: indices ``sample * 4**log_side`` and following.
 
@@ -103,7 +101,7 @@ class NetByFrames:
         """
         if log_side == 0:
             return sample
-        # With 2**16 cells a side there is one frame; a shift by 32 is not defined.
+        # With 2**16 cells per side there is one frame; a shift by 32 is not defined.
         start = sample << (2 * log_side) if log_side < 16 else jnp.zeros_like(sample)
         ones = np.uint32(2**log_side - 1)
         wrong_x = reverse(x << (32 - log_side)) ^ self.sequence.bit_reversed(start, 0)
@@ -114,7 +112,7 @@ class NetByFrames:
 
 @dataclass(frozen=True)
 class Moved:
-    """An invertible net after a scrambling, whose leading digits permute the cells: subclasses undo that."""
+    """An invertible net after a scrambling; it permutes the cells, and subclasses undo that."""
 
     net: Invertible
 
@@ -131,17 +129,17 @@ class Moved:
         return self.net.size
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return how many points lie in each cell: as many as without the scrambling."""
+        """Return the number of points in each cell, as without the scrambling."""
         return self.net.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a cell's point: that of the net in the cell that is moved here."""
+        """Return the index of a point in a cell: that of the net in the cell moved here."""
         x, y = self.before(x, 0, log_side), self.before(y, 1, log_side)
         return self.net.index_in_cell(x, y, log_side, sample)
 
     @abc.abstractmethod
     def before(self, place: Array, dim: int, log_side: int) -> Array:
-        """Return which column (dimension 0) or row (1) the scrambling moved to some places."""
+        """Return the columns (dimension 0) or rows (1) that the scrambling moved to some places."""
 
 
 @pytree
@@ -150,7 +148,7 @@ class Flipped(Moved):
     """An invertible net after a digital shift."""
 
     shifts: Array
-    """uint32 (dims,): those of the shift."""
+    """uint32 (dims,): the digital shift."""
 
     called = "digital_shift"
 
@@ -160,18 +158,12 @@ class Flipped(Moved):
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:
         """Return the columns or rows that were moved to some places."""
-        # In two steps, since a shift by 32 is not defined.
+        # In two steps: a shift by 32 is not defined.
         return place ^ (self.shifts[dim] >> 1 >> (31 - log_side))
 
 
 def net_by_frames_of(sequence: Any, matrices: Array, log_side: int) -> NetByFrames:
-    """Invert the digital sequence in base 2 of some generator matrices, uint32 (dims, 32).
-
-    Raises
-    ------
-    ValueError
-        If the first two coordinates do not fill the cells.
-    """
+    """Invert the digital sequence in base 2 of some generator matrices, uint32 (dims, 32)."""
     if sequence.dims < 2:
         raise ValueError(f"sequence must have at least 2 dimensions to fill a raster, got {sequence.dims}")
     if log_side == 0:
@@ -187,7 +179,7 @@ def net_by_frames_of(sequence: Any, matrices: Array, log_side: int) -> NetByFram
 
 @partial(jax.jit, static_argnames="log_side")
 def _inverse(columns: Array, log_side: int) -> tuple[Array, Array]:
-    """Invert the leading rows of two matrices, stacked, and tell whether that is possible."""
+    """Return the inverse of the stacked leading rows of two matrices, and whether it exists."""
     count = 2 * log_side
     bit_reversed = reverse(columns[:, :count])
     bit = jax.lax.iota(jnp.uint32, count)
@@ -203,7 +195,8 @@ def _inverse(columns: Array, log_side: int) -> tuple[Array, Array]:
         has = (left >> c) & np.uint32(1)
         candidates = (has == 1) & (bit >= c)
         pivot = jnp.argmax(candidates).astype(jnp.uint32)
-        # Adding the pivot row brings a one to the diagonal where there is none; then all others lose theirs.
+        # Adding the pivot row puts a one on the diagonal where there is none; then the other rows are
+        # cleared.
         lacks = (bit == c) & (has == 0)
         left, right = (jnp.where(lacks, rows ^ rows[pivot], rows) for rows in (left, right))
         others = (((left >> c) & np.uint32(1)) == 1) & (bit != c)

@@ -57,13 +57,13 @@ class Digital(BinarySequence):
     """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
 
     steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
-    """Products with the first matrices in a few steps, on bit_reversed."""
+    """Products with the first matrices in log steps, on bit-reversed words."""
 
     upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
-    """Products of matrix ``dim`` with the upper words of indices, if its columns from 32 on are known."""
+    """Products of matrix ``dim`` with the upper words of indices, if columns from 32 on are known."""
 
     called: str = field(default="digital", metadata={"static": True})
-    """What makes such a sequence."""
+    """Name of the function that makes such a sequence."""
 
     @property
     def dims(self) -> int:
@@ -71,7 +71,6 @@ class Digital(BinarySequence):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for 64-bit indices."""
         return self.limit if self.upper is None else checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> Sequence:
@@ -99,18 +98,18 @@ class Digital(BinarySequence):
         return self
 
     def inverted(self, log_side: int) -> NetByFrames:
-        """Return the sequence by frames, which finds points from their cells."""
+        """Return the sequence as frames, for points from their cells."""
         return net_by_frames_of(self, self.matrices, log_side)
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return 2 for each component whose matrix is lower triangular, or being traced."""
+        """Return 2 for each component with a lower triangular or traced matrix."""
         leading = self._leading_digits()
         if leading is None:
             return (2,) * self.dims
         return tuple(2 if lower else None for lower in np.all(leading == 1, axis=1))
 
     def index_digits(self, component: int, count: int) -> None:
-        """Return None if the component's matrix is the identity, or being traced."""
+        """Return None if the matrix of the component is the identity or traced."""
         if isinstance(self.matrices, Tracer):
             return None
         identity = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
@@ -118,7 +117,7 @@ class Digital(BinarySequence):
             super().index_digits(component, count)
 
     def _leading_digits(self) -> NDArray[np.uint32] | None:
-        """Return the rows 0 to k of column k of each matrix as a number whose units are row k."""
+        """Return rows 0 to k of column k of each matrix as a number, with row k as lowest bit."""
         if isinstance(self.matrices, Tracer):
             return None
         return np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
@@ -156,8 +155,8 @@ def _columns_of(steps: tuple[Callable[[Array], Array], ...]) -> Array:
 def sobol(dims: int = 2) -> Digital:
     """Make the Sobol' sequence with the direction numbers of Joe and Kuo.
 
-    The first two components are the (0,2)-sequence of the identity and Pascal's matrix, computed
-    in log steps; the others are looked up in tables made on the fly from their matrices.
+    The first two components are the (0,2)-sequence of the identity and Pascal's matrix, computed in log
+    steps; the others are looked up in tables computed from their matrices.
 
     Parameters
     ----------
@@ -167,12 +166,7 @@ def sobol(dims: int = 2) -> Digital:
     Returns
     -------
     Digital
-        Points in the order of the index's binary digits, not in Gray code order.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range.
+        Points in the order of binary digits of the index, not in Gray code order.
 
     References
     ----------
@@ -197,7 +191,7 @@ def sobol(dims: int = 2) -> Digital:
 
 
 def larcher_pillichshammer() -> Digital:
-    """Make the (0,2)-sequence of C'1, C'2, whose first component is Larcher and Pillichshammer's.
+    """Make the (0,2)-sequence of C'1, C'2, with Larcher and Pillichshammer's component as the first.
 
     Returns
     -------
@@ -232,13 +226,6 @@ def digital(matrices: np.ndarray | Array) -> Digital:
     Returns
     -------
     Digital
-
-    Raises
-    ------
-    TypeError
-        If ``matrices`` is no array of uint32.
-    ValueError
-        If it has another shape.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Direction numbers of anybody's Sobol' sequences, in the format of Joe and Kuo's files."""
+"""Direction numbers of Sobol' sequences, in the format of Joe and Kuo's files."""
 
 from collections.abc import Iterable, Sequence
 from os import PathLike
@@ -19,26 +19,19 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
     r"""Read direction numbers in the format of Joe and Kuo's files.
 
     Each line holds d, s, a, and m_1, ..., m_s: the number of the dimension from 2 on, the degree of a
-    polynomial, its coefficients without the first and the last one as the binary digits of a, and the
-    initial numbers. A first line that does not begin with a digit is a heading.
+    polynomial, its coefficients without the first and the last one as the binary digits of a, and the initial
+    numbers. A first line that does not begin with a digit is a heading. Polynomials must be irreducible, m_k
+    odd and below 2**k; errors name file and line.
 
     Parameters
     ----------
     path : path
-        Such as that of ``new-joe-kuo-6.21201`` [1]_.
+        Of a file such as ``new-joe-kuo-6.21201`` [1]_.
 
     Returns
     -------
     tuple of DirectionNumbers
-        Those of dimensions 2, 3, ..., for :func:`sobol_of`.
-
-    Raises
-    ------
-    TypeError
-        If ``path`` is neither a path nor a string.
-    ValueError
-        If a line has another form, another d than the line before and one, a reducible polynomial, or an
-        m_k that is even or not below 2**k: names file and line.
+        Of dimensions 2, 3, ..., for :func:`sobol_of`.
 
     References
     ----------
@@ -64,10 +57,10 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
             numbers.append(_parsed(fields, len(numbers) + 2))
         except ValueError as error:
             raise ValueError(
-                f"path must be that of a file of direction numbers; line {count} of {path}: {error}"
+                f"path must name a file of direction numbers; line {count} of {path}: {error}"
             ) from None
     if not numbers:
-        raise ValueError(f"path must be that of a file of direction numbers; there are none in {path}")
+        raise ValueError(f"path must name a file of direction numbers; there are none in {path}")
     return tuple(numbers)
 
 
@@ -93,11 +86,6 @@ def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLik
     Returns
     -------
     str
-
-    Raises
-    ------
-    TypeError, ValueError
-        If ``numbers`` is no iterable of such pairs.
 
     Examples
     --------
@@ -125,12 +113,7 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
     Returns
     -------
     Digital
-        With one dimension more than there are ``numbers``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If ``numbers`` is no iterable of such pairs.
+        With one dimension more than ``numbers``.
 
     Examples
     --------
@@ -144,30 +127,23 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
 
 
 def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
-    """Find the direction numbers that make a given Sobol' sequence: the way back from :func:`sobol_of`.
+    """Find the direction numbers of a Sobol' sequence: the inverse of :func:`sobol_of`.
 
     Parameters
     ----------
     sequence : Digital
-        A Sobol' sequence, such as :func:`sobol`, :func:`one_two` or :func:`sobol_of` make it: the first
-        component is van der Corput's.
+        A Sobol' sequence, such as from :func:`sobol`, :func:`one_two` or :func:`sobol_of`, with the van der
+        Corput sequence as first component.
 
     Returns
     -------
     tuple of DirectionNumbers
-        Those of dimensions 2, 3, ..., of the least degree that makes the same 32 x 32 matrices; for
+        Of dimensions 2, 3, ..., of the least degree that gives the same 32 x 32 matrices; for
         :func:`direction_numbers_text`.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is no digital sequence in base 2.
-    ValueError
-        If it has a component that is none of Sobol's.
 
     Notes
     -----
-    The recurrence of Eq. 5.13 [1]_ is linear in the coefficients of the polynomial, so that they are found by
+    The recurrence of Eq. 5.13 [1]_ is linear in the coefficients of the polynomial, so they are found by
     elimination, degree by degree.
 
     References
@@ -184,22 +160,24 @@ def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
         raise TypeError(f"sequence must be a digital sequence in base 2, got {checks.shown(sequence)}")
     matrices = np.asarray(sequence.matrices)
     if not np.array_equal(matrices[0], _IDENTITY):
-        raise ValueError("sequence must begin with the component of van der Corput's, got another one")
+        raise ValueError("sequence must begin with the van der Corput sequence, got another component")
     found: list[DirectionNumbers] = []
     for dimension, columns in enumerate(matrices[1:], start=2):
-        # Degrees grow with the dimension in tables, so that the last one is the best guess.
+        # Degrees grow with the dimension in tables, so the last one is the best guess.
         guess = len(found[-1].initial) if found else 1
         degrees = [*range(guess, 33), *range(1, guess)]
         tried = (_of_degree(columns.tolist(), degree) for degree in degrees)
         numbers = next((each for each in tried if each is not None), None)
         if numbers is None:
-            raise ValueError(f"sequence must be one of Sobol's, got another matrix in dimension {dimension}")
+            raise ValueError(
+                f"sequence must be a Sobol' sequence, got another matrix in dimension {dimension}"
+            )
         found.append(numbers)
     return tuple(found)
 
 
 def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
-    """Return direction numbers of a degree that make a matrix, None if there are none.
+    """Return direction numbers of a degree for a matrix, None if there are none.
 
     With the columns v_k as fractions, v_k + v_(k-s) + v_(k-s) / 2**s is the sum of a_i v_(k-i), 0 < i < s.
     """
@@ -226,7 +204,7 @@ def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
 
 
 def _reduced(vector: int, chosen: int, basis: list[tuple[int, int]]) -> tuple[int, int]:
-    """Return a vector without the leading bits of a basis, and which vectors it is the sum of."""
+    """Return a vector reduced by a basis, and the vectors that it is the sum of."""
     for other, others in basis:
         if vector >> (other.bit_length() - 1) & 1:
             vector, chosen = vector ^ other, chosen ^ others

@@ -1,4 +1,4 @@
-"""From cells of a raster to points: of nets, of digital sequences by frames, scrambled or not."""
+"""From cells of a raster to the points of nets and of digital sequences, scrambled or not."""
 
 from typing import Any
 
@@ -14,20 +14,14 @@ def inverted(net: Any, log_side: int) -> Invertible:
     Parameters
     ----------
     net : sequence in base 2
-        A digital sequence, a net that has ``index_in_cell``, or ``digital_shift`` or ``art_owen`` of one.
+        A digital sequence, a net with ``index_in_cell``, or ``digital_shift`` or ``art_owen`` of one, with
+        equally many points in each cell.
     log_side : int
-        Binary logarithm of the number of cells a side, in [0, 16].
+        Binary logarithm of the number of cells per side, in [0, 16].
 
     Returns
     -------
     Invertible
-
-    Raises
-    ------
-    TypeError
-        If the net is neither a sequence in base 2 nor has ``index_in_cell``.
-    ValueError
-        If it cannot be inverted, or does not put equally many points into each cell.
 
     References
     ----------
@@ -52,26 +46,19 @@ def inverted(net: Any, log_side: int) -> Invertible:
 
 
 def net_by_frames(sequence: Digital, log_side: int) -> NetByFrames:
-    """Invert a digital (0,2)-sequence, so that its points can be found from the cell they lie in.
+    """Invert a digital (0,2)-sequence: find its points from their cells.
 
     Parameters
     ----------
     sequence : Digital
-        At least two dimensions; the first two have to be a (0,2)-sequence, or at least to put one of
-        each ``4**log_side`` points into every cell.
+        At least two dimensions; the first two must be a (0,2)-sequence, or at least put one of each
+        ``4**log_side`` points into every cell.
     log_side : int
-        Binary logarithm of the number of cells a side, in [0, 16].
+        Binary logarithm of the number of cells per side, in [0, 16].
 
     Returns
     -------
     NetByFrames
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is not digital in base 2.
-    ValueError
-        If ``log_side`` is out of range or the first two coordinates do not fill the cells.
 
     References
     ----------

@@ -27,8 +27,8 @@ def matrices_of(dims: int) -> np.ndarray:
 def columns_beyond(dim: int) -> np.ndarray:
     """Return columns 32 to 63 of the matrix of component ``dim`` > 0, their first 32 rows, as fractions.
 
-    Eq. 5.13 for v_k = m_k / 2**k: products with powers of two become shifts to the right, so that what is
-    cut off behind 32 digits is not needed for the next column.
+    Eq. 5.13 for v_k = m_k / 2**k: products with powers of two become shifts to the right, so digits beyond 32
+    are not needed for the next column.
     """
     polynomials, initial = _table(dim + 1)
     polynomial = int(polynomials[-1])

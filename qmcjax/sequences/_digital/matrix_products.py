@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 
 _TABLE_FROM = 4096
-"""Number of indices from which it pays to make tables of the products with all bytes."""
+"""Number of indices from which tables of the products with all bytes pay off."""
 
 
 def product(columns: Array, index: Array) -> Array:
@@ -19,7 +19,7 @@ def product(columns: Array, index: Array) -> Array:
     words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for shift in (0, 8, 16, 24):
         table = selected(columns[shift : shift + 8], byte)
-        # A byte is within its table: without the promise, every look-up is checked.
+        # A byte is within its table: this skips bounds checks.
         words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
     return words
 

@@ -1,4 +1,4 @@
-"""Sobol' components whose pairs are (1,2)-sequences, from searched direction numbers."""
+"""Sobol' components with (1,2)-sequences as pairs, from searched direction numbers."""
 
 from importlib import resources
 
@@ -10,7 +10,7 @@ ONE_TWO_DIMS = 20
 
 
 def one_two(dims: int) -> Digital:
-    """Make a Sobol' sequence whose pairs of components 2 k and 2 k + 1 are (1,2)-sequences in base 2.
+    """Make a Sobol' sequence with (1,2)-sequences in base 2 as components 2 k and 2 k + 1.
 
     The first pair is that of :func:`sobol`, a (0,2)-sequence.
 
@@ -22,19 +22,14 @@ def one_two(dims: int) -> Digital:
     Returns
     -------
     Digital
-        t of the pairs is known for all nets of up to 2**32 points.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range.
+        The value t of the pairs is verified for all nets of up to 2**32 points.
 
     Notes
     -----
-    In Sobol's construction x and x + 1 make the only (0,2)-sequence. With p and p**2 + p + 1 as polynomials
-    t = 1 can be reached [1]_. The direction numbers are from a search of our own
-    (``analysis/tables/make_one_two.py``), for all p of degrees up to 7 such that both polynomials are
-    irreducible: those of degrees 1, 2, 5, 6 and 7 exist. They are not those of [1]_.
+    In Sobol's construction x and x + 1 give the only (0,2)-sequence. The polynomials p and p**2 + p + 1 can
+    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/make_one_two.py``), for
+    all p of degrees up to 7 with both polynomials irreducible: such p have degrees 1, 2, 5, 6 and 7. They are
+    not those of [1]_.
 
     References
     ----------

@@ -22,17 +22,17 @@ from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 class PrimeDigital(DigitSequence):
     """Coordinate j of point i is C_j times the digits of i, over F_q (thesis Eq. 5.9).
 
-    There are tables of the products with all numbers of a few digits. Each digit of a product has a field of
-    a word, wide enough for the sum of the table entries of an index; at last it is reduced modulo q.
+    Tables hold the products with all numbers of a few digits. Each digit of a product has a field of a word,
+    wide enough for the sum of the table entries of an index; the sum is reduced modulo q.
     """
 
     bases: tuple[int, ...] = field(metadata={"static": True})
-    """The same for all coordinates."""
+    """The prime q, for all coordinates."""
     tables: Array
     """uint32 (dims, words, entries): the tables of all spans of digits, one after the other."""
 
     called: str = field(default="faure", metadata={"static": True})
-    """What makes such a sequence."""
+    """Name of the function that makes such a sequence."""
 
     reported = ("dims", "base")
 
@@ -46,7 +46,6 @@ class PrimeDigital(DigitSequence):
         return self.bases[0]
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of valid indices, in their shape."""
         return self._fractions(index, np.array(dim), dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -66,7 +65,7 @@ class PrimeDigital(DigitSequence):
         return numbers
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return the base for each component whose matrix is lower triangular, or being traced."""
+        """Return the base for each component with a lower triangular or traced matrix."""
         if isinstance(self.tables, Tracer):
             return self.bases
         return tuple(
@@ -75,7 +74,7 @@ class PrimeDigital(DigitSequence):
         )
 
     def index_digits(self, component: int, count: int) -> None:
-        """Return None if the component's matrix is the identity, or being traced."""
+        """Return None if the matrix of the component is the identity or traced."""
         if isinstance(self.tables, Tracer):
             return
         matrix = self.matrix(component)
@@ -142,6 +141,6 @@ def prime_digital(matrices: np.ndarray, base: int, called: str = "faure") -> Pri
 
 
 def _fields(base: int) -> tuple[int, int]:
-    """Return the bits of a field that holds a sum of one digit from each table, and the fields of a word."""
+    """Return the bits of a field for a sum of one digit per table, and the fields of a word."""
     width = (len(digit_spans(base)) * (base - 1)).bit_length()
     return width, 32 // width

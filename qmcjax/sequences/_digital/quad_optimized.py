@@ -1,4 +1,4 @@
-"""A digital sequence in base 3 whose consecutive pairs and quadruples of coordinates were searched for."""
+"""A digital sequence in base 3 with optimised consecutive pairs and quadruples of coordinates."""
 
 from functools import cache
 from importlib import resources
@@ -13,7 +13,7 @@ QUAD_DIMS = 32
 
 
 def quad_optimized(dims: int) -> PrimeDigital:
-    """Make a sequence in base 3 whose consecutive pairs and quadruples of coordinates are good nets.
+    """Make a sequence in base 3 with good nets as consecutive pairs and quadruples of coordinates.
 
     Coordinates 2 k and 2 k + 1 are a (0,2)-sequence. In coordinates 4 k to 4 k + 3, each aligned block of
     3**m points is a (t,m,4)-net with t = 1 for m <= 8, that is up to 6561 points, t = 2 for m <= 13,
@@ -28,20 +28,15 @@ def quad_optimized(dims: int) -> PrimeDigital:
     -------
     PrimeDigital
 
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range.
-
     Notes
     -----
     Found by ``analysis.tables.make_quadruples``: matrices that grow column by column, each column by a local
-    search. To ask for good consecutive pairs and quadruples is the idea of [1]_, where Sobol's construction
-    over F_3 is searched; the matrices here are our own. The quadruples' points are numbered in different
-    ways, chosen such that other pairs of coordinates have small t, too.
+    search. Optimising consecutive pairs and quadruples is the idea of [1]_, which searches Sobol's
+    construction over F_3; the matrices here are our own. The points of the quadruples are numbered in
+    different ways, chosen for small t of other pairs of coordinates, too.
 
-    A quadruple of t <= 1 for all m is Niederreiter's for x, x + 1, x + 2 and x^2 + 1 [2]_, of which pairs can
-    have t = 1.
+    Niederreiter's quadruple for x, x + 1, x + 2 and x^2 + 1 [2]_ has t <= 1 for all m, but its pairs can have
+    t = 1.
 
     References
     ----------

@@ -15,7 +15,8 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
     Parameters
     ----------
     matrices : integer array, shape (s, m, m)
-        The upper left parts of C_1, ..., C_s over F_q. That they generate a (0,s)-sequence is not checked.
+        The upper left parts of C_1, ..., C_s over F_q. They must generate a (0,s)-sequence; this is not
+        checked.
     component : int
         The j to replace, in [0, s - 1].
     replacement : integer array, shape (m, m)
@@ -28,19 +29,11 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
     int64 ndarray, shape (s, m, m), in [0, q)
         The matrices C_k D; row ``component`` is ``replacement``.
 
-    Raises
-    ------
-    TypeError
-        If matrices are no integers.
-    ValueError
-        If ``q`` is no such prime, the shapes do not fit, the matrix to replace is singular, or an upper
-        left submatrix of ``replacement`` is.
-
     Notes
     -----
-    The printed proof takes the upper left part of a product for the product of the upper left parts,
-    (C D)(m) = C(m) D(m). This holds for upper triangular D. With another D the returned matrices give
-    a (0,m,s)-net of the first q**m points, but smaller blocks may be none.
+    The printed proof takes the upper left part of a product for the product of the upper left parts, (C D)(m)
+    = C(m) D(m). This holds for upper triangular D. With another D the returned matrices give a (0,m,s)-net of
+    the first q**m points, but smaller blocks may not be nets.
 
     References
     ----------
@@ -67,6 +60,6 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
         if finite_field.rank(replacement[:m, :m], q) < m:
             raise ValueError(f"replacement must generate a (0,1)-sequence, got a singular {m} x {m} part")
     if (rank := finite_field.rank(matrices[component], q)) < len(replacement):
-        raise ValueError(f"matrices[{component}] must be regular over F_{q}, got rank {rank}")
+        raise ValueError(f"matrices[{component}] must be invertible over F_{q}, got rank {rank}")
     change = finite_field.product(finite_field.inverse(matrices[component], q), replacement, q)
     return finite_field.product(matrices, change, q)

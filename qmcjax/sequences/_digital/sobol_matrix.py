@@ -19,22 +19,16 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     Parameters
     ----------
     polynomial : int
-        An irreducible polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i:
-        x**3 + x + 1 is 0b1011. Sobol' takes primitive ones, for which t is known as well.
+        An irreducible polynomial over F2 other than x, of degree s in [1, 32], with the coefficient of x**i
+        in bit i: x**3 + x + 1 is 0b1011. Sobol' uses primitive ones, for which t is known as well.
     initial : int ArrayLike, shape (s,)
         m_1, ..., m_s: m_k is odd and less than 2**k.
 
     Returns
     -------
     uint32 Array, shape (32,)
-        Column k, its first row in bit 31: a row of the ``matrices`` of :func:`digital`. Regular and
-        upper triangular.
-
-    Raises
-    ------
-    ValueError
-        If ``polynomial`` is not irreducible or x, or ``initial`` has another length, or a number in it is
-        even or too large.
+        Column k, its first row in bit 31: a row of the ``matrices`` of :func:`digital`. Invertible and upper
+        triangular.
 
     References
     ----------
@@ -53,7 +47,7 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
 
 
 class DirectionNumbers(NamedTuple):
-    """What a component of a Sobol' sequence is made of."""
+    """Direction numbers of a component of a Sobol' sequence."""
 
     polynomial: int
     """An irreducible polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i."""
@@ -107,7 +101,7 @@ def _columns_of_degree(polynomials: NDArray[np.uint64], initial: NDArray[np.uint
 
 @lru_cache(maxsize=2**16)
 def _is_irreducible(polynomial: int) -> bool:
-    """Tell whether there is no factor, and the constant coefficient is 1 (M. O. Rabin, 1980).
+    """Return whether there is no factor, and the constant coefficient is 1 (M. O. Rabin, 1980).
 
     Modulo an irreducible polynomial of degree n, x**(2**n) is x, and x**(2**(n / p)) + x has no factor in
     common with it for any prime p that divides n.

@@ -1,4 +1,4 @@
-"""(0, 2**q)-sequences in base 2**q as binary digital sequences, those of subfields within them."""
+"""(0, 2**q)-sequences in base 2**q as binary digital sequences, including those of subfields."""
 
 from functools import lru_cache
 
@@ -34,29 +34,24 @@ def sz(dims: int) -> Digital:
     -------
     Digital
 
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range.
-
     Notes
     -----
-    Sequences with these properties are introduced in [1]_, whose matrices are found by a search over two
-    alphabets of 2 x 2 blocks. Ours are constructed instead, and need not be the same. Let F be the field
-    of 2**q elements for q = 1, 2, 4, 8, and C_F(a) the generator matrix of Faure's sequence for a in F: its
-    element in row j and column r is binom(r, j) a**(r - j). As a binary matrix, it has the q x q matrix of
-    the multiplication by an element in place of the element. With the elements numbered as Conway's nimbers
-    [2]_, the number c is a sum of its bit 0 in F_2, bit 1 in F_4, bits 2 and 3 in F_16 and bits 4 to 7
-    in F_256, and component c has the matrix
+    Sequences with these properties are introduced in [1]_; their matrices are found by a search over two
+    alphabets of 2 x 2 blocks. Ours are constructed instead, and may differ. Let F be the field of 2**q
+    elements for q = 1, 2, 4, 8, and C_F(a) the generator matrix of Faure's sequence for a in F: its element
+    in row j and column r is binom(r, j) a**(r - j). As a binary matrix, it has the q x q matrix of
+    multiplication by an element in place of that element. With the elements numbered as Conway's nimbers
+    [2]_, the number c is a sum of its bit 0 in F_2, bit 1 in F_4, bits 2 and 3 in F_16 and bits 4 to 7 in
+    F_256, and component c has the matrix
 
         C_2(c & 1) C_4(c & 2) C_16(c & 12) C_256(c & 240).
 
     Why this works: C_F(a) C_F(b) = C_F(a + b). By Lucas' theorem, C_F(a) for a in F is B C_E(a**2), where E
-    is the field of the square of F's size, and B has regular blocks on the diagonal only, one for each digit
-    of E. So the product up to F is D C_F(a), where D is such a matrix for F, and a in F goes through all
-    elements as the bits of c up to F do. These are components of Faure's sequence over F, times the rest of
-    the product from the right, which is the same for all of a group. t = 0 is changed neither by D nor by
-    the rest: it is upper triangular, its diagonal one, in blocks of F's digits, too.
+    is the field of the square of F's size, and B has only diagonal blocks, invertible, one for each digit of
+    E. So the product up to F is D C_F(a), where D is such a matrix for F, and a in F runs through all
+    elements with the bits of c up to F. These are components of Faure's sequence over F, times the rest of
+    the product from the right, the same for all components of a group. Neither D nor the rest changes t = 0:
+    the rest is upper triangular with unit diagonal, in blocks of the digits of F, too.
 
     References
     ----------
@@ -85,7 +80,7 @@ def _beyond(dim: int, high: Array) -> Array:
 
 @lru_cache(maxsize=SZ_DIMS)
 def _columns(component: int) -> NDArray[np.uint32]:
-    """Return the 64 columns of a component's matrix, their first 32 rows, the first one in bit 31."""
+    """Return the first 32 rows of the 64 columns of a component's matrix, the first row in bit 31."""
     matrix = np.eye(_SIZE, dtype=np.int64)
     for bits, part in ((1, 1), (2, 2), (4, 12), (8, 240)):
         if component & part:
@@ -111,7 +106,7 @@ def _pascal(element: int, bits: int) -> NDArray[np.int64]:
 
 
 def _nim_product(a: int, b: int, half: int = 4) -> int:
-    """Multiply elements of the field of 2**(2 half) numbers: pairs over that of 2**half.
+    """Multiply elements of the field of 2**(2 half) numbers: pairs over the field of 2**half.
 
     Sums are xors, and the numbers below 2**half are the subfield. The number i = 2**half has the square
     i + 2**(half - 1).

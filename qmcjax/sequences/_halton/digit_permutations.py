@@ -1,4 +1,4 @@
-"""Digit permutations of the Halton sequence: an array (digits, base) for a base, row k for digit k."""
+"""Digit permutations of the Halton sequence: an array (digits, base) per base, row k for digit k."""
 
 from functools import partial
 from importlib import resources
@@ -22,10 +22,11 @@ def zaremba(base: int) -> np.ndarray:
 
 
 def faure(base: int) -> np.ndarray:
-    """Return Faure's permutation for all digits, all of which keep 0.
+    """Return Faure's permutation for all digits; it keeps 0.
 
-    From the identity for b = 2, the permutation of 2b is twice the one of b, then the same plus 1; for odd
-    b = 2c + 1, the entries of the one of 2c that reach c are raised by one, and c becomes the middle.
+    From the identity for b = 2, the permutation of 2b is twice the permutation of b, then the same plus 1;
+    for odd b = 2c + 1, the entries of the permutation of 2c that reach c increase by one, and c becomes the
+    middle.
 
     References
     ----------
@@ -78,7 +79,7 @@ def random_tables(bases: tuple[int, ...], key: Array) -> Array:
 
 @partial(jax.jit, static_argnames="bases")
 def _joined(digits: Array, bases: tuple[int, ...]) -> Array:
-    """Replace permutations of single digits by the tables of spans; those of large bases are the same."""
+    """Replace permutations of single digits by tables of spans, the same for large bases."""
     parts, start = [], 0
     for base in bases:
         if max(digit_spans(base)) == 1:

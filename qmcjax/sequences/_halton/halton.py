@@ -1,4 +1,4 @@
-"""Radical inverses, with digits permuted or not: the van der Corput and the Halton sequence."""
+"""Radical inverses, with permuted digits or not: the van der Corput and the Halton sequence."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -34,13 +34,13 @@ HALTON_DIMS = 1024
 PERMUTATIONS = (None, "zaremba", "faure", "faure_lemieux", "random")
 
 MANY = 64
-"""From so many coordinates large bases share a program: it would take long to compile one for each."""
+"""Number of coordinates from which large bases share a program: one for each would compile too long."""
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class RadicalInverses(DigitSequence):
-    """One radical inverse a coordinate (Hilbert paper, Eq. 1), of permuted digits or not."""
+    """One radical inverse per coordinate (Hilbert paper, Eq. 1), with permuted digits or not."""
 
     bases: tuple[int, ...] = field(metadata={"static": True})
     tables: Array | None = None
@@ -50,7 +50,7 @@ class RadicalInverses(DigitSequence):
 
     @property
     def called(self) -> str:
-        """What makes such a sequence."""
+        """Name of the function that makes such a sequence."""
         return "halton" if self.base is None else "van_der_corput"
 
     @property
@@ -69,7 +69,7 @@ class RadicalInverses(DigitSequence):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for 64-bit indices; permutations have the digits of 32 bits."""
+        """Limit of 64-bit indices; permutations have the digits of 32 bits."""
         return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
 
     def with_high_word(self, high: Array) -> Sequence:
@@ -78,7 +78,6 @@ class RadicalInverses(DigitSequence):
         )
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of valid indices, in their shape."""
         base = self.bases[dim]
         if self.tables is None:
             return radical_inverse(index, base, dtype)
@@ -96,7 +95,6 @@ class RadicalInverses(DigitSequence):
         return [digit_reversed(n, base, span) for n, span in zip(permuted, digit_spans(base), strict=True)]
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return all bases."""
         return self.bases
 
     def index_digits(self, component: int, count: int) -> Array | None:
@@ -133,7 +131,7 @@ class RadicalInverses(DigitSequence):
         return jnp.stack(values, axis=-1)
 
     def _together(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return coordinates whose bases have equally many digits."""
+        """Return coordinates with bases of equally many digits."""
         row = (1,) * index.ndim + (-1,)
         bases = np.array([self.bases[j] for j in dims]).reshape(row)
         if self.tables is None:
@@ -155,7 +153,6 @@ class RadicalInverses64(Sequence):
         return len(self.bases)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of valid indices, in their shape."""
         return radical_inverse_64(self.high, index, self.bases[dim], dtype)
 
 
@@ -185,11 +182,6 @@ def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
     Sequence
         One dimension.
 
-    Raises
-    ------
-    ValueError
-        If ``base`` is out of range.
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Eq. 1.
@@ -204,31 +196,26 @@ def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
 
 
 def halton(dims: int, permutation: str | None = None, key: Array | int | None = None) -> RadicalInverses:
-    """Make the Halton sequence: radical inverses in the first prime bases, their digits permuted or not.
+    """Make the Halton sequence: radical inverses in the first prime bases, with permuted digits or not.
 
     Parameters
     ----------
     dims : int
         In [1, 1024]; in [1, 360] for "faure_lemieux".
     permutation : {None, "zaremba", "faure", "faure_lemieux", "random"}
-        What becomes of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b:
-        "zaremba", (a + k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_;
-        "faure_lemieux", f a mod b with a factor found by search for each b [3]_; "random", an independent
-        uniform permutation for each digit of each component.
+        The image of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b: "zaremba", (a +
+        k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_; "faure_lemieux", f a mod b
+        with a factor found by search for each b [3]_; "random", an independent uniform permutation for each
+        digit of each component.
     key : jax.random.key, or int in [0, 2**32), optional
-        For "random" and only there. A new key gives new permutations and compiles nothing anew.
+        For "random" only. A new key does not recompile.
 
     Returns
     -------
     RadicalInverses
-        Every value is an exact fraction, rounded once, with the K digits that uint32 indices have, the
-        smallest K with b**K >= 2**32. The Zaremba and the random permutations move 0: the digits of all
-        indices beyond K would add one constant below b**-K to all values, which is left out.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range, the permutation unknown, or ``key`` missing, superfluous or no key.
+        Every value is an exact fraction, rounded once, with the K digits of uint32 indices, the smallest K
+        with b**K >= 2**32. The Zaremba and the random permutations move 0: the digits beyond K would add one
+        constant below b**-K to all values; it is omitted.
 
     References
     ----------
@@ -250,9 +237,7 @@ def halton(dims: int, permutation: str | None = None, key: Array | int | None = 
     if permutation not in PERMUTATIONS:
         raise ValueError(f"permutation must be one of {PERMUTATIONS}, got {permutation!r}")
     if (key is None) == (permutation == "random"):
-        raise ValueError(
-            f"key must be given for permutation='random' and only there, got {checks.shown(key)}"
-        )
+        raise ValueError(f"key must be given for permutation='random' only, got {checks.shown(key)}")
     limit = digit_permutations.FAURE_LEMIEUX_DIMS if permutation == "faure_lemieux" else HALTON_DIMS
     bases = _primes(checks.integer("dims", dims, 1, limit))
     if permutation is None:

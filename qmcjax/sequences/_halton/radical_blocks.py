@@ -1,8 +1,8 @@
-"""Blocks of radical inverses: their points share the high digits of the index, but for one carry.
+"""Blocks of radical inverses: their points share the high digits of the index, except for one carry.
 
 A block starts at index ``high * b**L + low`` and has at most b**L points. So the index of point k has the low
-digits ``low + k``, or these less b**L and the high digits of ``high + 1``. Both high parts are reflected once
-for all points of the block; the low digits are few.
+digits ``low + k``, or these minus b**L and the high digits of ``high + 1``. Both high parts are reflected
+once for all points of the block; the low digits are few.
 """
 
 from functools import partial
@@ -18,7 +18,7 @@ from qmcjax.core.digits import digit_count, digit_reversed, digit_spans, exact_f
 from qmcjax.core.permuted_digits import joined, looked_up, permuted_spans
 
 PACKED = 8
-"""Up to this base a permutation is a word: four bits a digit, looked up by a shift."""
+"""Largest base with permutations as words: four bits per digit, looked up by a shift."""
 
 
 def low_digits(base: int, count: int) -> int:
@@ -30,14 +30,14 @@ def low_digits(base: int, count: int) -> int:
 
 
 def carried(low: Array, k: Array, size: int) -> tuple[Array, Array]:
-    """Return the low digits of point k of a block, as a number, and whether it has the next high ones."""
+    """Return the low digits of point k of a block, as a number, and whether they carry."""
     number = low + k
     carry = number >= word(size)
     return jnp.where(carry, number - word(size), number), carry
 
 
 def prepare(first: Array, count: int, base: int, tables: Array | None, start: int) -> Any:
-    """Return what the blocks from ``first`` on have in common, in one coordinate.
+    """Return the shared state of the blocks from ``first`` on, in one coordinate.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def prepare(first: Array, count: int, base: int, tables: Array | None, start: in
     tables : uint16 Array, optional
         Reflection tables of permuted digits.
     start : int
-        Where the tables of this base begin.
+        Start of the tables of this base.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def prepare(first: Array, count: int, base: int, tables: Array | None, start: in
 def points(
     block: Any, k: Array, count: int, base: int, tables: Array | None, start: int, dtype: DTypeLike
 ) -> Array | None:
-    """Return the coordinate of point k of each block; None if they share nothing: ``block`` is the first."""
+    """Return the coordinate of point k of each block; None if they share no state."""
     if base == 2:
         index = block + k
         return to_unit(reverse(index) ^ _flips(tables, start), dtype)
@@ -89,14 +89,14 @@ def points(
 
 
 def _shares(base: int, count: int, tables: Array | None) -> bool:
-    """Tell whether there are low digits enough for a block, and high ones."""
+    """Return whether there are enough low digits for a block, and high digits."""
     return _digits(base, count, tables) < digit_count(base) and (
         tables is None or base ** digit_spans(base)[0] >= count
     )
 
 
 def _digits(base: int, count: int, tables: Array | None) -> int:
-    """Return the number of low digits: as few as can be, or those that are looked up together."""
+    """Return the number of low digits: the smallest, or those of one look-up."""
     return low_digits(base, count) if tables is None or base <= PACKED else digit_spans(base)[0]
 
 
@@ -105,7 +105,7 @@ def _reflected(high: Array, base: int, digits: int, tables: Array | None, start:
     if tables is None:
         return digit_reversed(high, base, digit_count(base) - digits)
 
-    # The low digits are zeros here: what these become is subtracted again. All but the result may wrap.
+    # The low digits are zeros here; their images are subtracted again. All but the result may wrap.
     def number(index: Array) -> tuple[Array, Array]:
         spans = permuted_spans(span_numbers(index, base), base, tables, jnp.asarray(word(start)))
         return joined(spans, base)
@@ -139,7 +139,7 @@ def _permuted(number: Array, base: int, digits: int, packed: Array) -> Array:
 
 
 def _flips(tables: Array | None, start: int) -> Array:
-    """Return what permutations of binary digits make of 0: they flip the same digits of all words."""
+    """Return the image of 0 under permutations of binary digits: they flip the same digits of all words."""
     if tables is None:
         return jnp.uint32(0)
     zeros = span_numbers(jnp.uint32(0), 2)

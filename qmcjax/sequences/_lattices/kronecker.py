@@ -35,7 +35,6 @@ class Kronecker(WordFirst):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for 64-bit indices."""
         return checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> "Kronecker64":
@@ -81,27 +80,20 @@ def kronecker(steps: Any) -> Kronecker:
     Parameters
     ----------
     steps : iterable of numbers, one for each dimension
-        Floats, or exact numbers such as ``fractions.Fraction``. What counts is their value modulo 1; a float
-        is the rational number that it is.
+        Finite floats, or exact numbers such as ``fractions.Fraction``, but not integers. Only the value
+        modulo 1 matters; a float stands for its exact rational value.
 
     Returns
     -------
     Kronecker
-        Each step is rounded to the nearest multiple of 2**-96. The multiples of this are exact, and rounded
-        down to 32 digits: no index, of 32 or of 64 bits, loses precision. Coordinate j of point i is off from
-        that of the given vector by less than 2**-32.
-
-    Raises
-    ------
-    TypeError
-        If ``steps`` is no iterable of such numbers.
-    ValueError
-        If it is empty, or a number in it is an integer, whose multiples are all 0, or not finite.
+        Each step is rounded to the nearest multiple of 2**-96. Its multiples are exact, and rounded down to
+        32 digits: no index, of 32 or of 64 bits, loses precision. Coordinate j of point i differs from that
+        of the given vector by less than 2**-32.
 
     Notes
     -----
     A float64 step has at most 53 digits after the radix point if it is in [0.5, 1): its multiples repeat
-    after 2**53 points, and are off from those of the irrational number that was meant by up to i * 2**-54.
+    after 2**53 points, and differ from those of the intended irrational number by up to i * 2**-54.
 
     References
     ----------
@@ -139,18 +131,13 @@ def roberts(dims: int = 2) -> Kronecker:
     Returns
     -------
     Kronecker
-        From point 0 at the origin on. In [1]_ it starts at (0.5, ..., 0.5): wrap it into :func:`rotate`.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range.
+        Point 0 is the origin. In [1]_ it is (0.5, ..., 0.5): use :func:`rotate`.
 
     Notes
     -----
-    The polynomial is irreducible [2]_, so that 1 and the steps are a basis of a number field: no multiple k
-    of the steps is closer to an integer vector than a constant times k**(-1 / d) [3]_, the best order that
-    there is. p is a Pisot number for d = 1 and 2 only. What [1]_ says of discrepancy is measured, not proven.
+    The polynomial is irreducible [2]_, so 1 and the steps are a basis of a number field: no multiple k of the
+    steps is closer to an integer vector than a constant times k**(-1 / d) [3]_, the best possible order. p is
+    a Pisot number for d = 1 and 2 only. The discrepancy in [1]_ is measured, not proven.
 
     References
     ----------
@@ -166,7 +153,7 @@ def roberts(dims: int = 2) -> Kronecker:
      [0.5097553  0.13968056]]
     """
     dims = checks.integer("dims", dims, 1, ROBERTS_DIMS)
-    # p < 2 by bisection, 64 digits more than are needed: powers up to 64 lose less than 8 of them.
+    # p < 2 by bisection, with 64 extra digits: powers up to 64 lose less than 8 of them.
     digits = _DIGITS + 64
     unit = 1 << digits
     low, high = unit, 2 * unit
@@ -191,7 +178,7 @@ def _rounded(step: Any, wanted: str) -> int:
         raise ValueError(f"steps must be finite, got {checks.shown(step)} among them") from None
     units = round(exact * 2**_DIGITS) % 2**_DIGITS
     if not units:
-        raise ValueError(f"steps must be no integers, got {checks.shown(step)} among them")
+        raise ValueError(f"steps must not be integers, got {checks.shown(step)} among them")
     return units
 
 

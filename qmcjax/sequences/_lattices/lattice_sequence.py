@@ -33,7 +33,6 @@ class LatticeSequence(WordFirst):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for 64-bit indices."""
         return checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> "Lattice64":
@@ -79,13 +78,8 @@ def lattice(dims: int) -> LatticeSequence:
     Returns
     -------
     LatticeSequence
-        Exact in all 32 bits for every index. The vector was constructed for up to 2**20 points:
-        beyond these the lattices are as regular, but nothing is known of their quality.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range.
+        Exact in all 32 bits for every index. The vector was constructed for up to 2**20 points: beyond, the
+        lattices are as regular, but their quality is unknown.
 
     References
     ----------

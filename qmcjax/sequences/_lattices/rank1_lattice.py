@@ -44,7 +44,6 @@ class Rank1Lattice(Sequence):
 
     @property
     def size(self) -> int:
-        """Number of points, n."""
         return self.n
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
@@ -52,7 +51,7 @@ class Rank1Lattice(Sequence):
         with jax.enable_x64(True):
             product = index.astype(jnp.uint64) * self.vector[dim].astype(jnp.uint64)
             numerator = (product % np.uint64(self.n)).astype(jnp.uint32).astype(jnp.float64)
-            # A constant divisor would be compiled to a product with its rounded reciprocal.
+            # XLA would compile a constant divisor to a product with its rounded reciprocal.
             value = numerator / (numerator * 0.0 + np.float64(self.n))
             if dtype == jnp.float64:
                 return value
@@ -112,11 +111,6 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
         The points ``i (1, a, a**2, ...) / n`` modulo 1: with exact ``bits`` if n is a power of two,
         else rounded once, but never to 1.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
-
     References
     ----------
     .. [1] S. Dammertz, A. Keller, "Image Synthesis by Rank-1 Lattices", Monte Carlo and
@@ -138,15 +132,14 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
 def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
     """Make the rank-1 lattice of the largest toroidal minimum distance.
 
-    All vectors (1, a) or (1, a, b) are compared, so that no rank-1 lattice is better that has one of
-    its components coprime to n. Equally good vectors differ in other respects; the one with the smallest
-    ``a`` is taken.
+    All vectors (1, a) or (1, a, b) are compared, so no rank-1 lattice with a component coprime to n is
+    better. Among equally good vectors, the one with the smallest ``a`` is used.
 
     Parameters
     ----------
     n : int
-        Number of points. In two dimensions in [1, 2**22]; in three in [1, 2**13], or a power of two up
-        to 2**16. Where there is no table, the search takes up to a second or so.
+        Number of points. In two dimensions in [1, 2**22]; in three in [1, 2**13], or a power of two up to
+        2**16. Without a table, the search takes about a second.
     dims : int
         2 or 3.
 
@@ -154,11 +147,6 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
     -------
     Sequence
         With exact ``bits`` if n is a power of two, else rounded once, but never to 1.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Nets of 2**m points whose first coordinate is i / 2**m, and their inversion from pixel to index."""
+"""Nets of 2**m points with i / 2**m as first coordinate, and their inversion from pixel to index."""
 
 import abc
 from dataclasses import dataclass, field
@@ -45,12 +45,11 @@ class Net(BinarySequence):
         return reverse(self._second(index)) if dim else _fraction(index, self.m)
 
     def inverted(self, log_side: int) -> Self:
-        """Return the net itself, which knows the points in its cells."""
         self.points_per_cell(log_side)
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side.
+        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side.
 
         Parameters
         ----------
@@ -60,11 +59,6 @@ class Net(BinarySequence):
         -------
         int
             ``2**(m - 2 * log_side)``.
-
-        Raises
-        ------
-        ValueError
-            If there are more cells than points.
         """
         if self.m < 2 * log_side:
             raise ValueError(
@@ -74,12 +68,12 @@ class Net(BinarySequence):
         return 2 ** (self.m - 2 * log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a point from the cell it lies in.
+        """Return the index of a point from its cell.
 
         Parameters
         ----------
         x, y : uint32 Array
-            Column and row of the cell in a raster of ``2**log_side`` cells a side.
+            Column and row of the cell in a raster of ``2**log_side`` cells per side.
         log_side : int
         sample : uint32 Array
             Number of the point in its cell, below ``points_per_cell(log_side)``.
@@ -138,7 +132,7 @@ class LarcherPillichshammerNet(Net):
         return gray_decode(index)
 
     def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        # The matrix is triangular: the lowest index bits correct the leading rows for all others.
+        # The matrix is triangular: the lowest index bits fix the leading rows for all others.
         upper = _above(x, self.m - log_side) | (sample << log_side)
         wrong = _low(gray_decode(upper), log_side) ^ _reverse_low(y, log_side)
         return upper | gray_encode(wrong)
@@ -188,7 +182,7 @@ class PermutationNet(Net):
 
 
 def _above(word: Array, count: int) -> Array:
-    """Shift to the left; a word that has to leave the 32 bits altogether is zero."""
+    """Shift to the left; a shift by 32 or more gives zero."""
     return word << min(count, 31)
 
 
@@ -204,11 +198,6 @@ def hammersley_net(m: int) -> HammersleyNet:
     -------
     HammersleyNet
         A (0,m,2)-net in base 2.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
 
     References
     ----------
@@ -238,11 +227,6 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
     LarcherPillichshammerNet
         A (0,m,2)-net in base 2 of low star discrepancy.
 
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Eq. 5.15.
@@ -259,26 +243,21 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
 
 
 def permutation_net(m: int) -> Net:
-    """Make the permutation net, which no generator matrices give, of large minimum distance.
+    """Make the permutation net of large minimum distance, which is not a digital net.
 
-    The squared toroidal distance is 2**m on the integer grid for odd m, and 241 * 2**(m - 8) for
-    even m >= 8 with the *sheared* tiling whose rows are shifted by 2**(m - 2).
+    The squared toroidal distance is 2**m on the integer grid for odd m, and 241 * 2**(m - 8) for even m >= 8
+    with the *sheared* tiling, rows shifted by 2**(m - 2).
 
     Parameters
     ----------
     m : int
-        In [1, 32]. The construction starts at m = 4 for even m; m = 2 gives the Hammersley net, which has
-        the distance that Table 5.1 prints.
+        In [1, 32]. The construction starts at m = 4 for even m; m = 2 gives the Hammersley net, with the
+        distance of Table 5.1.
 
     Returns
     -------
     Net
         A (0,m,2)-net in base 2, numbered by its first coordinate.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
 
     References
     ----------
@@ -294,16 +273,16 @@ def permutation_net(m: int) -> Net:
 
 
 def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Array:
-    """Return points of the permutation net as they lie in the pixels of one row of the screen.
+    """Return points of the permutation net in the pixels of one row of the screen.
 
-    With the net in every pixel, the screen keeps the net's minimum distance if each row of pixels takes
-    it a quarter further along x than the row below, modulo the pixel. For odd m there is no move. The
-    pattern repeats after four rows, and in each row from pixel to pixel.
+    With the net in every pixel, the screen keeps the minimum distance of the net if each row of pixels shifts
+    it by a quarter of a pixel along x relative to the row below, modulo the pixel. For odd m there is no
+    shift. The pattern repeats after four rows, and in each row from pixel to pixel.
 
     Parameters
     ----------
     m : int
-        In [1, 32]: 2**m points a pixel.
+        In [1, 32]: 2**m points per pixel.
     row : uint32 Array, or int
         Row of the pixel, counted along the second coordinate.
     index : uint32 Array, broadcastable to ``row``, or int
@@ -313,11 +292,6 @@ def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Arra
     -------
     uint32 Array, the broadcast shape + (2,)
         Fractions of the pixel: the coordinate is ``bits / 2**32``.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range, or ``row`` or ``index`` is not uint32 or known to be out of range.
 
     References
     ----------
@@ -333,5 +307,5 @@ def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Arra
     net = permutation_net(m)
     row, index = jnp.broadcast_arrays(checks.unsigned("row", row), checks.unsigned("index", index, net.size))
     x, y = net.word(index, 0), net.word(index, 1)
-    # A quarter of the pixel is 2**30: in the product with the row, multiples of four wrap to nothing.
+    # A quarter of the pixel is 2**30: in the product with the row, multiples of four wrap to 0.
     return jnp.stack([x if net.m % 2 else x + (row << 30), y], axis=-1)

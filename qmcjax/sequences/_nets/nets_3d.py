@@ -1,4 +1,4 @@
-"""Nets of 2**m points in three dimensions whose first coordinate is i / 2**m."""
+"""Nets of 2**m points in three dimensions with i / 2**m as first coordinate."""
 
 import abc
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from qmcjax.sequences._protocol.binary import BinarySequence
 
 
 class OverPlane(BinarySequence):
-    """A net in three dimensions whose first two coordinates are a net, from which it is inverted."""
+    """A net in three dimensions over a net of the first two coordinates, by which it is inverted."""
 
     plane: Any
     """The net of the first two coordinates."""
@@ -46,22 +46,15 @@ class OverPlane(BinarySequence):
         return reverse(self._third(index)) if dim == 2 else self.plane.word(index, dim)
 
     def inverted(self, log_side: int) -> Self:
-        """Return the net itself, which knows the points in its cells."""
         self.points_per_cell(log_side)
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side in the plane.
-
-        Raises
-        ------
-        ValueError
-            If there are more cells than points.
-        """
+        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side."""
         return self.plane.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a point from the cell its first two coordinates lie in (thesis Sect. 5.2.4)."""
+        """Return the index of a point from the cell of its first two coordinates (thesis Sect. 5.2.4)."""
         return self.plane.index_in_cell(x, y, log_side, sample)
 
 
@@ -124,7 +117,7 @@ class PermutationNet3D(BinarySequence):
 
     def _numerator(self, index: Array, dim: int) -> Array:
         # In bits, the octant (a, b, c) makes x = a x' c b, y = b y' c a and z = c z' (a ^ b) a out of
-        # (x', y', z'). So x tells the octant and x'.
+        # (x', y', z'). So x gives the octant and x'.
         rest, m, done = index, self.m, 0
         coordinate = jnp.zeros_like(index)
         while m > 5:
@@ -138,7 +131,7 @@ class PermutationNet3D(BinarySequence):
 
 
 def _truth_tables(permutation: tuple[int, ...]) -> list[np.uint32]:
-    """Return a word for each bit of at most 32 numbers, its bit i that of number i: no gather is needed."""
+    """Return one word per bit of at most 32 numbers, with bit i from number i: avoids a gather."""
     bits = (len(permutation) - 1).bit_length()
     return [
         np.uint32(sum((number >> k & 1) << i for i, number in enumerate(permutation))) for k in range(bits)
@@ -156,12 +149,7 @@ def sobol_net_3d(m: int) -> Net3D:
     Returns
     -------
     Net3D
-        A (0,m,3)-net in base 2, the Hammersley net its first two coordinates.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
+        A (0,m,3)-net in base 2; the first two coordinates are the Hammersley net.
 
     References
     ----------
@@ -189,13 +177,8 @@ def larcher_pillichshammer_net_3d(m: int) -> Net3D:
     Returns
     -------
     Net3D
-        A (0,m,3)-net in base 2, the Larcher-Pillichshammer net its first two coordinates. For m > 6
-        its minimum distance is larger than that of :func:`sobol_net_3d`.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
+        A (0,m,3)-net in base 2; the first two coordinates are the Larcher-Pillichshammer net. For m > 6 its
+        minimum distance is larger than that of :func:`sobol_net_3d`.
 
     References
     ----------
@@ -223,18 +206,13 @@ def permutation_net_3d(m: int) -> PermutationNet3D:
     Parameters
     ----------
     m : int
-        In [2, 32]. Every such m is 2, 3, 4 or 5 plus a multiple of 3; if both P_2 and P_5 lead to it,
-        P_5 is taken.
+        In [2, 32]. Every such m is 2, 3, 4 or 5 plus a multiple of 3; if both P_2 and P_5 lead to it, P_5 is
+        used.
 
     Returns
     -------
     PermutationNet3D
         Numbered by the first coordinate.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Digital (0,m,2)-nets whose generator matrices were searched for large minimum distance."""
+"""Digital (0,m,2)-nets of large minimum distance, from searched generator matrices."""
 
 from dataclasses import dataclass, field
 from importlib import resources
@@ -34,8 +34,8 @@ class MatrixNet(Net):
         return selected(self.columns, index)
 
     def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        # The lowest index bits correct the leading rows. Their block of C is the product of the
-        # factors' leading blocks, and those of the inverse factors invert these.
+        # The lowest index bits fix the leading rows. Their block of C is the product of the leading blocks of
+        # the factors, inverted by those of the inverse factors.
         upper = _above(x, self.m - log_side) | (sample << log_side)
         wrong = _low(self._second(upper), log_side) ^ _reverse_low(y, log_side)
         middle = _low(selected(self.lower_inverse, wrong), log_side)
@@ -53,22 +53,17 @@ def optimized_net(m: int) -> MatrixNet:
     Returns
     -------
     MatrixNet
-        Its squared toroidal distance on the integer grid is 2, 2, 8, 13, 29, 52, 100, 208, 425 for
-        m = 1, ..., 9, and from there on four times that of ``optimized_net(m - 2)``.
-
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
+        Its squared toroidal distance on the integer grid is 2, 2, 8, 13, 29, 52, 100, 208, 425 for m = 1,
+        ..., 9, and beyond four times that of ``optimized_net(m - 2)``.
 
     Notes
     -----
     The matrices of order 1 to 7 and 9 were found by simulated annealing; the others are diag(1, C, 1) with C
     of order m - 2. In units of the grid, this makes four copies of the smaller net, scaled by two, in 2 x 2
-    tiles: the one in tile (u, v) is moved by (v, u). After k such steps there are 2**k x 2**k copies, scaled
-    by 2**k and moved by less than that, the same way in y for a whole column of tiles and in x for a whole
-    row. So in units of the first net's grid only a pair that crosses a border to the side can lose in y, and
-    one that crosses a border upwards in x, less than 1 each. No such pair of the nets for m = 6 and 9 is
+    tiles: the copy in tile (u, v) is shifted by (v, u). After k such steps there are 2**k x 2**k copies,
+    scaled by 2**k and shifted by less than that, in y equally for a column of tiles and in x for a row. So in
+    units of the grid of the first net, only a pair across a vertical border can lose distance in y, and only
+    a pair across a horizontal border in x, less than 1 each. No such pair of the nets for m = 6 and 9 is
     close enough for this to matter, which proves the distances 52 * 4**k and 425 * 4**k for all k.
 
     For m <= 7 and for even m the distances are those that Table 5.1 of [1]_ reports for matrices; for odd
@@ -90,7 +85,7 @@ def optimized_net(m: int) -> MatrixNet:
 
 
 def _matrix(m: int) -> NDArray[np.uint8]:
-    """Return the matrix of order m: a searched one, between identities where that is smaller."""
+    """Return the matrix of order m: a searched one, bordered by identities if that is smaller."""
     searched = _searched()
     core = m
     while core not in searched:

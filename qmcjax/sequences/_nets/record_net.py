@@ -12,7 +12,7 @@ from qmcjax.sequences._protocol.tabulated import Tabulated
 
 
 def record_net(n: int, dims: int = 2) -> Tabulated:
-    """Make n points of the smallest star discrepancy that our search has found.
+    """Make the n points of smallest star discrepancy found by our search.
 
     Parameters
     ----------
@@ -25,18 +25,13 @@ def record_net(n: int, dims: int = 2) -> Tabulated:
     Returns
     -------
     Tabulated
-        Of ``size`` n, in the order of the first coordinate.
-
-    Raises
-    ------
-    ValueError
-        If there is no such set.
+        With ``size`` n, in the order of the first coordinate.
 
     Notes
     -----
-    Found by ``analysis.search_discrepancy``, one n apart from the other: a set is no part of another one, nor
-    a digital net. Nothing says that smaller discrepancies do not exist. The points are sorted, so that the
-    first few of them are good for nothing by themselves.
+    Found by ``analysis.search_discrepancy``, separately for each n: a set is neither part of another one nor
+    a digital net. Smaller discrepancies may exist. The points are sorted, so do not use only the first few of
+    them.
 
     References
     ----------

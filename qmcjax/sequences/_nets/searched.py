@@ -46,16 +46,11 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
         Its squared toroidal distance on the integer grid is 6, 12, 30, 82, 166, 461, 898, 2005, 4382,
         10291, 24086, 58670, 136449, 305960, 689409 for m = 2, ..., 16.
 
-    Raises
-    ------
-    ValueError
-        If ``m`` is out of range.
-
     Notes
     -----
-    Found by ``analysis.search_matrices``, one m after the other: the net for m is no part of the one for
-    m + 1. In the unit cube, the (0,13,3)-net found by search in [1]_ has the distance 0.01342385, this one
-    0.02956774. Nothing says that larger distances do not exist.
+    Found by ``analysis.search_matrices``, separately for each m: no net is part of another. In the unit cube,
+    the (0,13,3)-net found by search in [1]_ has the distance 0.01342385, this one 0.02956774. Larger
+    distances may exist.
 
     References
     ----------
@@ -77,23 +72,22 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
 
 
 def optimized_sequence() -> Digital:
-    """Make a (0,2)-sequence whose nets have large minimum distances, from searched generator matrices.
+    """Make a (0,2)-sequence with nets of large minimum distance, from searched generator matrices.
 
     Returns
     -------
     Digital
-        Two dimensions. With i / 2**m as first coordinate, its first 2**m points are a (0,m,3)-net of the
+        Two dimensions. With i / 2**m as first coordinate, its first 2**m points are a (0,m,3)-net with
         squared toroidal distance 6, 9, 19, 46, 88, 200, 398, 852, 2141, 4998, 12545, 30555, 78401, 185638,
-        430946 on the integer grid for m = 2, ..., 16. This is more than with :func:`sobol` and with
-        :func:`larcher_pillichshammer`, but for m = 3, where the latter gives 9 too.
+        430946 on the integer grid for m = 2, ..., 16. This is larger than for :func:`sobol` and
+        :func:`larcher_pillichshammer`, except for m = 3, where the latter also gives 9.
 
     Notes
     -----
-    The matrices C_1 and C_2 of order 16 were found by ``analysis.search_matrices``. To have 32 columns they
-    are repeated as ((C_1, 0), (0, C_1)) and ((C_2, C_2), (0, C_2)). As Pascal's triangle modulo 2 repeats
-    itself the latter way, the factors C_1 = L_1 U and C_2 = L_2 P U, which all (0,2)-sequences in base 2
-    have, are those of order 16 repeated on the diagonal, and t remains 0. The distances beyond m = 16 were
-    not searched for.
+    The matrices C_1 and C_2 of order 16 were found by ``analysis.search_matrices``. For 32 columns they are
+    repeated as ((C_1, 0), (0, C_1)) and ((C_2, C_2), (0, C_2)). As Pascal's triangle modulo 2 repeats in the
+    latter way, the factors C_1 = L_1 U and C_2 = L_2 P U, which all (0,2)-sequences in base 2 have, are those
+    of order 16 repeated on the diagonal, and t remains 0. Distances beyond m = 16 were not optimised.
 
     References
     ----------

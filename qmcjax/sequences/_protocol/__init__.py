@@ -1,1 +1,1 @@
-"""The interfaces of sequences, and objects of users behind them."""
+"""The interfaces of sequences, and adapters for objects of users."""

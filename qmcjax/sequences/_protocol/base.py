@@ -18,15 +18,15 @@ from qmcjax.sequences._protocol.kept import kept
 
 FEW = 8
 """Up to so many coordinates are computed one by one and stacked last: the compiler then sees elementwise
-programs without a short last axis, and fuses them with whatever consumes a coordinate."""
+programs without a short last axis, and fuses them with the consumer of a coordinate."""
 
 
 class Sequence(abc.ABC):
     """A function from an index to a point of the unit cube.
 
-    Subclasses are frozen dataclass pytrees that implement ``dims``, ``size`` and :meth:`coordinate`. Calling
-    a sequence, :meth:`points` and slices check what they are given. All other methods are for samplers and
-    wrappers, and check nothing: indices are uint32 arrays below ``limit``, dimensions are tuples of integers.
+    Subclasses are frozen dataclass pytrees that implement ``dims``, ``size`` and :meth:`coordinate`. Calls,
+    :meth:`points` and slices check their arguments. All other methods are for samplers and wrappers, and
+    check nothing: indices are uint32 arrays below ``limit``, dimensions are tuples of integers.
     """
 
     reported = ("dims", "size")
@@ -44,12 +44,12 @@ class Sequence(abc.ABC):
 
     @property
     def limit(self) -> int:
-        """First index that is out of reach: ``size``, or 2**32."""
+        """Limit of indices: ``size``, or 2**32."""
         return checks.INDEX_LIMIT if self.size is None else self.size
 
     @property
     def limit_64(self) -> int:
-        """The same for 64-bit indices: ``limit``, where there is no :meth:`with_high_word`."""
+        """Limit of 64-bit indices: ``limit`` without :meth:`with_high_word`."""
         return self.limit
 
     def with_high_word(self, high: Array) -> "Sequence":
@@ -58,17 +58,11 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         high : uint32 Array
-            In the shape of the indices that the sequence is called with. 64-bit indices are below
-            ``limit_64``.
+            In the shape of the indices. 64-bit indices must be below ``limit_64``.
 
         Returns
         -------
         Sequence
-
-        Raises
-        ------
-        ValueError
-            If the sequence has none: samplers see that from ``limit_64``, before anything is computed.
         """
         raise ValueError(f"sequence must have 64-bit indices, got {checks.shown(self)}")
 
@@ -94,7 +88,7 @@ class Sequence(abc.ABC):
         Returns
         -------
         Array of ``dtype``, in [0, 1)
-            The sum is rounded once, from float64, and never to 1; in base 2 it is one of integers, and exact.
+            The sum is rounded once, from float64, and never to 1; in base 2 it is exact.
         """
         with jax.enable_x64(True):
             return plus_modulo_1(self.coordinate(index, dim, jnp.float64), offset, dtype)
@@ -106,16 +100,16 @@ class Sequence(abc.ABC):
             return (value * np.float64(2.0**32)).astype(jnp.uint32)
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
-        """Return what the points ``first, ..., first + count - 1`` have in common.
+        """Return the shared state of the points ``first, ..., first + count - 1``.
 
         Parameters
         ----------
         first : uint32 Array
-            Multiples of ``count``, such that the blocks end below ``limit``.
+            Multiples of ``count``; the blocks must end below ``limit``.
         count : int
             Number of points in a block.
         dims : tuple of int
-            The coordinates that will be asked for.
+            The coordinates that will be used.
 
         Returns
         -------
@@ -127,12 +121,12 @@ class Sequence(abc.ABC):
     def block_points(
         self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return point ``first + k`` of each block: the same bits as ``coordinates(first + k, dims, dtype)``.
+        """Return point ``first + k`` of each block, bit-identical with :meth:`coordinates`.
 
         Parameters
         ----------
         block : pytree
-            What :meth:`prepare_block` returned for the same ``count`` and ``dims``.
+            From :meth:`prepare_block` for the same ``count`` and ``dims``.
         k : uint32 Array, broadcastable to the blocks
             Below ``count``.
         count : int
@@ -148,13 +142,13 @@ class Sequence(abc.ABC):
     def radical_bases(self) -> tuple[int | None, ...]:
         """Return the base of each component that is a radical inverse, scrambled or not, None for others.
 
-        The first m digits of such a component repeat every base**m points. Of digital sequences these are
-        components with lower triangular matrices; while matrices are being traced, all are taken for such.
+        The first m digits of such a component repeat every base**m points. In digital sequences these are
+        components with lower triangular matrices; traced matrices count as such.
         """
         return (None,) * self.dims
 
     def index_digits(self, component: int, count: int) -> Array | None:
-        """Return what takes the first digits of a component back to the digits of the index.
+        """Return the maps from the first digits of a component to the digits of the index.
 
         Parameters
         ----------
@@ -165,15 +159,15 @@ class Sequence(abc.ABC):
         Returns
         -------
         uint32 Array, shape (count, base), or None
-            Row k takes digit k of the component to that of the index; None if they are equal.
+            Row k maps digit k of the component to that of the index; None if they are equal.
 
         Raises
         ------
         ValueError
-            If the component is no radical inverse, its digits permuted one by one or not.
+            If the component is not a radical inverse, with digits permuted one by one or not.
         """
         raise ValueError(
-            f"component must be a radical inverse, its digits permuted one by one or not, got "
+            f"component must be a radical inverse, with digits permuted one by one or not, got "
             f"component={component} of {checks.shown(self)}"
         )
 
@@ -185,7 +179,7 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         index : integer ArrayLike, shape (...)
-            Below ``size``, or 2**32: seen unless traced. Traced integers are taken modulo 2**32.
+            Below ``size``, or 2**32. Traced integers are not checked, but taken modulo 2**32.
         dims : tuple of int, optional
             The wanted coordinates, static; only these are computed. All by default.
         dtype : float32 or float64
@@ -193,13 +187,6 @@ class Sequence(abc.ABC):
         Returns
         -------
         Array of ``dtype``, shape (..., len(dims)), in [0, 1)
-
-        Raises
-        ------
-        TypeError
-            If ``index`` is no integer, or ``dims`` no tuple of integers.
-        ValueError
-            If an index is negative or known to be beyond the last, or a dimension is not there.
         """
         wanted = checks.dimensions(dims, self.dims)
         return self.coordinates(checks.unsigned("index", index, self.limit), wanted, checks.floating(dtype))
@@ -210,23 +197,16 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         n : int
-            Number of points. A new n compiles anew, a new ``start`` does not, but that digital sequences in
-            base 2 have a faster program for multiples of 256.
+            Number of points. A new n recompiles.
         start : int
-            Index of the first point.
+            Index of the first point; a new one does not recompile. Digital sequences in base 2 have a faster
+            program for multiples of 256.
         dtype : float32 or float64
             float64 needs no global flag.
 
         Returns
         -------
         Array of ``dtype``, shape (n, dims), in [0, 1)
-
-        Raises
-        ------
-        TypeError
-            If ``n`` or ``start`` is no integer.
-        ValueError
-            If the block runs beyond the sequence's last index.
         """
         n = checks.integer("n", n, 1, self.limit)
         start = checks.integer("start", start, 0, self.limit - 1)
@@ -237,7 +217,7 @@ class Sequence(abc.ABC):
             return kept(self._maker(start, n, dtype), n, self.dims, dtype)
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
-        """Return the function of (first, count) for points start + first, ..., in pieces of at least ROWS."""
+        """Return a function of (first, count) for points start + first, ..., with count at least ROWS."""
         return lambda first, count: _points(self, np.uint32(start + first), count, dtype)
 
     def __len__(self) -> int:
@@ -245,7 +225,7 @@ class Sequence(abc.ABC):
         return self._known_size()
 
     def __bool__(self) -> bool:
-        """Tell that there are points."""
+        """Return True: there are points."""
         return True
 
     def __getitem__(self, which: Any) -> Array:
@@ -260,28 +240,28 @@ class Sequence(abc.ABC):
         return self(np.arange(start, stop, step).astype(np.int64))
 
     def __iter__(self) -> Iterator[Array]:
-        """Run through the points of a sequence with a size."""
+        """Iterate over the points of a sequence with a size."""
         size = self._known_size()
         return (
             point for first in range(0, size, _TURN) for point in self.points(min(_TURN, size - first), first)
         )
 
     def __array__(self, *_: Any, **__: Any) -> np.ndarray:
-        """Refuse: there may be many points."""
-        raise TypeError(f"{checks.shown(self)} is no array: take .points(n) of it")
+        """Raise: there may be many points."""
+        raise TypeError(f"{checks.shown(self)} is not an array: use its .points(n)")
 
     def _known_size(self) -> int:
         if self.size is None:
-            raise TypeError(f"{checks.shown(self)} has no last point: take .points(n) of it")
+            raise TypeError(f"{checks.shown(self)} has no last point: use its .points(n)")
         return self.size
 
 
 _TURN = 4096
-"""Points that are made together to run through all."""
+"""Points made together in an iteration."""
 
 
 class PointByPoint(Sequence):
-    """A sequence whose point i is a function of point i of another one."""
+    """A sequence with point i as a function of point i of another sequence."""
 
     sequence: Any
 
@@ -291,7 +271,7 @@ class PointByPoint(Sequence):
 
     @property
     def limit_64(self) -> int:
-        """First index that is out of reach for 64-bit indices."""
+        """Limit of 64-bit indices."""
         return self.sequence.limit_64
 
     def with_high_word(self, high: Array) -> Any:

@@ -1,4 +1,4 @@
-"""The interface of a sequence in base 2, whose coordinates are exact fractions of 32 bits."""
+"""The interface of a sequence in base 2: coordinates are exact fractions of 32 bits."""
 
 import abc
 from collections.abc import Callable
@@ -19,7 +19,7 @@ from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._protocol.kept import ROWS
 
 _BLOCKS_FROM = 4096
-"""Number of points from which it pays to make tables of blocks."""
+"""Number of points from which tables of blocks pay off."""
 
 _LANES = 16
 """Words of a vector register."""
@@ -28,12 +28,12 @@ _LANES = 16
 class BinarySequence(Sequence):
     """A sequence in base 2: coordinates are 32-bit fractions, exact until the last step.
 
-    Subclasses implement :meth:`bit_reversed`, and :meth:`word` if they have a shorter way to it.
+    Subclasses implement :meth:`bit_reversed`, and :meth:`word` if there is a faster way.
     """
 
     @abc.abstractmethod
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction with its first digit in bit 0, as scramblers want it."""
+        """Return one coordinate as a 32-bit fraction with its first digit in bit 0, for scramblers."""
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
@@ -44,11 +44,11 @@ class BinarySequence(Sequence):
         return self.fractions(index, dims).word
 
     def fraction(self, index: Array, dim: int) -> Fraction:
-        """Return one coordinate, in the form that will be asked for."""
+        """Return one coordinate, lazily in either form."""
         return Fraction(partial(self.word, index, dim), partial(self.bit_reversed, index, dim))
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates, stacked last, in the form that will be asked for."""
+        """Return some coordinates, stacked last, lazily in either form."""
 
         def stacked(one: Callable[[Array, int], Array]) -> Array:
             return jnp.stack([one(index, j) for j in dims], axis=-1)
@@ -72,9 +72,9 @@ class BinarySequence(Sequence):
 
     @property
     def linear(self) -> "BinarySequence | None":
-        """The sequence below all scramblings, of as many dimensions, if its digits are linear in the index's.
+        """The sequence below all scramblings, if its digits are linear in those of the index.
 
-        Then point ``i ^ j`` of it is the xor of points i and j, and :meth:`of_linear` does the rest.
+        Then its point ``i ^ j`` is the xor of points i and j, and :meth:`of_linear` applies the scramblings.
         """
         return None
 
@@ -84,9 +84,9 @@ class BinarySequence(Sequence):
         Parameters
         ----------
         fraction : Fraction
-            Of one coordinate, or of some that are stacked last.
+            One coordinate, or some that are stacked last.
         dims : int or tuple of int
-            Which these are.
+            The numbers of these coordinates.
 
         Returns
         -------
@@ -110,7 +110,7 @@ class BinarySequence(Sequence):
         return jnp.stack([to_unit(point, dtype) for point in points], axis=-1)
 
     def _linear_of_blocks(self, count: int, dims: tuple[int, ...]) -> "BinarySequence | None":
-        # Two components of a (0,2)-sequence cost less than the memory that their first points take.
+        # Two components of a (0,2)-sequence cost less than the memory traffic of their first points.
         return None if len(dims) <= 2 or count & (count - 1) else self.linear
 
     def blocks(self, start: Array, count: int, rows: int) -> Blocks | None:
@@ -132,7 +132,7 @@ class BinarySequence(Sequence):
         return None if self.linear is None else _blocks(self.linear, start, count, rows)
 
     def points_of_blocks(self, blocks: Blocks, dtype: DTypeLike) -> Array:
-        """Return all points of some blocks, shape (points, dims): the same bits as ``points``."""
+        """Return all points of some blocks, shape (points, dims), bit-identical with ``points``."""
         # Points side by side, until their coordinates fill a vector register.
         beside = 1
         while beside * self.dims < _LANES:
@@ -149,7 +149,7 @@ class BinarySequence(Sequence):
         return lambda first, count: _blockwise(self, blocks, np.uint32(first // ROWS), count, dtype)
 
     def inverted(self, log_side: int) -> Any:
-        """Return an object that finds points from their cells in a raster of ``2**log_side`` cells a side.
+        """Return an object that finds points from their cells in a raster of ``2**log_side`` cells per side.
 
         Parameters
         ----------
@@ -159,11 +159,6 @@ class BinarySequence(Sequence):
         Returns
         -------
         Invertible
-
-        Raises
-        ------
-        ValueError
-            If the sequence cannot be inverted, or does not put equally many points into each cell.
         """
         raise ValueError(f"net must be invertible (have index_in_cell), got {checks.shown(self)}")
 
@@ -180,18 +175,12 @@ class BinarySequence(Sequence):
         -------
         uint32 Array, shape (..., len(dims))
             Bit 31 is the first digit: the coordinate is ``bits / 2**32``.
-
-        Raises
-        ------
-        TypeError, ValueError
-            As for calling the sequence.
         """
         wanted = checks.dimensions(dims, self.dims)
         return self.words(checks.unsigned("index", index, self.limit), wanted)
 
 
-# The tables have a program of their own: together with their use they would be fused into it, and recomputed
-# for every point.
+# A separate program for the tables: XLA would fuse them into their use and recompute them for every point.
 @partial(jax.jit, static_argnames=("count", "rows"))
 def _blocks(linear: BinarySequence, start: Array, count: int, rows: int) -> Blocks:
     dims = tuple(range(linear.dims))
@@ -206,7 +195,7 @@ def _blockwise(sequence: BinarySequence, blocks: Blocks, first: Array, n: int, d
 
 
 def as_binary(name: str, value: Any) -> BinarySequence:
-    """Return a sequence in base 2 as it is, or raise a TypeError that names the argument."""
+    """Return a sequence in base 2 unchanged, or raise a TypeError that names the argument."""
     if not isinstance(value, BinarySequence):
         raise TypeError(
             f"{name} must be a sequence in base 2 (one that has .bits), got {checks.shown(value)}"

@@ -13,7 +13,7 @@ from qmcjax.sequences._protocol.fraction import Fraction
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Blocks:
-    """Blocks of points: each is the xor of what its low digits and what the block's first index give."""
+    """Blocks of points: each is the xor of the point of its low digits and the first point of its block."""
 
     low: tuple[Array, Array]
     """uint32 (rows, dims), in both forms: the points of the low digits."""

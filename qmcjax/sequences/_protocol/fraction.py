@@ -1,4 +1,4 @@
-"""Fractions of 32 bits in two forms, of which one is made when it is asked for."""
+"""Fractions of 32 bits in two forms, made on demand."""
 
 from collections.abc import Callable
 
@@ -10,9 +10,9 @@ from qmcjax.core.bits import reverse
 class Fraction:
     """Fractions as words, their first digit in bit 31, or bit-reversed, their first digit in bit 0.
 
-    Generators and scramblings differ in the form that they work on, and XLA does not cancel two reversals.
-    So a fraction knows how to make one form or both, and reverses only if the other one is asked for. Nothing
-    is kept: a form that is asked for within a loop belongs to that loop.
+    Generators and scramblings work on different forms, and XLA does not cancel two reversals. So a fraction
+    has functions for one form or both, and reverses only for the missing one. Nothing is cached: a form made
+    within a loop belongs to that loop.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Fraction:
 
     @classmethod
     def of(cls, forms: tuple[Array, Array]) -> "Fraction":
-        """Return the fraction of which both forms are known."""
+        """Return the fraction with both forms known."""
         return cls(lambda: forms[0], lambda: forms[1])
 
     @property

@@ -1,4 +1,4 @@
-"""Points that are kept: many at a time, in memory with large pages."""
+"""Points in memory, made many at a time, with large pages."""
 
 import os
 import re
@@ -11,25 +11,25 @@ from jax import Array
 from jax.core import Tracer
 
 _CHUNK = 2**21
-"""Bytes made at a time: what stays in a processor's cache, while the next ones are made."""
+"""Bytes made at a time: they stay in the cache of the processor."""
 
 _LARGE = 2**25
-"""Bytes from which memory is always new, never what an earlier array left behind."""
+"""Bytes from which the allocator always returns new memory."""
 
 _ALIGNMENT = 64
-"""Bytes that an array of NumPy's is aligned to when JAX can take it over as it is."""
+"""Alignment in bytes of NumPy arrays that JAX can use without a copy."""
 
 ROWS = 256
-"""Chunks start at multiples of so many rows."""
+"""Number of rows that divides the starts of chunks."""
 
 
 def kept(make: Callable[[int, int], Array], n: int, dims: int, dtype: np.dtype) -> Array:
     """Return rows 0 to n - 1 of ``make(first, count)``.
 
-    The first touch of a new 4 KiB page costs more than most sequences' arithmetic. NumPy asks the kernel
-    for large pages, the memory of XLA's results comes without them unless the environment asks
-    (``GLIBC_TUNABLES=glibc.malloc.hugetlb=1``). So large results on the CPU are made in chunks that stay
-    in its cache, and copied into an array of NumPy's that JAX takes over.
+    The first touch of a new 4 KiB page costs more than the arithmetic of most sequences. NumPy requests large
+    pages from the kernel, XLA does not unless the environment does
+    (``GLIBC_TUNABLES=glibc.malloc.hugetlb=1``). So large results on the CPU are made in chunks that stay in
+    its cache, and copied into a NumPy array that JAX uses without a copy.
     """
     row = dims * np.dtype(dtype).itemsize
     count = max(_CHUNK // row // ROWS, 1) * ROWS

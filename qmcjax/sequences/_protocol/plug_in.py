@@ -1,4 +1,4 @@
-"""Anything with a sequence's protocol as a sequence: objects of users, and plain functions."""
+"""Objects with the protocol of a sequence, and plain functions, as sequences."""
 
 import inspect
 from collections.abc import Callable
@@ -20,18 +20,18 @@ _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns p
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class PlugIn(Sequence):
-    """An object with ``dims``, a call, and perhaps a ``size``; or a function that is the call."""
+    """An object with ``dims``, a call, and optionally a ``size``; or a function as the call."""
 
     held: Any
-    """The object, as :func:`plug_ins.held` takes it."""
+    """The object, from :func:`plug_ins.held`."""
     selects: bool = field(metadata={"static": True})
-    """Whether it is called with the wanted dimensions and a dtype, or returns all coordinates in any."""
+    """Whether the call takes dimensions and a dtype, otherwise it returns all coordinates."""
     count: int | None = field(default=None, metadata={"static": True})
     """Number of dimensions of a function."""
 
     @property
     def called(self) -> str:
-        """The name of the class, or that of what makes a sequence of a function."""
+        """The name of the class, or "function"."""
         return type(plug_ins.unheld(self.held)).__name__ if self.count is None else "function"
 
     @property
@@ -70,12 +70,12 @@ def _checked(points: Any, index: Array, dims: int, dtype: DTypeLike | None) -> A
 
 
 def as_sequence(name: str, value: Any) -> Sequence:
-    """Return an object as a sequence: one of this package's unchanged, another one with all methods.
+    """Return an object with the protocol of a sequence as a :class:`Sequence`; one of this package unchanged.
 
     Parameters
     ----------
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     value : object
         A sequence, or any object that has
 
@@ -85,17 +85,12 @@ def as_sequence(name: str, value: Any) -> Sequence:
           that returns all coordinates in any floating dtype,
         - optionally ``size``, the number of points.
 
-        It needs no decorator: programs are compiled for this very object. If it is a pytree (see
-        :func:`qmcjax.pytree`), its arrays are arguments of the program.
+        It needs no decorator: programs are compiled for this object. An object with arrays as attributes must
+        be a pytree (see :func:`qmcjax.pytree`); the arrays are arguments of the program.
 
     Returns
     -------
     Sequence
-
-    Raises
-    ------
-    TypeError
-        If it has no such protocol, or is no pytree and has arrays as attributes.
 
     Examples
     --------
@@ -119,7 +114,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
 
 def _takes(value: Any) -> str | None:
-    """Tell what a call takes: "index", or "dims" and dtype beside it; None for anything else."""
+    """Return "index" or "dims" for a call with index, or also with dims and dtype; None for anything else."""
     if not callable(value):
         return None
     try:
@@ -144,28 +139,21 @@ def _positive(number: Any) -> bool:
 
 
 def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
-    """Make a sequence of a function from indices to points.
+    """Make a sequence from a function of indices.
 
     Parameters
     ----------
     f : callable
         From a uint32 array of any shape to points, floating, of that shape + (dims,), in [0, 1). The same
         function compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are parameters:
-        new values compile nothing.
+        new values do not recompile.
     dims : int
         In [1, 65536].
 
     Returns
     -------
     Sequence
-        Without end.
-
-    Raises
-    ------
-    TypeError
-        If ``f`` is not callable, or is no pytree and has arrays as attributes.
-    ValueError
-        If ``dims`` is out of range.
+        Unbounded.
 
     Examples
     --------

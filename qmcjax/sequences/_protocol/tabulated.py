@@ -1,4 +1,4 @@
-"""Sequences that are tables of points."""
+"""Sequences from tables of points."""
 
 from dataclasses import dataclass
 
@@ -42,28 +42,20 @@ def tabulated_words(points: NDArray[np.float64]) -> Tabulated:
 
 
 def tabulated(points: ArrayLike) -> Tabulated:
-    """Make a sequence of any points: of another program, a file, or an engine of ``scipy.stats.qmc``.
+    """Make a sequence from any points: from another program, a file, or an engine of ``scipy.stats.qmc``.
 
-    It goes wherever a sequence in base 2 does: into samplers, and below ``owen``, ``digital_shift`` and
-    ``rotate``.
+    It works like any sequence in base 2: in samplers, and in ``owen``, ``digital_shift`` and ``rotate``.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, dims)
-        In [0, 1), known before tracing. Rounded down to 32-bit fractions, which float32 above 2**-8 and the
-        points of digital sequences in base 2 are already.
+        In [0, 1), known before tracing. Rounded down to 32-bit fractions, exact for float32 above 2**-8 and
+        for digital sequences in base 2.
 
     Returns
     -------
     Tabulated
-        Of ``size`` n.
-
-    Raises
-    ------
-    TypeError
-        If the points are no floats.
-    ValueError
-        If they have another shape, or leave [0, 1).
+        With ``size`` n.
 
     Examples
     --------

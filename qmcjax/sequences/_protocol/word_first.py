@@ -1,4 +1,4 @@
-"""Sequences in base 2 whose arithmetic carries: words come first, and are bit-reversed for scramblers."""
+"""Sequences in base 2 with arithmetic that carries: words come first, and are bit-reversed for scramblers."""
 
 import abc
 

@@ -1,4 +1,4 @@
-"""Owen scrambling by a grammar whose symbols carry random words: looked up, and inverted as easily."""
+"""Owen scrambling by a grammar of symbols with random words: looked up, and easily inverted."""
 
 from dataclasses import dataclass
 from functools import cache, partial
@@ -18,7 +18,7 @@ from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 _FEW = 32
-"""Up to so many coordinates have tables of eight digits, which take 80 KiB each; others of four digits."""
+"""Up to so many coordinates have tables of eight digits, of 80 KiB each; more have tables of four digits."""
 
 _SYMBOLS = 64
 
@@ -29,11 +29,11 @@ class Codes:
     """The scramblings of all coordinates, in tables over 64 symbols times all numbers of some digits."""
 
     flips: Array
-    """uint32 (dims * entries,): flips of all digits from here on, by the nodes on the way of the next."""
+    """uint32 (dims * entries,): flips of all following digits by the nodes on the path of the next ones."""
     origins: Array
-    """uint8 (dims * entries,): the digits that are moved to some digits."""
+    """uint8 (dims * entries,): the preimages of some digits."""
     children: Array
-    """uint8 (entries,): the symbol behind the digits."""
+    """uint8 (entries,): the symbol after the digits."""
 
     @property
     def entries(self) -> int:
@@ -42,7 +42,7 @@ class Codes:
 
     @property
     def digits(self) -> int:
-        """Number of digits that are looked up together."""
+        """Number of digits of one look-up."""
         return (self.entries // _SYMBOLS).bit_length() - 1
 
     def scrambled(self, word: Array, dim: Array | int) -> Array:
@@ -60,7 +60,7 @@ class Codes:
         for _ in range(32 // self.digits):
             digits, node = word >> first, symbol << self.digits
             if backwards:
-                # Those of the symbols on the way are still to come; the flips of this way are known.
+                # The flips of the symbols on the path follow; those of this path are known.
                 moved = digits ^ (flips >> first)
                 digits = self.origins.at[start + (node | moved)].get(mode="promise_in_bounds")
                 digits = digits.astype(jnp.uint32)
@@ -74,7 +74,7 @@ class Codes:
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class ArtOwen(Scrambled):
-    """A sequence whose coordinates go through nested permutations, one each, that can be inverted."""
+    """A sequence with an invertible nested permutation of each coordinate."""
 
     sequence: BinarySequence
     codes: Codes
@@ -91,7 +91,7 @@ class ArtOwen(Scrambled):
         return Fraction(word=word)
 
     def inverted(self, log_side: int) -> Any:
-        """Return an object that finds points from their cells, whose numbers it unscrambles."""
+        """Return an object that finds points from their cells by unscrambling the cells."""
         return Unscrambled(self.sequence.inverted(log_side), self.codes)
 
 
@@ -105,52 +105,44 @@ class Unscrambled(Moved):
     called = "art_owen"
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.codes.scrambled(self.net.word(index, dim), dim)
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:
-        """Return the columns or rows that were moved to some places."""
         # In two steps, since a shift by 32 is not defined.
         word = place << (31 - log_side) << 1
         return self.codes.unscrambled(word, dim) >> 1 >> (31 - log_side)
 
 
 def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
-    """Owen-scramble a sequence in base 2 by look-ups that can be inverted, from a cell to its points.
+    """Owen-scramble a sequence in base 2 by look-ups that can be inverted, from cells to points.
 
     Each node of the tree of digits has one of 64 symbols, and each symbol a random word of 32 bits. Digit k
-    is flipped by the sum of one bit of each word on the way to its node: the first bit of the node's own, the
-    second of its parent's, and so on. The symbols of a level follow one another as in a word without
-    repetitions: equal ones are at least 24 nodes apart.
+    is flipped by the sum of one bit of each word on the path to its node: the first bit of the node's word,
+    the second of its parent's, and so on. Equal symbols of a level are at least 24 nodes apart.
 
     Parameters
     ----------
     sequence : BinarySequence
-        Any sequence that has ``bits``.
+        With ``bits``.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new words and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     ArtOwen
-        If the sequence can be inverted, so can this: :func:`inverted` finds the index of the point in a cell,
-        and :func:`qmcjax.samplers.full_screen` scrambles a sequence of any dimension over the screen.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is not in base 2 or ``key`` is no key.
+        Invertible if the sequence is: :func:`inverted` finds the index of the point in a cell, and
+        :func:`qmcjax.samplers.full_screen` takes it in any dimension.
 
     Notes
     -----
-    Any two points are distributed exactly as after nested uniform scrambling, and so variances of means are
-    the same. The flip of digit k of one point has bit k of the root's word in it, and no later bit. If the
-    points part at digit j, the difference of their flips of a digit k > j has bit k - j - 1 of the words
-    of two different symbols in it, and no later bit. So in a sum of such flips, one of the latest bits
-    is left over: no sum vanishes, and all these flips are independent. Those of many points are not:
-    2**11 random bits a coordinate decide them all.
+    Any two points are distributed exactly as after nested uniform scrambling, so variances of means are the
+    same. The flip of digit k of one point contains bit k of the word of the root, and no later bit. If the
+    points part at digit j, the difference of their flips of a digit k > j contains bit k - j - 1 of the words
+    of two different symbols, and no later bit. So in a sum of such flips, one of the latest bits remains: no
+    sum vanishes, and all these flips are independent. Flips of many points are not independent: 2**11 random
+    bits per coordinate determine them all.
 
-    The rule for children, the words of all 32 bits and the tables of some digits are our own.
+    The rule for children, the words of 32 bits and the tables of several digits are our own.
 
     References
     ----------
@@ -170,7 +162,7 @@ def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
 
 
 def with_tables(sequence: BinarySequence, key: Array, digits: int) -> ArtOwen:
-    """Scramble by tables of so many digits, 4 or 8, which makes no difference to the points."""
+    """Scramble by tables of 4 or 8 digits; the points are the same."""
     return ArtOwen(sequence, _codes(jax.random.bits(key, (sequence.dims, _SYMBOLS), jnp.uint32), digits))
 
 
@@ -189,7 +181,7 @@ def _codes(words: Array, digits: int) -> Codes:
 
 @cache
 def _symbols_on_the_way(digits: int) -> list[NDArray[np.int64]]:
-    """Return the symbols of the nodes before each of some digits, and behind the last, for all entries."""
+    """Return the symbols of the nodes before each digit, and after the last, for all entries."""
     entry = np.arange(_SYMBOLS << digits)
     children, symbols = thue_morse.children().astype(np.int64), [entry >> digits]
     for place in range(digits - 1, -1, -1):

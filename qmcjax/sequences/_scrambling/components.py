@@ -1,4 +1,4 @@
-"""A selection of a sequence's components."""
+"""A selection of components of a sequence."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -108,20 +108,13 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
     Returns
     -------
     Components or BinaryComponents
-        The second, if ``sequence`` is in base 2, has exact ``bits``. In other bases what is selected cannot
-        be scrambled digit by digit: scramble first, then select.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is none, or ``dims`` no tuple of integers.
-    ValueError
-        If a component is not there, or it is selected twice.
+        The second, for ``sequence`` in base 2, has exact ``bits``. In other bases selections cannot be
+        scrambled digit by digit: scramble first, then select.
 
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.2 and 4.3
-       (components that correlate with the curve are left out).
+       (leaves out components that correlate with the curve).
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Digit scrambling: a random permutation for each digit of each coordinate, whatever comes before."""
+"""Digit scrambling: a random permutation for each digit of each coordinate."""
 
 from dataclasses import dataclass
 
@@ -22,13 +22,13 @@ from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class PermutedDigits(ScrambledDigits):
-    """A sequence whose digits go through permutations, one a digit, and so do the zeros behind them."""
+    """A sequence with one permutation per digit, also of the zeros after the last digit."""
 
     sequence: DigitSequence
     tables: Array
     """uint16: the reflection tables of all coordinates, one after the other."""
     tails: Array
-    """uint32 (dims,): what becomes of the zeros, as a fraction in base 2."""
+    """uint32 (dims,): the image of the zeros, as a fraction in base 2."""
 
     called = "digit_scramble"
 
@@ -43,32 +43,27 @@ class PermutedDigits(ScrambledDigits):
 def digit_scramble(
     sequence: BinarySequence | DigitSequence, key: Array | int
 ) -> DigitalShift | PermutedDigits:
-    """Permute the digits of a sequence, by one uniform random permutation a digit and coordinate.
+    """Permute the digits of a sequence, by one uniform random permutation per digit and coordinate.
 
-    Elementary intervals are permuted: every (t,m,s)-net stays one, and so does the Halton sequence's
-    stratification. Each point is uniform on the unit cube, the coordinates are scrambled independently.
-    But a permutation is the same for all points: how two points differ behind their common digits is not
-    random enough for the variances of :func:`owen`.
+    Elementary intervals are permuted: every (t,m,s)-net stays one, and so does the stratification of the
+    Halton sequence. Each point is uniform on the unit cube, the coordinates are scrambled independently. But
+    the permutations are the same for all points: the difference of two points after their common digits is
+    not random enough for the variances of :func:`owen`.
 
     Parameters
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
-        Of the two permutations of {0, 1} one is the identity and one the flip: in base 2 this is the
-        digital shift, the very object that :func:`digital_shift` makes from the same key.
+        In base 2 the permutations are the identity and the flip: this is the same object as from
+        :func:`digital_shift` with the same key.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new scrambling and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     DigitalShift or PermutedDigits
-        The first in base 2, with exact ``bits``. In other bases all K = ``digit_count(b)`` digits of
-        an index are permuted, and the infinitely many zeros behind become one random number a coordinate.
-        Values are rounded as by :func:`owen`.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` has no digits or ``key`` is no key.
+        The first in base 2, with exact ``bits``. In other bases all K = ``digit_count(b)`` digits of an index
+        are permuted, and the infinitely many zeros after them become one random number per coordinate. Values
+        are rounded as by :func:`owen`.
 
     References
     ----------

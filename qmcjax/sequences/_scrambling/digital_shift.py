@@ -19,7 +19,7 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class DigitalShift(Scrambled):
-    """A sequence whose digits are flipped by the digits of one word a coordinate."""
+    """A sequence with digits flipped by one word per coordinate."""
 
     sequence: BinarySequence
     shifts: Array
@@ -41,7 +41,7 @@ class DigitalShift(Scrambled):
         return Fraction(word, bit_reversed)
 
     def inverted(self, log_side: int) -> Any:
-        """Return an object that finds points from their cells: the shift permutes these."""
+        """Return an object that finds points from their cells, which the shift permutes."""
         return Flipped(self.sequence.inverted(log_side), self.shifts)
 
 
@@ -54,18 +54,13 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     Parameters
     ----------
     sequence : BinarySequence
-        Any sequence that has ``bits``.
+        With ``bits``.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new shift and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     DigitalShift
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is not in base 2 or ``key`` is no key.
 
     References
     ----------

@@ -52,10 +52,10 @@ class Gray(BinarySequence):
 
 
 def gray(sequence: BinarySequence) -> Gray:
-    """Put the points of a sequence in base 2 in Gray code order: one digit of the index changes a step.
+    """Put the points of a sequence in base 2 in Gray code order: one digit of the index changes per step.
 
-    The first 2**k points stay the same set, and block b of as many becomes block b ^ (b >> 1). This is
-    the order of programs that generate one point after the other by a single exclusive or.
+    The first 2**k points stay the same set, and block b of 2**k points becomes block b ^ (b >> 1). This is
+    the order of programs that generate each point from the previous one by a single exclusive or.
 
     Parameters
     ----------
@@ -65,13 +65,6 @@ def gray(sequence: BinarySequence) -> Gray:
     Returns
     -------
     Gray
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is not in base 2.
-    ValueError
-        If its size is no power of two.
 
     References
     ----------
@@ -85,5 +78,5 @@ def gray(sequence: BinarySequence) -> Gray:
     """
     size = as_binary("sequence", sequence).size
     if size is not None and size & (size - 1):
-        raise ValueError(f"sequence must have 2**m points, or no last one, got size={size}")
+        raise ValueError(f"sequence must have 2**m points or be unbounded, got size={size}")
     return Gray(sequence)

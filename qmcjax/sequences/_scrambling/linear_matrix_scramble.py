@@ -20,7 +20,7 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Linear(Scrambled):
-    """A sequence whose digits are multiplied by one matrix a coordinate."""
+    """A sequence with digits multiplied by one matrix per coordinate."""
 
     sequence: BinarySequence
     columns: Array
@@ -61,7 +61,7 @@ def _product(columns: Array, reversed_bits: Array) -> Array:
 
 
 def _triangular(key: Array, dims: int) -> Array:
-    """Draw lower unit-triangular matrices as bit-reversed columns: ones in bit k of column k, coins above."""
+    """Draw lower unit-triangular matrices as bit-reversed columns: column k has bit k, random bits above."""
     coins = jax.random.bits(key, (dims, 32), jnp.uint32)
     unit = np.uint32(1) << np.arange(32, dtype=np.uint32)
     above = ~((unit - np.uint32(1)) | unit)
@@ -71,28 +71,23 @@ def _triangular(key: Array, dims: int) -> Array:
 def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     """Scramble a sequence in base 2 linearly: random lower triangular matrices and a digital shift.
 
-    Digit ``k`` is flipped by a random linear function of the digits before it and a coin: a nested
-    permutation, so that every (t,m,s)-net stays one. Each point is uniform on the unit cube, the
-    coordinates are scrambled independently, and means of square integrable functions have the same
-    variance as with Owen scrambling, at much fewer random numbers.
+    Digit ``k`` is flipped by a random linear function of the digits before it and a random bit: a nested
+    permutation, so every (t,m,s)-net stays one. Each point is uniform on the unit cube, the coordinates are
+    scrambled independently, and means of square integrable functions have the same variance as with Owen
+    scrambling, with much fewer random numbers.
 
     Parameters
     ----------
     sequence : BinarySequence
-        Any sequence that has ``bits``. Of a :class:`Digital` one the generator matrices are
-        multiplied, which costs nothing per point.
+        With ``bits``. For a :class:`Digital` sequence the generator matrices are multiplied, at no cost per
+        point.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new scrambling and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     DigitalShift
         The digital shift of the linearly scrambled sequence.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is not in base 2 or ``key`` is no key.
 
     References
     ----------

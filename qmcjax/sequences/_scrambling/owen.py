@@ -1,4 +1,4 @@
-"""Owen scrambling by hashing, in base 2; other bases are found in ``_owen_base_b``."""
+"""Owen scrambling by hashing, in base 2; for other bases see ``owen_base_b``."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Owen(Scrambled):
-    """A sequence whose coordinates go through nested random permutations, one each."""
+    """A sequence with a nested random permutation of each coordinate."""
 
     sequence: BinarySequence
     seeds: Array
@@ -40,44 +40,39 @@ class Owen(Scrambled):
 def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | OwenDigits:
     """Owen-scramble a sequence by a hash with the nested structure.
 
-    Every (t,m,s)-net stays one, and so does the Halton sequence's stratification. Each point is uniform on
-    the unit cube, and the coordinates are scrambled independently.
+    Every (t,m,s)-net stays one, and so does the stratification of the Halton sequence. Each point is uniform
+    on the unit cube, and the coordinates are scrambled independently.
 
     Parameters
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
-        Digits are scrambled in the base that they are in.
+        Digits are scrambled in their base.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new scrambling and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     Owen or OwenDigits
-        The first in base 2, with exact ``bits``. In other bases the zeros behind the digits of an
-        index are scrambled as well, down to the resolution of float64. Values of float64 are rounded to
-        nearest and lie in the elementary intervals that the scrambled digits name. Values of float32
-        are these, rounded down, except where that left an interval of a length b**-k > 2**-24.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` has no digits or ``key`` is no key.
+        The first in base 2, with exact ``bits``. In other bases the zeros after the digits of an index are
+        scrambled as well, down to the resolution of float64. Values of float64 are rounded to nearest and lie
+        in the elementary intervals of the scrambled digits. Values of float32 are these, rounded down, except
+        where that would leave an interval of length b**-k > 2**-24.
 
     Notes
     -----
-    In base 2, the hash is close to, but not, uniform over all nested permutations. Tests over many keys see
-    what common hashes of this kind fail: no bias of a digit's flip, no empty interval, no dependence between
-    the flips at any two or three nodes, nor between two points behind the digit where they part; of any four
-    consecutive digits, all permutations. What remains are parities of many flips: of four digits behind the
-    first, that of all twelve flips of the last two is even with probability 0.44 or 0.56 instead of 0.5, and
-    other parities are off by less. A seed has 32 bits: of five digits and more, few permutations come. Where
-    that matters, take :func:`owen_exact`.
+    In base 2, the hash is nearly, but not exactly, uniform over all nested permutations. Tests over many
+    keys, which common hashes of this kind fail, find no bias of a digit's flip, no empty interval, no
+    dependence between the flips at any two or three nodes, nor between two points after the digit where they
+    part, and all permutations of any four consecutive digits. Parities of many flips are not uniform: of four
+    digits after the first, the parity of all twelve flips of the last two is even with probability 0.44 or
+    0.56 instead of 0.5, and other parities deviate less. A seed has 32 bits: only few permutations of five or
+    more digits occur. Where that matters, use :func:`owen_exact`.
 
     In base b, any two points are distributed as after nested uniform scrambling, up to the quality of a
-    32-bit hash, and so variances of means are the same [3]_. Three points or more are not: the
-    permutations at all nodes of a coordinate are made from one random table of nested permutations of
-    several digits, by shifts of its argument. Where that matters, take :func:`owen_exact`. This is no linear
-    scrambling, whose factors depend on the place of a digit only; the base may be composite.
+    32-bit hash, so variances of means are the same [3]_. Three or more points are not: the permutations at
+    all nodes of a coordinate come from one random table of nested permutations of several digits, by shifts
+    of its argument. Where that matters, use :func:`owen_exact`. This is not a linear scrambling, where
+    factors depend only on the place of a digit; the base may be composite.
 
     References
     ----------

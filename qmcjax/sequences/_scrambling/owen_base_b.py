@@ -21,20 +21,20 @@ from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class OwenDigits(ScrambledDigits):
-    """A sequence whose coordinates go through nested random permutations, one each.
+    """A sequence with a nested random permutation of each coordinate.
 
-    The digits are taken as those of a number in base B, the largest power of b with a small table. To a
-    digit in base B, a number whose lowest digit in base b comes first, a hash of the digits before is added
-    modulo B: carries run to later digits only. Then it is looked up in a table drawn by nested uniform
-    scrambling, one a coordinate. So for any two points, the numbers looked up behind the digits they share
-    are independent and uniform, and the digits where they part go through one uniform permutation.
+    Digits are grouped to digits in base B, the largest power of b with a small table, with the first digit
+    lowest. A hash of the digits before is added modulo B to each: carries run to later digits only. Then it
+    is looked up in a table drawn by nested uniform scrambling, one per coordinate. So for any two points, the
+    numbers looked up after their common digits are independent and uniform, and the digits where they part
+    go through one uniform permutation.
     """
 
     sequence: DigitSequence
     tables: Array
     """uint16: the tables of all coordinates, one after the other."""
     seeds: Array
-    """uint32 (dims, spans + 1): one for each digit in base B, and one for the digits behind."""
+    """uint32 (dims, spans + 1): one seed for each digit in base B, and one for the digits after the last."""
 
     called = "owen"
 
@@ -81,9 +81,9 @@ def owen_digits(sequence: DigitSequence, key: Array) -> OwenDigits:
 
 @partial(jax.jit, static_argnames="bases")
 def _nested_tables(permutations: Array, bases: tuple[int, ...]) -> Array:
-    """Return tables of nested permutations of spans of digits: the lowest digit of the argument comes first.
+    """Return tables of nested permutations of spans of digits, with the lowest digit of the argument first.
 
-    For each base and each level, there is one permutation for each number that the digits before can form.
+    There is one permutation for each base, each level, and each prefix.
     """
     parts, start = [], 0
     for base in bases:

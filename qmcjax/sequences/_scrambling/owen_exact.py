@@ -1,4 +1,4 @@
-"""Owen scrambling with an independent permutation at every node of the tree: in base 2, a coin."""
+"""Owen scrambling with an independent permutation at every node of the tree: in base 2, a random bit."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class OwenExact(Scrambled):
-    """A sequence whose coordinates go through nested uniform permutations, one each."""
+    """A sequence with a nested uniform permutation of each coordinate."""
 
     sequence: BinarySequence
     seeds: Array
@@ -39,15 +39,15 @@ class OwenExact(Scrambled):
 
 
 def _scramble(reversed_bits: Array, seeds: Array) -> Array:
-    """Flip digit k by bit k of a random word that belongs to the k digits before it.
+    """Flip digit k by bit k of a random word for the k digits before it.
 
-    In the traversal of the tree [1]_, a path that ramifies takes a fresh random word for all nodes
-    down to its end, which are those with digits 0 below the branch. So a node's word is a function of
-    its digits as a number, without the zeros behind, and its coin is the bit at its depth: each word
-    serves different bits at the different depths, and no two nodes share a coin.
+    In the traversal of the tree [1]_, a new path takes a fresh random word for all nodes down to its end:
+    those with digits 0 after the branch. So the word of a node is a function of its digits as a number,
+    without trailing zeros, and its random bit is the bit at its depth: a word has different bits at different
+    depths, and no two nodes share a bit.
     """
 
-    # Not unrolled: beyond two coordinates the compiler would compute the hashes again and again.
+    # Not unrolled: beyond two coordinates the compiler would recompute the hashes.
     def flip(k: Array, scrambled: Array) -> Array:
         unit = jnp.uint32(1) << k
         return scrambled ^ (random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
@@ -56,44 +56,38 @@ def _scramble(reversed_bits: Array, seeds: Array) -> Array:
 
 
 def random_word(value: Array, seeds: Array) -> Array:
-    """Hash a value to a word: two keyed rounds, fed forward, so that words may coincide."""
+    """Hash a value to a word: two keyed rounds with feed-forward, so words may coincide."""
     mixed = hash_word(value ^ seeds[..., 0])
     return hash_word(mixed + seeds[..., 1]) ^ mixed
 
 
 def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> OwenExact | OwenExactDigits:
-    """Owen-scramble a sequence with a permutation of its own for the digits after every prefix.
+    """Owen-scramble a sequence with a separate permutation for the digits after every prefix.
 
     This is nested uniform scrambling, the reference for :func:`owen`: the permutations of any two nodes of
-    the tree are drawn independently, at random access and for all digits. In base 2 it costs 32 hashes
-    a coordinate, where :func:`owen` takes three products; in base b, from two hashes a digit in the smallest
-    bases to b in the large ones.
+    the tree are drawn independently, at random access and for all digits. In base 2 it costs 32 hashes per
+    coordinate, compared with three products for :func:`owen`; in base b, from two hashes per digit in the
+    smallest bases to b in the large ones.
 
     Parameters
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
-        Digits are scrambled in the base that they are in.
+        Digits are scrambled in their base.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new scrambling and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     OwenExact or OwenExactDigits
-        The first in base 2, with exact ``bits``. In other bases the zeros behind the digits of an
-        index are scrambled as well, down to the resolution of float64. Values are rounded as by
-        :func:`owen`.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` has no digits or ``key`` is no key.
+        The first in base 2, with exact ``bits``. In other bases the zeros after the digits of an index are
+        scrambled as well, down to the resolution of float64. Values are rounded as by :func:`owen`.
 
     Notes
     -----
-    In base b, the permutations are Fisher and Yates', from hashed words of 32 bits. As many swaps share a
-    word as have at most 2**13 outcomes together, at least one: each outcome's probability is off by
-    a factor within 1 +- 2**-19 in bases up to 2**13, and 1 +- 2**-16 up to 2**16. To see the first at 5 sigma
-    takes more than 2**42 draws of each outcome.
+    In base b, the permutations are Fisher-Yates shuffles, from hashed words of 32 bits. Each word serves one
+    swap, or several with at most 2**13 outcomes together: the probability of each outcome is off by a factor
+    within 1 +- 2**-19 in bases up to 2**13, and 1 +- 2**-16 up to 2**16. Detecting the first at 5 sigma needs
+    more than 2**42 draws of each outcome.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Owen scrambling in base b with a uniform permutation of its own at every node of the tree."""
+"""Owen scrambling in base b with an independent uniform permutation at every node of the tree."""
 
 from dataclasses import dataclass
 
@@ -15,13 +15,13 @@ from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
 
 _DRAWN = 2**13
-"""Numbers of swaps are drawn together from 32 random bits as long as they have no more outcomes."""
+"""Most outcomes of swaps drawn together from 32 random bits."""
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class OwenExactDigits(ScrambledDigits):
-    """A sequence whose coordinates go through nested uniform permutations, one each."""
+    """A sequence with a nested uniform permutation of each coordinate."""
 
     sequence: DigitSequence
     seeds: Array
@@ -47,13 +47,14 @@ class OwenExactDigits(ScrambledDigits):
         leading = jax.lax.fori_loop(np.uint32(0), np.uint32(count - 1), scramble, start)[2]
         node = node_of(first, seeds)
         scrambled = permuted(last, node, jnp.uint32(count - 1), base, seeds)
-        # Behind the last digit all are 0: their images belong to this node's child, and to no other point.
+        # After the last digit all are 0: their images belong to the child of this node, and to no other
+        # point.
         tail = random_word_of(node, jnp.uint32(count), last, seeds)
         return cell_fraction(leading, scrambled, tail, base, dtype)
 
 
 def _without_last(numbers: list[Array], base: Base) -> tuple[Array, Array]:
-    """Join all digits but the last to one number, the first one lowest; that one would exceed a word."""
+    """Join all digits but the last to one number, the first one lowest; all digits would exceed a word."""
     *spans, span = digit_spans(base)
     last = quotient(numbers[-1], base ** (span - 1))
     first = numbers[-1] - last * word(base ** (span - 1))
@@ -67,16 +68,16 @@ def node_of(prefix: Array, seeds: Array) -> Array:
 
 
 def random_word_of(node: Array, depth: Array, which: Array, seeds: Array) -> Array:
-    """Return one of 2**16 random words of a node: prefixes that differ in zeros behind differ in depth.
+    """Return one of 2**16 random words of a node: prefixes that differ in trailing zeros differ in depth.
 
-    Two keyed rounds, fed forward, so that words may coincide.
+    Two keyed rounds with feed-forward, so words may coincide.
     """
     number = (depth << 16) + which
     return hash_word(node + hash_word(number ^ seeds[..., 1])) ^ node
 
 
 def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
-    """Return where a uniform random permutation moves the digit: Fisher and Yates' swaps, from the top."""
+    """Return the image of a digit under a uniform random permutation: Fisher-Yates swaps, from the top."""
     top = np.max(base)
     together = 1
     while together < top - 1 and np.prod(top - np.arange(together + 1)) <= _DRAWN:
@@ -86,7 +87,7 @@ def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) 
     def swap(which: Array, position: Array) -> Array:
         random = random_word_of(node, depth, which, seeds)
         for k in range(together):
-            # In a group with larger bases, swaps of 0 with itself remain.
+            # In a group with larger bases, the rest are swaps of 0 with itself.
             size = above - jnp.minimum(which * np.uint32(together) + np.uint32(k), above) + np.uint32(1)
             size = jnp.broadcast_to(size, random.shape)
             highest, other = size - np.uint32(1), high_product(random, size)

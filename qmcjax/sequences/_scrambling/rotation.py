@@ -19,7 +19,7 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class RotatedBinary(Scrambled):
-    """A sequence in base 2 plus one fraction a coordinate, modulo 1: sums of integers that wrap."""
+    """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
 
     sequence: BinarySequence
     offsets: Array
@@ -40,7 +40,7 @@ class RotatedBinary(Scrambled):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Rotated(PointByPoint):
-    """Any sequence plus one fraction a coordinate, modulo 1, rounded once in float64."""
+    """Any sequence plus one fraction per coordinate, modulo 1, rounded once in float64."""
 
     sequence: Sequence
     offsets: Array
@@ -62,31 +62,24 @@ class Rotated(PointByPoint):
 
 
 def rotate(sequence: Sequence, offset_or_key: ArrayLike) -> RotatedBinary | Rotated:
-    """Shift a sequence on the torus, the same way for all its points: the Cranley-Patterson rotation.
+    """Shift all points of a sequence by one vector on the torus: the Cranley-Patterson rotation.
 
-    Toroidal distances stay as they are, elementary intervals do not: where these matter, take
+    Toroidal distances are preserved, elementary intervals are not: where these matter, use
     :func:`digital_shift` or :func:`owen`.
 
     Parameters
     ----------
     sequence : Sequence
-        In base 2 the sum is one of integers and exact. Any other sequence is added to in float64
-        and rounded once, but never to 1.
+        In base 2 the sum is exact. For any other sequence it is computed in float64 and rounded once, but
+        never to 1.
     offset_or_key : float or uint32 ArrayLike, shape (dims,); or jax.random.key, or int in [0, 2**32)
         Floats in [0, 1), rounded down to 32-bit fractions; or these fractions. A key draws them at random. A
-        new offset or key compiles nothing anew.
+        new offset or key does not recompile.
 
     Returns
     -------
     RotatedBinary or Rotated
         The first has exact ``bits``, if ``sequence`` has.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is none, or the offset has another dtype.
-    ValueError
-        If the offset has another shape or leaves [0, 1).
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""What the randomisations in base 2 have in common: the sequence they scramble."""
+"""Base class of the randomisations in base 2."""
 
 import abc
 
@@ -12,7 +12,7 @@ from qmcjax.sequences._protocol.fraction import Fraction
 
 
 class Scrambled(PointByPoint, BinarySequence):
-    """A sequence in base 2 whose coordinates are mapped one by one: subclasses implement :meth:`mapped`."""
+    """A sequence in base 2 with coordinates mapped one by one: subclasses implement :meth:`mapped`."""
 
     sequence: BinarySequence
 
@@ -47,15 +47,15 @@ class Scrambled(PointByPoint, BinarySequence):
 
 
 def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) -> Array:
-    """Return the rows of parameters that belong to one coordinate, or to some that are stacked last.
+    """Return the rows of parameters of one coordinate, or of some that are stacked last.
 
-    They have the rank of ``coordinates``, and their own further axes behind.
+    They have the rank of ``coordinates``, followed by their own axes.
     """
     if isinstance(dims, int):
         return parameters[dims]
     count = parameters.shape[0]
     times = len(dims) // count
-    if dims == tuple(range(count)) * times:  # no gather, which would be fused into the loop over all points
+    if dims == tuple(range(count)) * times:  # a gather would be fused into the loop over all points
         wanted = jnp.tile(parameters, (times,) + (1,) * (parameters.ndim - 1))
     else:
         wanted = parameters[np.array(dims)]

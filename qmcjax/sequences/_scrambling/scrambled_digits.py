@@ -1,4 +1,4 @@
-"""What the randomisations in base b have in common: the sequence whose digits they scramble."""
+"""Base class of the randomisations in base b."""
 
 import abc
 
@@ -14,7 +14,7 @@ from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 
 
 class ScrambledDigits(Sequence):
-    """A sequence whose coordinates are mapped one by one, digit after digit."""
+    """A sequence with coordinates mapped one by one, digit after digit."""
 
     sequence: DigitSequence
 
@@ -27,7 +27,6 @@ class ScrambledDigits(Sequence):
         return self.sequence.size
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return the bases of the sequence's components."""
         return self.sequence.radical_bases()
 
     @abc.abstractmethod
@@ -35,13 +34,12 @@ class ScrambledDigits(Sequence):
         """Return coordinates ``dims``, broadcast against ``index``, as for ``DigitSequence.spans``."""
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        """Return one coordinate of valid indices, in their shape."""
         return self._scrambled(index, np.array(dim), dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         bases = self.sequence.bases
         if len(dims) > 1 and len(set(bases)) == 1:
-            # A loop: in one program for all coordinates, what they share is computed again and again.
+            # A loop: one program for all coordinates would recompute shared values.
             wanted = jnp.asarray(np.array(dims, np.uint32))
             return jnp.moveaxis(jax.lax.map(lambda dim: self._scrambled(index, dim, dtype), wanted), 0, -1)
         if len(dims) <= FEW:

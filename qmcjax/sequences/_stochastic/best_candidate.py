@@ -1,4 +1,4 @@
-"""Of several places for a point the one farthest from all earlier points, for scrambled nets in base 2."""
+"""Best candidates, farthest from all earlier points, in scrambled nets in base 2."""
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from qmcjax.core.bits import hash_word
 from qmcjax.sequences._scrambling.owen_exact import random_word
 
 _REACH = 3
-"""Cells on each side of a point's among which its nearest neighbour is.
+"""Cells on each side of a point's cell that contain its nearest neighbour.
 
 The first 2**k points of a (0,2)-sequence have one in each square of two by two cells if k is even, and one in
 each rectangle of two by one if k is odd: none is farther than sqrt(8) cells from the nearest.
@@ -17,14 +17,14 @@ each rectangle of two by one if k is odd: none is farther than sqrt(8) cells fro
 
 
 def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -> Array:
-    """Return the points of a scrambled sequence whose first two coordinates are chosen from candidates.
+    """Return the points of a scrambled sequence with the first two coordinates chosen from candidates.
 
     Parameters
     ----------
     words : uint32 Array, shape (n, dims)
-        The points that were drawn without a choice.
+        The points drawn without candidates.
     steps : uint32 Array, shape (dims, 32)
-        What takes indices to those of earlier points.
+        Maps indices to those of earlier points, see ``net_by_net.to_earlier``.
     seeds : uint32 Array, shape (dims, 2)
     candidates : int
 
@@ -44,11 +44,11 @@ def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -
 
 
 def _next_net(points: Array, k: Array, steps: Array, seeds: Array) -> Array:
-    """Put the points 2**k, ..., 2**(k + 1) - 1, one after the other.
+    """Place the points 2**k, ..., 2**(k + 1) - 1, one after the other.
 
-    The raster has cells of half the length of the squares of area 2**-k, or of the short sides of the
-    rectangles, if k is odd: of one point at most until there are 2**(k + 1). It holds numbers of points, 0
-    where there is none yet.
+    The cells of the raster have half the side of the squares of area 2**-k, or of the short sides of the
+    rectangles if k is odd: at most one point each until there are 2**(k + 1). It holds numbers of points, 0
+    for empty cells.
     """
     n = points.shape[0]
     log_side = (k >> 1) + np.uint32(1)

@@ -1,4 +1,4 @@
-"""Point sets of blue noise, made once and looked up: Poisson disks, and Lloyd's relaxation on the torus."""
+"""Blue noise point sets, as tables: Poisson disks, and Lloyd relaxation on the torus."""
 
 import jax
 import numpy as np
@@ -10,11 +10,11 @@ from qmcjax.sequences._protocol.tabulated import Tabulated, tabulated_words
 from qmcjax.sequences._stochastic.lloyd import relaxed
 
 _GRAIN = 2.0**-31
-"""More than the distance of two points shrinks when they are rounded down to 32-bit fractions."""
+"""Bound on the change of distances by rounding down to 32-bit fractions."""
 
 
 def _generator(key: Array | int) -> np.random.Generator:
-    """Return numpy's generator for a key, or raise a ValueError unless its value is known."""
+    """Return a NumPy generator for a key, or raise a ValueError if the key is traced."""
     data = jax.random.key_data(checks.prng_key("key", key))
     if isinstance(data, Tracer):
         raise ValueError("key must be known before tracing: these points are not made by JAX, got a tracer")
@@ -22,15 +22,15 @@ def _generator(key: Array | int) -> np.random.Generator:
 
 
 def poisson_disk(radius: float, key: Array | int) -> Tabulated:
-    """Make random points in the unit square, as many as fit, of which no two are closer than ``radius``.
+    """Make random points in the unit square, as many as fit, with minimum distance ``radius``.
 
-    The points do not tile: the distance is not measured across the edges of the square. They are in
-    the order in which they were found, so that leading parts do not cover the square.
+    The points do not tile: distances are not toroidal. They are in the order of their generation, so leading
+    parts do not cover the square.
 
     Parameters
     ----------
     radius : float
-        In [0.001, 1]. There are about ``0.7 / radius**2`` points, found one by one (by scipy).
+        In [0.001, 1]. There are about ``0.7 / radius**2`` points, found one by one (by SciPy).
     key : jax.random.key, or int in [0, 2**32)
         Known before tracing.
 
@@ -39,11 +39,6 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
     Tabulated
         Two dimensions. The number of points depends on the key. The distance is kept in ``bits``
         and in float64.
-
-    Raises
-    ------
-    ValueError
-        If ``radius`` is out of range or ``key`` is no key or traced.
 
     References
     ----------
@@ -67,16 +62,16 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
 
 
 def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulated:
-    """Make blue noise on the torus, by Lloyd's relaxation of uniform random points.
+    """Make blue noise on the torus, by Lloyd relaxation of uniform random points.
 
-    In each iteration every point moves to the centroid of its Voronoi cell. The distances grow at first
-    quickly; many iterations end in patches of regular lattices.
+    In each iteration every point moves to the centroid of its Voronoi cell. Distances grow quickly at first;
+    many iterations end in patches of regular lattices.
 
     Parameters
     ----------
     n : int
-        Number of points, in [1, 2**20]. An iteration takes tens of microseconds a point in two
-        dimensions, hundreds in three.
+        Number of points, in [1, 2**20]. An iteration takes tens of microseconds per point in two dimensions,
+        hundreds in three.
     dims : int
         2 or 3.
     key : jax.random.key, or int in [0, 2**32)
@@ -88,11 +83,6 @@ def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulate
     -------
     Tabulated
         The order of the points is random.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range or ``key`` is no key or traced.
 
     References
     ----------

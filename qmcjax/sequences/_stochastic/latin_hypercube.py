@@ -1,4 +1,4 @@
-"""Latin hypercube samples at random access: one keyed random permutation of the strata a coordinate."""
+"""Latin hypercube samples at random access: one keyed random permutation of the strata per coordinate."""
 
 import math
 from dataclasses import dataclass, field
@@ -16,7 +16,7 @@ from qmcjax.sequences._protocol.word_first import WordFirst
 
 
 def _rounds(n: int) -> int:
-    """Return the number of rotations after which permutations look uniformly random, statistically."""
+    """Return the number of rotations for statistically uniform permutations."""
     return 16 if n < 1024 else 8
 
 
@@ -27,7 +27,7 @@ class LatinHypercube(WordFirst):
 
     n: int = field(metadata={"static": True})
     seeds: Array
-    """uint32 (dims, 2 + rounds): for the position within the interval, and for the permutation."""
+    """uint32 (dims, 2 + rounds): seeds of the position within the interval, and of the permutation."""
 
     called = "latin_hypercube"
 
@@ -37,7 +37,6 @@ class LatinHypercube(WordFirst):
 
     @property
     def size(self) -> int:
-        """Number of points, n."""
         return self.n
 
     def word(self, index: Array, dim: int) -> Array:
@@ -59,9 +58,9 @@ def first_fraction(stratum: Array, n: int) -> Array:
 def permuted(index: Array, n: int, seeds: Array) -> Array:
     """Permute the numbers below n, at random access.
 
-    A number is a column and a row of a grid of at least n cells. By turns, each row is rotated by a hash
-    of its number, and each column: Feistel's construction with sums. Where a number leaves the n cells,
-    it is permuted on until it returns, which keeps the map a bijection.
+    A number is a column and a row of a grid of at least n cells. Alternately, each row and each column is
+    rotated by a hash of its number: a Feistel network with sums. A number that leaves the n cells is permuted
+    again until it returns, which keeps the map a bijection.
 
     Parameters
     ----------
@@ -100,7 +99,7 @@ def permuted(index: Array, n: int, seeds: Array) -> Array:
 
 
 def _grid(n: int) -> tuple[int, int]:
-    """Return the columns and rows of a grid of n cells or few more, not much wider than high.
+    """Return the columns and rows of a nearly square grid of n or few more cells.
 
     A single row would only be rotated: there are two if n > 2.
     """
@@ -111,7 +110,7 @@ def _grid(n: int) -> tuple[int, int]:
 
 
 def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
-    """Make a Latin hypercube sample: n points, whose coordinates are stratified into n equal intervals each.
+    """Make a Latin hypercube sample: n points, with each coordinate stratified into n equal intervals.
 
     Parameters
     ----------
@@ -120,18 +119,13 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
     dims : int
         In [1, 65536].
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new permutations and compiles nothing anew.
+        A new key does not recompile.
 
     Returns
     -------
     LatinHypercube
         Stratified exactly in ``bits`` and in float64; float32 is rounded down to 24 bits, which is
         exact for powers of two up to 2**24.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range or ``key`` is no key.
 
     References
     ----------

@@ -24,7 +24,7 @@ def relaxed(points: Points, iterations: int) -> Points:
     for _ in range(iterations):
         points = centroids(points)
         points -= np.floor(points)
-        # A tiny negative number is lifted to 1 exactly.
+        # The remainder of a tiny negative number is exactly 1.
         points[points == 1] = 0
     return points
 
@@ -32,8 +32,8 @@ def relaxed(points: Points, iterations: int) -> Points:
 def centroids(points: Points) -> Points:
     """Return the centroid of each point's Voronoi cell on the torus.
 
-    The copies of the points in a margin around the unit cube join them. The margin must be twice as
-    wide as the largest circumscribed sphere that touches one of the points; it is widened until it is.
+    Copies of the points in a margin around the unit cube are added. The margin must be twice as wide as the
+    largest circumscribed sphere that touches one of the points; it is widened until it is.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def centroids(points: Points) -> Points:
 
 
 def _with_margin(points: Points, margin: float) -> Points:
-    """Return the points, these first, and their copies up to ``margin`` from the unit cube."""
+    """Return the points, followed by their copies up to ``margin`` from the unit cube."""
     for axis in range(points.shape[1]):
         step = np.zeros(points.shape[1])
         step[axis] = 1
@@ -67,11 +67,11 @@ def _with_margin(points: Points, margin: float) -> Points:
 
 
 def _moments(points: Points, n: int) -> tuple[Points, float]:
-    """Return volume and first moments of the cells of the first n points, and how far these cells reach.
+    """Return volume and first moments of the cells of the first n points, and the reach of these cells.
 
-    A cell is the signed sum of simplices whose corners are the circumcentres of a Delaunay simplex's
-    faces, each within the next: the point itself, an edge's midpoint, ..., the simplex's own.
-    Moments are about the point.
+    A cell is the signed sum of simplices with corners at the circumcentres of nested faces of a Delaunay
+    simplex: the point itself, the midpoint of an edge, ..., the circumcentre of the simplex. Moments are
+    about the point.
     """
     from scipy.spatial import Delaunay
 
@@ -103,7 +103,7 @@ def _moments(points: Points, n: int) -> tuple[Points, float]:
 
 
 def _circumcentres(corners: Points) -> Points:
-    """Return the points of the affine hull of (..., k, d) corners that are equally far from all."""
+    """Return the points in the affine hull of (..., k, d) corners equidistant from all."""
     edges = corners[:, 1:] - corners[:, :1]
     gram = edges @ edges.transpose(0, 2, 1)
     weights = np.linalg.solve(gram, np.diagonal(gram, axis1=1, axis2=2)[..., None] / 2)

@@ -1,4 +1,4 @@
-"""Scrambled sequences made net by net: each point goes beside an earlier one and parts from it at a digit."""
+"""Scrambled sequences made net by net: each point shares leading digits with an earlier one."""
 
 from functools import partial
 
@@ -26,48 +26,42 @@ MOST_CANDIDATES = 1024
 def net_by_net(
     sequence: Digital | RadicalInverses | PrimeDigital, n: int, key: Array | int, candidates: int = 1
 ) -> Tabulated:
-    """Draw the first n points of an Owen-scrambled sequence net by net, at two hashes a coordinate.
+    """Draw the first n points of an Owen-scrambled sequence net by net, with two hashes per coordinate.
 
-    The first b**k points of a component in base b have one point in each interval of length b**-k. The
-    next (b - 1) b**k points fill the other parts when these are cut into b: a point shares the first k
-    digits of an earlier one, which the generator matrix tells, takes one of the digits left over next, and
-    random ones behind. That is the distribution of nested uniform scrambling, as of :func:`owen_exact`.
+    The first b**k points of a component in base b have one point in each interval of length b**-k. The next
+    (b - 1) b**k points fill the other parts when these are split into b: a point shares the first k digits of
+    an earlier one, given by the generator matrix, followed by one of the remaining digits, and random ones.
+    This is the distribution of nested uniform scrambling, as of :func:`owen_exact`.
 
     Parameters
     ----------
     sequence : Digital, RadicalInverses or PrimeDigital
-        Such as of ``sobol``, ``larcher_pillichshammer``, ``digital``, ``halton``, ``faure``. Its first b**k
-        points have one point in each interval of length b**-k in each coordinate.
+        For example ``sobol``, ``larcher_pillichshammer``, ``digital``, ``halton`` or ``faure``. Its first
+        b**k points must have one point in each interval of length b**-k in each coordinate. Known before
+        tracing unless in base 2.
     n : int
         In [1, 2**24], with ``n * dims`` at most 2**28 and n at most the largest power b**k <= 2**32 of each
         base. The points of a smaller n are the first of a larger one.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new scrambling and compiles nothing anew.
+        A new key does not recompile.
     candidates : int
-        In [1, 1024]. Of so many random places in its intervals, each point takes the one that is farthest
-        from all earlier points in the first two coordinates, on the torus. More than 1 is for base 2; points
-        are then made one by one, tens of thousands a second.
+        In [1, 1024]. Each point is the best of so many random candidates in its intervals, farthest from all
+        earlier points in the first two coordinates, on the torus. More than 1 for base 2 only; points are
+        then made one by one, tens of thousands per second.
 
     Returns
     -------
     Tabulated
-        Of ``size`` n. Where b is not 2, the points are in the elementary intervals that their digits name
-        in ``bits`` and in float64.
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is of another kind or ``key`` is no key.
-    ValueError
-        If an argument is out of range, or a coordinate of ``sequence`` is not stratified.
+        With ``size`` n. If b is not 2, the points are in the elementary intervals of their digits in ``bits``
+        and in float64.
 
     Notes
     -----
-    With candidates the nets remain, but the points are no longer uniform exactly, nor are the digits behind
-    the net's independent. The minimum distance grows little: by then, a point is free in a square
-    whose side is 1 / n only.
+    With candidates the nets remain, but the points are no longer exactly uniform, nor are the digits after
+    those of the net independent. The minimum distance grows little: a point is free only within a square of
+    side 1 / n.
 
-    In base b > 2, this is what [1]_ calls uncorrelated swapping: digits are drawn independently.
+    In base b > 2, this is uncorrelated swapping in [1]_: digits are drawn independently.
 
     References
     ----------
@@ -117,7 +111,7 @@ def checked_sizes(n: int, dims: int, candidates: int) -> tuple[int, int]:
 
 
 def drawn(steps: Array, key: Array, n: int, candidates: int) -> Tabulated:
-    """Draw points in base 2, from what :func:`to_earlier` returned."""
+    """Draw points in base 2, with ``steps`` from :func:`to_earlier`."""
     seeds = _seeds(key, steps.shape[0])
     words = _words(steps, seeds, n)
     return Tabulated(words if candidates == 1 else best_candidates(words, steps, seeds, candidates))
@@ -128,7 +122,7 @@ def _seeds(key: Array, dims: int) -> Array:
 
 
 def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
-    """Return the words whose xor takes indices from 2**k on to those of which they share the first k digits.
+    """Return words that, xored, map indices from 2**k on to earlier points with the same first k digits.
 
     Word k of a coordinate is column k of V in C V = L, with V upper and L lower triangular: the point of
     this index, V's column, begins with k zeros (the "xor-values" of Sect. 4.2, with bit k added). Both V
@@ -141,11 +135,6 @@ def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
     Returns
     -------
     uint32 Array, shape (dims, 32)
-
-    Raises
-    ------
-    ValueError
-        If points are known not to be stratified.
     """
     points, indices = _eliminated(jnp.asarray(matrices))
     if not isinstance(points, Tracer):
@@ -154,7 +143,7 @@ def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
             dim, k = np.argwhere(diagonal == 0)[0]
             raise ValueError(
                 f"sequence must have one of its first {2 ** (k + 1)} points in each interval of length "
-                f"2**-{k + 1}, got another one in coordinate {dim}"
+                f"2**-{k + 1}, got others in coordinate {dim}"
             )
     return indices
 

@@ -16,7 +16,7 @@ from qmcjax.sequences._scrambling.owen_exact_base_b import node_of, permuted, ra
 from qmcjax.sequences._stochastic.latin_hypercube import first_fraction
 
 _DIGIT, _BEHIND = 2**15, 2**15 + 1
-"""In place of the depth of a node: a point's first digit, or those behind the ones that it shares."""
+"""Used instead of the depth of a node: the first digit of a point, or the digits after the shared ones."""
 
 
 def component(sequence: RadicalInverses | PrimeDigital, dim: int, seeds: Array, n: int) -> Array:
@@ -33,7 +33,7 @@ def component(sequence: RadicalInverses | PrimeDigital, dim: int, seeds: Array, 
 
 
 def _resolved(base: int) -> int:
-    """Return how many digits 32-bit fractions resolve: the largest K with ``base**K <= 2**32``."""
+    """Return the number of digits of 32-bit fractions: the largest K with ``base**K <= 2**32``."""
     count = 1
     while base ** (count + 1) <= 2**32:
         count += 1
@@ -41,11 +41,11 @@ def _resolved(base: int) -> int:
 
 
 def _to_earlier(matrix: NDArray[np.uint32], base: int) -> NDArray[np.uint32]:
-    """Return what to add to the lower k digits of an index for each unit of digit k, modulo the base.
+    """Return the summands of the lower k digits of an index for each unit of digit k, modulo the base.
 
-    Point a * base**k + j shares its first k digits with the point whose index is j plus a times row k,
-    digit by digit: U_k s = u for the upper left part U_k of the generator matrix and the k numbers u
-    above the diagonal in its column k. Faure's matrices are upper triangular.
+    Point a * base**k + j shares its first k digits with the point of index j plus a times row k, digit by
+    digit: U_k s = u for the upper left part U_k of the generator matrix and the k numbers u above the
+    diagonal in its column k. Faure's matrices are upper triangular.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def _to_earlier(matrix: NDArray[np.uint32], base: int) -> NDArray[np.uint32]:
     Returns
     -------
     uint32 array, shape (K, K)
-        Row k has k numbers, and zeros behind.
+        Row k has k numbers, followed by zeros.
     """
     shifts = np.zeros(matrix.shape, np.int64)
     for k in range(len(matrix)):
@@ -107,7 +107,7 @@ def _component(shifts: Array, seeds: Array, base: int, n: int) -> Array:
 
 
 def _earlier(top: Array, shifts: Array, base: int, k: int) -> Array:
-    """Return the indices of the points beside which new ones go, shape (len(top), base**k).
+    """Return the indices of the earlier points of new ones, shape (len(top), base**k).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Progressive multi-jittered (0,2)-sequences: random nets that fill the quadrants of their cells in turn."""
+"""Progressive multi-jittered (0,2)-sequences."""
 
 from functools import cache
 
@@ -16,43 +16,35 @@ from qmcjax.sequences._stochastic.net_by_net import checked_sizes, drawn, to_ear
 def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     """Make the first n points of a progressive multi-jittered (0,2)-sequence.
 
-    Every aligned block of 2**m points is a (0,m,2)-net. Of N = 4**k points there is one in each of 2**k by
-    2**k squares. Point N + i is in the square of point i for i < N, diagonally opposite within it; point
-    2 N + i is in one of the two quarters that are left, and point 3 N + i in the other.
+    Every aligned block of 2**m points is a (0,m,2)-net. The first N = 4**k points have one point in each of
+    2**k by 2**k squares. Point N + i is in the square of point i for i < N, diagonally opposite within it;
+    point 2 N + i is in one of the two remaining quarters, and point 3 N + i in the other.
 
     Parameters
     ----------
     n : int
         In [1, 2**24]. The points of a smaller n are the first of a larger one.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new points and compiles nothing anew.
+        A new key does not recompile.
     candidates : int
-        In [1, 1024]. Of so many random places in its intervals, each point takes the one that is farthest
-        from all earlier points on the torus, as for :func:`net_by_net`.
+        In [1, 1024]. Each point is the best of so many random candidates, as for :func:`net_by_net`.
 
     Returns
     -------
     Tabulated
         Two dimensions.
 
-    Raises
-    ------
-    TypeError
-        If ``key`` is no key, or another argument no integer.
-    ValueError
-        If an argument is out of range.
-
     Notes
     -----
-    In [1]_ each square chooses which quarter comes third. Here all squares of one size do the same, to the
-    left or right of their first point or above or below it as a random bit says: otherwise the points from
-    2 N to 3 N would be no net.
+    In [1]_ each square chooses which quarter comes third. Here a random bit makes one choice for all squares
+    of one size, horizontally or vertically next to their first point: otherwise the points from 2 N to 3 N
+    would not be a net.
 
-    Sobol's sequence, its points renumbered, has this order. Take the digits of an index for a polynomial over
-    F2, i_0 + i_1 x + i_2 x^2 + ...: the digits of the second coordinate are its coefficients in powers of
-    x + 1. So a point is in the first of the 2**k by 2**k squares if x^k (x + 1)^k divides its polynomial.
-    In the new index, digit 2 k stands for this product, and digit 2 k + 1 for the product times x or
-    times x + 1. Then the points are scrambled net by net [2]_.
+    The Sobol' sequence, renumbered, has this order. Let the digits of an index be a polynomial over F2, i_0 +
+    i_1 x + i_2 x^2 + ...: the digits of the second coordinate are its coefficients in powers of x + 1. So a
+    point is in the first of the 2**k by 2**k squares if x^k (x + 1)^k divides its polynomial. In the new
+    index, digit 2 k stands for this product, and digit 2 k + 1 for the product times x or times x + 1. Then
+    the points are scrambled net by net [2]_.
 
     References
     ----------
@@ -67,7 +59,7 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     """
     n, candidates = checked_sizes(n, 2, candidates)
     choices_key, points_key = jax.random.split(checks.prng_key("key", key))
-    # Where the factor is x + 1 instead of x, digit 2 k + 1 of the index is added to digit 2 k.
+    # If the factor is x + 1 instead of x, digit 2 k + 1 of the index is added to digit 2 k.
     choices = jax.random.bits(choices_key, (), jnp.uint32) & np.uint32(0x55555555)
     steps = jnp.asarray(_steps())
     return drawn(steps ^ (steps >> 1 & choices), points_key, n, candidates)
@@ -75,12 +67,12 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
 
 @cache
 def _steps() -> NDArray[np.uint32]:
-    """Return what takes indices to those of earlier points, if the factor is x at all levels."""
+    """Return the maps from indices to those of earlier points, for the factor x at all levels."""
     columns = np.empty((2, 32), np.uint32)
     polynomial = 1
     for k in range(16):
         times_x = polynomial << 1
-        # In powers of x + 1, x is x + 1 and the other way round.
+        # In powers of x + 1, x becomes x + 1 and vice versa.
         columns[:, 2 * k] = _reversed(polynomial)
         columns[:, 2 * k + 1] = _reversed(times_x), _reversed(times_x ^ polynomial)
         polynomial = (times_x ^ polynomial) << 1

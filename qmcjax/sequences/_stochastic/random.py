@@ -16,7 +16,7 @@ from qmcjax.sequences._protocol.word_first import WordFirst
 
 
 def _draw(index: Array, seeds: Array) -> Array:
-    """Return one random word per index, by a bijection that a pair of seeds selects."""
+    """Return one random word per index, by a bijection selected by a pair of seeds."""
     return hash_word(hash_word(index ^ seeds[0]) + seeds[1])
 
 
@@ -35,7 +35,7 @@ class Uniform(BinarySequence):
         return self.seeds.shape[0]
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate: the digits of a random word may as well be read backwards."""
+        """Return one coordinate: a reversed random word is as random."""
         return _draw(index, self.seeds[dim])
 
 
@@ -65,18 +65,11 @@ class Jittered(WordFirst):
         return _divided(cell, _draw(index, self.seeds[dim]), self.side)
 
     def inverted(self, log_side: int) -> Self:
-        """Return the net itself, which knows the points in its cells."""
         self.points_per_cell(log_side)
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return how many points lie in each cell of a raster of ``2**log_side`` cells a side.
-
-        Raises
-        ------
-        ValueError
-            Unless the points are planar and each cell holds as many.
-        """
+        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side."""
         if self.dims != 2 or self.side % 2**log_side:
             raise ValueError(
                 f"side must be a multiple of {2**log_side} and dims 2 to jitter a raster of "
@@ -85,7 +78,7 @@ class Jittered(WordFirst):
         return (self.side >> log_side) ** 2
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a point from the cell of the raster it lies in."""
+        """Return the index of a point from its cell."""
         within = np.uint32(self.side >> log_side)
         row, column = sample // within, sample % within
         return (y * within + row) * np.uint32(self.side) + x * within + column
@@ -116,12 +109,7 @@ def uniform(dims: int, key: Array | int) -> Uniform:
     Returns
     -------
     Uniform
-        A sequence without end: for one coordinate the 2**32 values do not repeat.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range or ``key`` is no key.
+        Unbounded: within one coordinate the 2**32 values do not repeat.
 
     Examples
     --------
@@ -137,7 +125,7 @@ def jittered(side: int, dims: int, key: Array | int) -> Jittered:
     Parameters
     ----------
     side : int
-        Number of cells a side, in [1, 65536].
+        Number of cells per side, in [1, 65536].
     dims : int
         At least 1, with ``side**dims`` at most 2**32.
     key : jax.random.key, or int in [0, 2**32)
@@ -145,12 +133,7 @@ def jittered(side: int, dims: int, key: Array | int) -> Jittered:
     Returns
     -------
     Jittered
-        ``side**dims`` points; the first coordinate's cell runs fastest.
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range or ``key`` is no key.
+        ``side**dims`` points; the cell of the first coordinate varies fastest.
 
     References
     ----------

@@ -15,18 +15,18 @@ from qmcjax.orders._morton import gather, spread
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Accordion(SquareOrder):
-    """Four smaller ones: two transposed, two transposed about the other diagonal.
+    """Four smaller accordions: two transposed, two transposed about the other diagonal.
 
-    Say that a square has its *lengthwise* coordinate from its first half to its second, and its *crosswise*
-    one as it passes the first half. All four children exchange the two, those of the second half with both
-    reversed. A child is reversed as a whole by the lengthwise bits above it, of which all but the last
-    cancel: with lengthwise bit a and crosswise bit b of each level, both read off the pixel, digit k of the
-    position is (a[k] ^ a[k - 1], a[k] ^ b[k]).
+    The *lengthwise* coordinate of a square runs from its first half to its second, the *crosswise* one across
+    the first half. All four children exchange the two, those of the second half with both reversed. The
+    lengthwise bits above a child reverse it as a whole, and all but the last cancel: with lengthwise bit a
+    and crosswise bit b of each level, both read off the pixel, digit k of the position is (a[k] ^ a[k - 1],
+    a[k] ^ b[k]).
     """
 
     @property
     def _vertical(self) -> np.uint32:
-        """The levels whose lengthwise coordinate is y: the first, and every other one."""
+        """The levels with y as lengthwise coordinate: the first, and every other one."""
         return np.uint32(0xAAAAAAAA if self.log_side % 2 == 0 else 0x55555555)
 
     def _position(self, x: Array, y: Array) -> Array:
@@ -42,9 +42,9 @@ class Accordion(SquareOrder):
 def accordion(width: int, height: int) -> Accordion:
     """Make the accordion order: the square is cut and unfolded about pivots until it is a strip.
 
-    Each step cuts the strip into twice as many bars, half as wide, by cuts from one side and the other in
-    turn, each of which leaves a pivot at its end. Turning the bars about their pivots makes a strip again,
-    twice as long. It begins with one cut between the upper and the lower half of the square.
+    Each step cuts the strip into twice as many bars, half as wide, by cuts from alternate sides; each cut
+    leaves a pivot at its end. Turning the bars about their pivots makes a strip again, twice as long. The
+    first cut separates the upper from the lower half of the square.
 
     Parameters
     ----------
@@ -56,19 +56,14 @@ def accordion(width: int, height: int) -> Accordion:
     Accordion
         From (0, 0) along the first rows to (side - 1, 0), and back along the last rows to (0, side - 1).
 
-    Raises
-    ------
-    ValueError
-        If a size is out of range.
-
     Notes
     -----
     The caption in [1]_ does not say from which side the first cut of each step comes; here the sides
-    alternate from step to step. This agrees with what it does say: Morton's last two quadrants are swapped,
-    the second step leaves a jump from the bottom to the top between the second and the third quadrant, and
-    with its cuts reversed the 16 blocks are passed as by a Moore curve. In print the jump goes from the left
-    to the right as well, which no choice of sides gives: here it stays in the last column. Beyond 16 blocks
-    no choice gives a Moore curve, whose squares are not all cut across the strip.
+    alternate from step to step. This agrees with the rest of the caption: Morton's last two quadrants are
+    swapped, the second step leaves a jump from the bottom to the top between the second and the third
+    quadrant, and with its cuts reversed the 16 blocks are passed as by a Moore curve. In print the jump goes
+    from the left to the right as well, which no choice of sides gives: here it stays in the last column.
+    Beyond 16 blocks no choice gives a Moore curve: not all its squares are cut across the strip.
 
     References
     ----------

@@ -9,12 +9,12 @@ from jax import Array
 from qmcjax.core import checks
 
 MAX_SIDE = checks.MAX_SIDE
-"""Resolution up to which positions fit a uint32."""
+"""Largest resolution with positions that fit a uint32."""
 
 
 @dataclass(frozen=True)
 class Order(abc.ABC):
-    """A bijection of the pixels of an image, padded to the curve's own raster, and 0, 1, ..., length - 1."""
+    """A bijection between the pixels of a padded image and 0, ..., length - 1."""
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
@@ -46,13 +46,6 @@ class Order(abc.ABC):
         Returns
         -------
         uint32 Array, the broadcast shape
-
-        Raises
-        ------
-        TypeError
-            If a coordinate is no integer.
-        ValueError
-            If it is known to be off the raster.
         """
         columns, rows = self.raster
         x, y = jnp.broadcast_arrays(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
@@ -69,21 +62,14 @@ class Order(abc.ABC):
         Returns
         -------
         x, y : uint32 Array, shape (...)
-            Column and row; off the image, but on the padded raster, where the curve leaves the image.
-
-        Raises
-        ------
-        TypeError
-            If ``position`` is no integer.
-        ValueError
-            If it is known to be beyond the curve.
+            Column and row, within the padded raster; the curve may leave the image.
         """
         return self._pixel(checks.unsigned("position", position, self.length))
 
 
 @dataclass(frozen=True)
 class SquareOrder(Order):
-    """An order whose curve fills a square with a power of two as side."""
+    """An order with a curve that fills a square, its side a power of two."""
 
     @property
     def log_side(self) -> int:

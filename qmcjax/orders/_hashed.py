@@ -17,17 +17,16 @@ GOLDEN = np.uint32(0x9E3779B9)
 
 @jax.jit
 def with_random_words(first: Array, keys: Array) -> Array:
-    """Return a word, and one drawn with each key: uint32 (len(keys) + 1,)."""
+    """Return a word followed by one random word per key: uint32 (len(keys) + 1,)."""
     return jnp.concatenate([first[None], jax.vmap(lambda key: jax.random.bits(key, (), jnp.uint32))(keys)])
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Hashed(ScrambledMorton):
-    """The word of a node is a hash of its parent's and its digit; the root's is the seed.
+    """The word of a node is a hash of its parent's word and its digit; the root has the seed.
 
-    On each path down the tree every step is a bijection, so that the word of each node takes all values over
-    the seeds.
+    Every step down the tree is a bijection, so the word of each node takes all values over the seeds.
     """
 
     seed: Array
@@ -48,14 +47,14 @@ class Hashed(ScrambledMorton):
         return permutation_number(node)
 
     def _child(self, node: Array, digit: Array) -> Array:
-        # Plus one, since the hash keeps 0.
+        # Plus one: the hash maps 0 to 0.
         return hash_word(node + (digit + np.uint32(1)) * GOLDEN)
 
 
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Multiplicative(ScrambledMorton):
-    """The word of a node is its prefix of the Morton code, which Eq. 8 of the Z paper hashes."""
+    """The word of a node is its prefix of the Morton code; Eq. 8 of the Z paper hashes it."""
 
     dim: Array
     """uint32 scalar: the sampled dimension d."""

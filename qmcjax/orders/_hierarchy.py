@@ -47,14 +47,14 @@ def unpermuted(number: Array, digit: Array) -> Array:
 
 
 def scaled(word: Array, count: int) -> Array:
-    """Map uniform words to {0, ..., count - 1}: as many words to each, give or take one."""
+    """Map uniform words to {0, ..., count - 1}: equally many words to each, up to one."""
     return high_product(word, jnp.full_like(word, np.uint32(count)))
 
 
 def permutation_number(word: Array) -> Array:
     """Map uniform words to {0, ..., 23}, by ``word * 24 >> 32`` without a long product.
 
-    The probabilities are right to 4e-9 of themselves.
+    The relative error of the probabilities is at most 4e-9.
     """
     upper, lower = word >> 3, word & np.uint32(7)
     return (upper + (upper << 1) + ((lower + (lower << 1)) >> 3)) >> 26
@@ -62,10 +62,10 @@ def permutation_number(word: Array) -> Array:
 
 @dataclass(frozen=True)
 class ScrambledMorton(SquareOrder):
-    """A Morton order whose base 4 digits are permuted, each as the digits before it decide.
+    """A Morton order with permuted base 4 digits; each permutation depends on the digits before it.
 
     The digits are those of the Morton code, before their permutation: a node of the quadtree is one square of
-    pixels, wherever in the order it comes (Z paper, Eq. 5). A node is known by one word.
+    pixels, wherever in the order it comes (Z paper, Eq. 5). One word identifies a node.
     """
 
     @property
@@ -92,18 +92,18 @@ class ScrambledMorton(SquareOrder):
         Returns
         -------
         ScrambledMorton
-            Of n + 1 members: this order, and one for each key. Its arrays have a further axis in front.
+            n + 1 members: this order, and one for each key. Its arrays have an additional leading axis.
         """
 
     @abc.abstractmethod
     def member(self, number: int) -> "ScrambledMorton":
-        """Return one order of a :meth:`family`; member 0 is the one that it was made of."""
+        """Return one order of a :meth:`family`; member 0 is the original order."""
 
     def scrambled(self, code: Array | int, digits: int, node: Array | None = None) -> tuple[Array, Array]:
         """Permute the base 4 digits of Morton codes, from the first to the last.
 
-        The digits may go on below the pixels: the node of a pixel is the second result for its code, and
-        permutes the digits of the numbers of its samples [1]_.
+        The digits may continue below the pixels: the node of a pixel, the second result for its code,
+        permutes the digits of its sample numbers [1]_.
 
         Parameters
         ----------
@@ -112,19 +112,14 @@ class ScrambledMorton(SquareOrder):
         digits : int
             In [0, 16].
         node : uint32 Array, shape (...), optional
-            Where the digits start; by default at ``root``.
+            Node before the first digit, by default ``root``.
 
         Returns
         -------
         position : uint32 Array, shape (...)
             Below ``4**digits``.
         node : uint32 Array, shape (...)
-            Where the digits end.
-
-        Raises
-        ------
-        ValueError
-            If ``digits`` is out of range, or ``code`` is not uint32 or known to have more digits.
+            Node after the last digit.
 
         References
         ----------
@@ -157,7 +152,7 @@ class ScrambledMorton(SquareOrder):
             rows = -(-self.height >> left)
             x, y = (lax.broadcasted_iota(jnp.uint32, (rows, self.width), axis) for axis in (1, 0))
             code = spread(x >> left) | (spread(y) << 1)
-            # As look-ups, which XLA does not fuse with what made them: each stage is computed once.
+            # Look-ups: XLA does not fuse them with their operands, so each stage is computed once.
             position, node = (
                 rows_above.at[np.arange(rows) >> digits].get(mode="promise_in_bounds")
                 for rows_above in (position, node)

@@ -16,9 +16,9 @@ from qmcjax.orders._base import SquareOrder
 class Hilbert(SquareOrder):
     """The Hilbert curve from (0, 0) to (side - 1, 0).
 
-    In each quadrant the curve is a smaller one: transposed in the first, transposed about the other
-    diagonal in the last. Instead of composing these motions, each level applies its own to the lower
-    bits of the pixel.
+    In each quadrant the curve is a smaller one: transposed in the first, transposed about the other diagonal
+    in the last. Instead of composing these transformations, each level applies its own to the lower bits of
+    the pixel.
     """
 
     def _position(self, x: Array, y: Array) -> Array:
@@ -48,8 +48,8 @@ class Hilbert(SquareOrder):
 def hilbert(width: int, height: int) -> Hilbert:
     """Make the order of the Hilbert curve.
 
-    Consecutive positions are pixels that share an edge, so that a contiguous piece of a low
-    discrepancy sequence stays in one place.
+    Consecutive positions are pixels that share an edge, so a contiguous piece of a low discrepancy sequence
+    stays in a compact region.
 
     Parameters
     ----------
@@ -60,11 +60,6 @@ def hilbert(width: int, height: int) -> Hilbert:
     Returns
     -------
     Hilbert
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range.
 
     References
     ----------

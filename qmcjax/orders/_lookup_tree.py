@@ -1,4 +1,4 @@
-"""Scrambled Morton orders by a self-similar tree: a grammar whose letters carry permutations."""
+"""Scrambled Morton orders by a self-similar tree: a grammar with a permutation for each letter."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -16,7 +16,7 @@ from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class LookupTree(ScrambledMorton):
-    """The word of a node is a letter, that of the root is 0 (Z paper, Eq. 13 to 18)."""
+    """The word of a node is a letter, 0 at the root (Z paper, Eq. 13 to 18)."""
 
     production: Array
     """uint16 (letters, 4): the letters of the children, by their digits in the Morton code."""
@@ -30,7 +30,7 @@ class LookupTree(ScrambledMorton):
         return jnp.uint32(0)
 
     def family(self, keys: Array) -> Self:
-        """Return orders with one production and permutations of their own as one object (Eq. 13 to 18)."""
+        """Return orders with a common production and separate permutations as one object (Eq. 13 to 18)."""
         others = jax.vmap(lambda key: random_permutations(self.permutations.shape[0], key))(keys)
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
@@ -49,10 +49,10 @@ class LookupTree(ScrambledMorton):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class RandomTree(LookupTree):
-    """The same with a random production, which members of a family enter at shifted letters.
+    """The same with a random production; members of a family enter it at shifted letters.
 
-    So two nodes where one member has equal letters have independent ones in another, as if each had drawn a
-    production.
+    So two nodes with equal letters in one member have independent letters in another, as if each member had
+    its own production.
     """
 
     shift: Array
@@ -83,7 +83,7 @@ def random_production(letters: int, key: Array) -> Array:
 def art_production() -> Array:
     """Return a production in which no two equal letters come close at any level.
 
-    A letter is a pair of symbols, of its row and its column (see :mod:`qmcjax.core.thue_morse`).
+    A letter is a pair of symbols, one for the row and one for the column (see :mod:`qmcjax.core.thue_morse`).
     """
     symbols = thue_morse.children()
     count = len(symbols)

@@ -15,7 +15,7 @@ from qmcjax.orders._hilbert import Hilbert
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Moore(SquareOrder):
-    """Four Hilbert curves, turned by a quarter: up through the left half, and down through the right."""
+    """Four Hilbert curves, rotated by 90 degrees: up through the left half, and down through the right."""
 
     @property
     def _quarter(self) -> Hilbert:
@@ -30,7 +30,7 @@ class Moore(SquareOrder):
         right, low = x >> level, y >> level
         flip = jnp.where(right != 0, ones, np.uint32(0))
         x, y = x & ones, y & ones
-        # On the left a quarter's own x runs against x and its y along y; on the right it is the other way.
+        # On the left the x of a quarter runs against x and its y along y; on the right the reverse.
         inside = self._quarter._position(y ^ flip, x ^ flip ^ ones)
         return (((right * np.uint32(3)) ^ low) << (2 * level)) | inside
 
@@ -62,11 +62,6 @@ def moore(width: int, height: int) -> Moore:
     -------
     Moore
         From (side / 2 - 1, 0) to its right neighbour, around the square.
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range.
 
     References
     ----------

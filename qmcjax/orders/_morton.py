@@ -52,11 +52,6 @@ def morton(width: int, height: int) -> Morton:
     -------
     Morton
 
-    Raises
-    ------
-    ValueError
-        If a size is out of range.
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Fig. 1.

@@ -1,4 +1,4 @@
-"""A Morton order whose quadrants were permuted by a search, so that errors are small after a filter."""
+"""A Morton order with quadrants permuted by a search for small errors after a filter."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -19,13 +19,13 @@ from qmcjax.orders._hashed import Hashed
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class OptimizedOrder(SquareOrder):
-    """A tile that repeats, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
+    """A repeated tile, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
 
     positions: Array
     """uint16 (side, side): the order of the tile, [row, column]."""
 
     words: Array
-    """uint32 (4,): its symmetry, column and row where a smaller raster is cut out, seed for a larger one."""
+    """uint32 (4,): symmetry of the tile, column and row of a smaller raster, seed for a larger one."""
 
     @property
     def tile(self) -> int:
@@ -50,7 +50,7 @@ class OptimizedOrder(SquareOrder):
         return replace(self, words=jnp.concatenate([self.words[None], others]))
 
     def member(self, number: int) -> "OptimizedOrder":
-        """Return one order of a :meth:`family`; member 0 is the one that it was made of."""
+        """Return one order of a :meth:`family`; member 0 is the original order."""
         turned = self.words[0, 0] + np.uint32(number)
         return replace(self, words=self.words[number].at[0].set(turned))
 
@@ -70,7 +70,7 @@ class OptimizedOrder(SquareOrder):
         Returns
         -------
         row, column : uint32 Array
-            By which tables of the tile are looked up.
+            Indices into tables of the tile.
         """
         inside = np.uint32(self.tile - 1)
         column, row = self._exchanged(self._flipped(x & inside, 0), self._flipped(y & inside, 1))
@@ -79,7 +79,7 @@ class OptimizedOrder(SquareOrder):
 
     @property
     def _corner(self) -> tuple[Array, Array]:
-        """Column and row of the tile where a smaller raster is cut out: multiples of its side."""
+        """Column and row of the cut-out for a smaller raster: multiples of its side."""
         places = np.uint32(self.positions.shape[0] - self.tile)
         return self.words[1] & places, self.words[2] & places
 
@@ -95,7 +95,7 @@ class OptimizedOrder(SquareOrder):
         return self.tile.bit_length() - 1
 
     def _position(self, x: Array, y: Array) -> Array:
-        # The positions in a square are successive, those of its corner's quadrants the first digits.
+        # The positions in a square are consecutive; the quadrants of its corner give the first digits.
         position = self.positions.at[self.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         position = position & np.uint32(self.tile**2 - 1)
         if self._tiles.length == 1:
@@ -118,14 +118,14 @@ class OptimizedOrder(SquareOrder):
 
 
 MAX_COUNT = 2**31
-"""Most samples of a pixel: so many fit a shift in words of 32 bits."""
+"""Most samples of a pixel: a shift in words of 32 bits allows no more."""
 
 
 @cache
 def _permutations() -> NDArray[np.uint8]:
-    """Return the table: for each number of samples those of all squares, from the tile down to 2 x 2 pixels.
+    """Return the permutations of all squares, from the tile down to 2 x 2 pixels, for each number of samples.
 
-    Those of equal size are in rows, row by row. Bits 2 q and 2 q + 1 of a permutation are the digit of
+    Squares of equal size are stored row by row. Bits 2 q and 2 q + 1 of a permutation are the digit of
     quadrant q: upper left, upper right, lower left, lower right.
     """
     source = resources.files("qmcjax.orders") / "_data" / "optimized.npz"
@@ -135,7 +135,7 @@ def _permutations() -> NDArray[np.uint8]:
 
 @cache
 def _positions(number: int) -> NDArray[np.uint16]:
-    """Return the positions of the pixels of a tile: the digits of all squares that they are in."""
+    """Return the positions of the pixels of a tile, from the digits of all squares around them."""
     permutations = _permutations()[number]
     positions = np.zeros((1, 1), np.uint16)
     done = 0
@@ -151,36 +151,32 @@ def _positions(number: int) -> NDArray[np.uint16]:
 
 
 def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedOrder:
-    """Make a Morton order whose quadrants are permuted so that neighbours have errors that cancel.
+    """Make a Morton order with quadrants permuted so that the errors of neighbours cancel.
 
-    As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels a side keeps one contiguous
-    aligned run of positions. Permutations are not drawn but looked up: in a tile of 64 x 64 pixels they
-    were searched for the least error after a Gaussian filter of 1.5 pixels, when the pixel at position p
-    takes block p of ``spp`` points of an Owen-scrambled Sobol' sequence.
+    As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels per side keeps one contiguous
+    aligned run of positions. Permutations are looked up in a tile of 64 x 64 pixels. They were optimised for
+    the least error after a Gaussian filter of 1.5 pixels, when the pixel at position p takes block p of
+    ``spp`` points of an Owen-scrambled Sobol' sequence.
 
     Parameters
     ----------
     width, height : int
         In [1, 65536]. The curve fills the next square with a power of two as side.
     spp : int
-        Samples of each pixel: a power of two. There are tables for 1 to 64; more take that of 64.
+        Samples of each pixel: a power of two. There are tables for 1 to 64; more samples use the table for
+        64.
     key : jax.random.key, or int in [0, 2**32)
-        Turns or flips the tile, permutes the tiles of a larger raster and cuts a smaller one out of the
-        tile. A new key compiles nothing anew.
+        Rotates or flips the tile, permutes the tiles of a larger raster and cuts a smaller one out of the
+        tile. A new key does not recompile.
 
     Returns
     -------
     OptimizedOrder
 
-    Raises
-    ------
-    ValueError
-        If a size is out of range, ``spp`` is no power of two, or ``key`` is no key.
-
     Notes
     -----
-    The search was for the mean over all nested uniform scramblings of the sequence, hence for none of them.
-    That permutations are to be searched is our own idea; the papers draw them [1]_.
+    The search minimised the mean over all nested uniform scramblings of the sequence, not one of them.
+    Searching for permutations is our own idea; the papers draw them at random [1]_.
 
     References
     ----------

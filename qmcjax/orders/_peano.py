@@ -11,7 +11,7 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.orders._base import Order
 
 PEANO_SIDE = 3**10
-"""The longest side whose positions, below 9**10, fit a uint32: the next would be 3**11."""
+"""Longest side: positions below 9**10 fit a uint32, those of the next side, 3**11, do not."""
 
 _ONE = np.uint32(1)
 
@@ -25,7 +25,7 @@ def _reversed_if(odd: Array, digit: Array) -> Array:
 class Peano(Order):
     """The Peano curve from (0, 0) to (side - 1, side - 1).
 
-    Nine smaller curves, column by column, down and up in turn. Each digit of a coordinate is reversed, to
+    Nine smaller curves, column by column, alternately down and up. Each digit of a coordinate is reversed, to
     2 minus itself, when the digits of the other coordinate before it in the position have an odd sum. Their
     reversals do not change that.
     """
@@ -70,7 +70,7 @@ class Peano(Order):
 
 
 def peano(width: int, height: int) -> Peano:
-    """Make the order of the Peano curve, whose length is a power of 9.
+    """Make the order of the Peano curve; its length is a power of 9.
 
     Consecutive positions are pixels that share an edge.
 
@@ -83,11 +83,6 @@ def peano(width: int, height: int) -> Peano:
     Returns
     -------
     Peano
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range.
 
     References
     ----------

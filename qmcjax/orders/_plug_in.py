@@ -18,11 +18,11 @@ from qmcjax.orders._base import Order
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class PlugIn(Order):
-    """An object that has the protocol's methods but no checks."""
+    """An object with the methods of the protocol, without checks."""
 
     held: Any
     positions: int = field(metadata={"static": True})
-    """How many there are."""
+    """Number of positions."""
 
     @property
     def length(self) -> int:
@@ -30,7 +30,7 @@ class PlugIn(Order):
 
     @property
     def raster(self) -> tuple[int, int]:
-        """The object's, if it has one, else width and height."""
+        """The raster of the object, by default width and height."""
         return getattr(unheld(self.held), "raster", (self.width, self.height))
 
     def _position(self, x: Array, y: Array) -> Array:
@@ -54,7 +54,7 @@ class PlugIn(Order):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Permutation(Order):
-    """Positions looked up in a table, and pixels in that of the inverse."""
+    """Positions looked up in a table, and pixels in its inverse."""
 
     table: Array
     """uint32 (height, width)."""
@@ -80,7 +80,7 @@ class Permutation(Order):
 
 
 def permutation(image: ArrayLike) -> Permutation:
-    """Make an order of a table of positions.
+    """Make an order from a table of positions.
 
     Parameters
     ----------
@@ -90,14 +90,7 @@ def permutation(image: ArrayLike) -> Permutation:
     Returns
     -------
     Permutation
-        A new table of the same shape compiles nothing anew.
-
-    Raises
-    ------
-    TypeError
-        If ``image`` has no integers.
-    ValueError
-        If it has another shape, or is no permutation.
+        A new table of the same shape does not recompile.
 
     Examples
     --------
@@ -125,7 +118,7 @@ def permutation(image: ArrayLike) -> Permutation:
     inverse = np.full(flat.size, flat.size, np.int64)
     inverse[flat] = np.arange(flat.size)
     if (inverse == flat.size).any():
-        raise ValueError(f"image must be {wanted}, got none that is {int(np.argmax(inverse == flat.size))}")
+        raise ValueError(f"image must be {wanted}: {int(np.argmax(inverse == flat.size))} is missing")
     height, width = table.shape
     return Permutation(
         width, height, jnp.asarray(table.astype(np.uint32)), jnp.asarray(inverse.astype(np.uint32))
@@ -133,28 +126,21 @@ def permutation(image: ArrayLike) -> Permutation:
 
 
 def as_order(name: str, value: Any) -> Order:
-    """Return an order with all methods that have defaults, of any object that is one.
+    """Return an object with the protocol of an order as an :class:`Order`.
 
     Parameters
     ----------
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     value : Order, or object
-        One that has ``width`` and ``height`` of its image, ``length``, the number of positions, and
-        ``position(x, y)``, which takes uint32 Arrays of one shape to integers below ``length``. A method
-        ``pixel(position)``, the inverse, is optional.
+        An object with ``width`` and ``height`` of its image, ``length``, the number of positions, and
+        ``position(x, y)``, from uint32 Arrays of one shape to integers below ``length``. The inverse
+        ``pixel(position)`` is optional.
 
     Returns
     -------
     Order
         ``value`` itself, if it is one.
-
-    Raises
-    ------
-    TypeError
-        If it is none.
-    ValueError
-        If a number is out of range.
     """
     if isinstance(value, Order):
         return value
@@ -173,7 +159,7 @@ def _message(name: str, value: Any) -> str:
 
 
 def _integers(method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return integers that a user's method made, as uint32."""
+    """Return integers from a method of a user as uint32."""
     dtype = getattr(value, "dtype", np.dtype(bool))
     if not jnp.issubdtype(dtype, jnp.integer) or value.shape != shape:
         what = f"{dtype} {value.shape}" if hasattr(value, "dtype") else checks.shown(value)

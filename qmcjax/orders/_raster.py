@@ -44,11 +44,6 @@ def raster(width: int, height: int) -> Raster:
     -------
     Raster
 
-    Raises
-    ------
-    ValueError
-        If a size is out of range.
-
     Examples
     --------
     >>> print(raster(5, 3).position(1, 2))

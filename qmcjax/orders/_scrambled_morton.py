@@ -16,7 +16,7 @@ from qmcjax.orders._lookup_tree import (
 )
 
 VARIANTS = ("hash", "multiplicative", "tree", "art")
-"""Where permutations may come from, see :func:`scrambled_morton`."""
+"""Sources of permutations, see :func:`scrambled_morton`."""
 
 ALPHABET = 4096
 """Letters of the tree in the Z paper, Sect. 4.2."""
@@ -27,7 +27,7 @@ def scrambled_morton(
 ) -> ScrambledMorton:
     """Make a hierarchically scrambled Morton order: the quadrants of each square in a random order.
 
-    Every aligned square of ``2**k`` pixels a side keeps one contiguous aligned run of positions, as in the
+    Every aligned square of ``2**k`` pixels per side keeps one contiguous aligned run of positions, as in the
     Morton order.
 
     Parameters
@@ -35,33 +35,26 @@ def scrambled_morton(
     width, height : int
         In [1, 65536]. The curve fills the next square with a power of two as side.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives a new order and compiles nothing anew. For "multiplicative" an int is the paper's
-        dimension d, a key draws one.
+        A new key gives a new order without recompilation. For "multiplicative" an int is the paper's
+        dimension d; a key draws one.
     variant : {"hash", "multiplicative", "tree", "art"}
-        Where the permutation of the children of a node comes from. "hash": from a hash of the node and the
-        key, with three products a level. "multiplicative": from the product with the golden ratio that the
-        paper prints. "tree": from the letter of the node in a random grammar. "art": the same for a grammar
-        of 4096 letters in which equal letters never come close.
+        Source of the permutation at each node. "hash": a hash of the node and the key, with three products
+        per level. "multiplicative": the product with the golden ratio of the paper. "tree": the letter of the
+        node in a random grammar. "art": the same for a grammar of 4096 letters with equal letters far apart.
     alphabet : int, optional
-        For "tree" and only there: the number of letters, in [1, 65536], by default 4096.
+        For "tree" only: the number of letters, in [1, 65536], by default 4096.
 
     Returns
     -------
     ScrambledMorton
 
-    Raises
-    ------
-    ValueError
-        If a size or ``alphabet`` is out of range, ``alphabet`` is superfluous, ``key`` is no key, or
-        ``variant`` is unknown.
-
     Notes
     -----
-    Over the keys all 24 permutations of each node are equally likely. What "multiplicative" lacks is
-    independence: over the nodes of a level the permutations are as frequent as each other, but that of a node
-    leaves two choices to that of its sibling. Prefixes are numbers, so that their leading zeros do not count:
-    on the way to pixel (0, 0) all permutations are the root's. The golden ratio is cut off after 32 bits, and
-    the numbering of the 24 permutations is ours: the paper prints none.
+    Over the keys all 24 permutations of each node are equally likely. "multiplicative" lacks independence:
+    over the nodes of a level all permutations are equally frequent, but the permutation of a node leaves two
+    choices for its sibling. Prefixes are numbers, so leading zeros do not count: on the path to pixel (0, 0)
+    all permutations equal that of the root. The golden ratio is truncated to 32 bits, and the numbering of
+    the 24 permutations is ours: the paper gives none.
 
     References
     ----------

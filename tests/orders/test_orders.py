@@ -185,7 +185,7 @@ def test_a_permutation_is_looked_up_and_inverted():
 @pytest.mark.parametrize(
     ("image", "error", "message"),
     [
-        ([[0, 1], [1, 2]], ValueError, "image must be a permutation .* got none that is 3"),
+        ([[0, 1], [1, 2]], ValueError, "image must be a permutation .*: 3 is missing"),
         ([[0, 1], [4, 2]], ValueError, "image must be .* got 4 among 4"),
         ([[0, 1], [-1, 2]], ValueError, "image must be .* got -1 among 4"),
         ([0, 1], ValueError, r"image must be .* got \(2,\)"),

@@ -1,4 +1,4 @@
-"""Samplers: which point of a sequence goes to which sample of which pixel.
+"""Samplers: from a pixel and a sample to a point of a sequence.
 
 Every sampler is called with ``(x, y, sample, dims)``. Coordinates 0 and 1 are the position inside the pixel
 (x, y), the rest are the scene's, in the order of ``scene.needs``.

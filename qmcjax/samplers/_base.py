@@ -14,36 +14,36 @@ from qmcjax.core import checks
 
 
 class Sampler(abc.ABC):
-    """A function from pixel and sample to the point that the sample is taken at.
+    """A function from pixel and sample to a point.
 
-    Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's.
-    Subclasses are frozen dataclass pytrees that implement ``dims`` and :meth:`points`; :meth:`prepare`, where
-    the samples of a pixel share what can be computed once; and ``limits`` and :meth:`check`, where they are
-    made for one image or a number of samples.
+    Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's. Subclasses
+    are frozen dataclass pytrees that implement ``dims`` and :meth:`points`; :meth:`prepare` for work shared
+    by the samples of a pixel; ``limits`` and :meth:`check` if they are made for one image size or number of
+    samples.
     """
 
     @property
     @abc.abstractmethod
     def dims(self) -> int:
-        """Number of coordinates that can be asked for."""
+        """Number of dimensions."""
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """Columns, rows, and samples of a pixel, that there are points for: 2**32 of each by default."""
+        """Largest numbers of columns, rows, and samples of a pixel: 2**32 each by default."""
         return checks.INDEX_LIMIT, checks.INDEX_LIMIT, checks.INDEX_LIMIT
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return what all samples of some pixels share, for :meth:`points`.
+        """Return the state shared by all samples of some pixels, for :meth:`points`.
 
-        Loops over samples, like those of :func:`qmcjax.render`, compute it once: a compiler that could move
-        the position on a curve, for instance, out of the loop does not, since that takes more memory.
+        Loops over samples, as in :func:`qmcjax.render`, compute it once: XLA does not hoist loop invariants,
+        such as the position on a curve, that increase memory.
 
         Parameters
         ----------
         x, y : uint32 Array, of one shape
             Valid pixels.
         dims : tuple of int
-            The coordinates that will be asked for, static.
+            The coordinates that will be used, static.
 
         Returns
         -------
@@ -53,16 +53,16 @@ class Sampler(abc.ABC):
         return x, y
 
     def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        """Return what :meth:`prepare` does for all pixels of an image, in its shape.
+        """Return the state of :meth:`prepare` for all pixels of an image, in its shape.
 
-        Samplers override it if neighbours share a part of that, too.
+        Samplers override it if neighbours share work.
 
         Parameters
         ----------
         width, height : int
-            In [1, 65536], those that the sampler is made for.
+            In [1, 65536], the size that the sampler is made for.
         dims : tuple of int
-            The coordinates that will be asked for, static.
+            The coordinates that will be used, static.
 
         Returns
         -------
@@ -78,7 +78,7 @@ class Sampler(abc.ABC):
         Parameters
         ----------
         state : pytree of Arrays
-            Of the pixels, made by :meth:`prepare` for the same ``dims``.
+            From :meth:`prepare` for the same ``dims``.
         sample : uint32 Array, of the pixels' shape
             Valid numbers of samples.
         dims : tuple of int
@@ -94,8 +94,8 @@ class Sampler(abc.ABC):
     ) -> list[Array]:
         """Return the samples ``block * count``, ``block * count + 1``, ... of some pixels.
 
-        For loops over samples that take a few together: samplers override it if consecutive samples of a
-        pixel have something in common that the pixel's others have not.
+        For loops over samples that evaluate a few together: samplers override it if consecutive samples of a
+        pixel share work.
 
         Parameters
         ----------
@@ -103,12 +103,12 @@ class Sampler(abc.ABC):
             As for :meth:`points`.
         block : uint32 Array, of the pixels' shape
         count : int
-            How many.
+            Number of samples.
 
         Returns
         -------
         list of Array
-            What :meth:`points` returns for each of them.
+            The points of each sample.
         """
         first = block * np.uint32(count)
         return [
@@ -117,22 +117,22 @@ class Sampler(abc.ABC):
         ]
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
-        """Return how many samples such a loop best takes together, a power of two.
+        """Return the best number of samples per iteration of such a loop, a power of two.
 
         Parameters
         ----------
         dims : tuple of int
-            The coordinates that will be asked for.
+            The coordinates that will be used.
 
         Returns
         -------
         int
-            More are faster while compilers still vectorise the program.
+            Larger numbers are faster as long as compilers vectorise the program.
         """
         return 8 if len(dims) <= 2 else 2
 
     def up_to(self, spp: int) -> "Sampler":
-        """Return a sampler of the same points that is best for the samples below ``spp``.
+        """Return a sampler of the same points, optimised for the samples below ``spp``.
 
         Parameters
         ----------
@@ -142,13 +142,13 @@ class Sampler(abc.ABC):
         Returns
         -------
         Sampler
-            ``self`` by default. Samplers without a fixed number override it if fewer samples have a faster
+            ``self`` by default. Samplers without a fixed number of samples override it if fewer have a faster
             program.
         """
         return self
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless an image of this size and number of samples can be made.
+        """Raise unless the sampler has this image size and number of samples.
 
         Parameters
         ----------
@@ -156,13 +156,6 @@ class Sampler(abc.ABC):
             In [1, 65536].
         spp : int
             Samples of each pixel, at least 1.
-
-        Raises
-        ------
-        TypeError
-            If an argument is no integer.
-        ValueError
-            If it is out of range, or not what the sampler was made for.
         """
         checks.image_size(width, height)
         checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
@@ -180,7 +173,7 @@ class Sampler(abc.ABC):
         Parameters
         ----------
         x, y, sample : integer Array, broadcastable, or int
-            Column, row, and number of the sample in the pixel. Traced ones are not checked.
+            Column, row, and number of the sample in the pixel. Traced values are not checked.
         dims : tuple of int
             The wanted coordinates, static; only these are computed.
         dtype : float32 or float64
@@ -188,13 +181,6 @@ class Sampler(abc.ABC):
         Returns
         -------
         Array of ``dtype``, the broadcast shape + (len(dims),), in [0, 1)
-
-        Raises
-        ------
-        TypeError
-            If a pixel or a sample is no integer.
-        ValueError
-            If it is known to be out of range, or a coordinate is not there.
         """
         wanted, dtype = checks.dimensions(dims, self.dims), checks.floating(dtype)
         x, y, sample = self._checked(x, y, sample)
@@ -212,7 +198,7 @@ class Sampler(abc.ABC):
 
 
 def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-    """Return what a sampler makes, or raise a ValueError if it is not one point for each pixel."""
+    """Return the points of a sampler, or raise a ValueError unless there is one point per pixel."""
     wanted = (*shape, len(dims))
     if getattr(points, "shape", None) != wanted or points.dtype != dtype:
         what = f"{points.dtype} {points.shape}" if hasattr(points, "dtype") else checks.shown(points)
@@ -232,6 +218,6 @@ def check_size(name: str, made_for: tuple[int, int], wanted: tuple[int, int]) ->
 
 
 def check_count(spp: int, limit: int, why: str) -> None:
-    """Raise a ValueError if more samples are wanted than there are."""
+    """Raise a ValueError for more samples than there are."""
     if checks.integer("spp", spp, 1, checks.INDEX_LIMIT) > limit:
         raise ValueError(f"spp must be at most {limit} {why}, got {spp}")

@@ -26,7 +26,6 @@ class Contiguous(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -35,7 +34,7 @@ class Contiguous(Sampler):
         return (*self.order.raster, self.spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return what the points of a pixel's block have in common; its position, if indices take 64 bits."""
+        """Return the shared state of the block of a pixel; its position, if indices have 64 bits."""
         position = self.order.position(x, y)
         if self._has_64_bits:
             return position
@@ -68,25 +67,18 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
         The curve, for one size of image.
     sequence : Sequence
     spp : int
-        Points in the block of a pixel, at least 1. Powers of the sequence's base are best.
+        Points in the block of a pixel, at least 1. Powers of the base of the sequence are best. The sequence
+        must have ``order.length * spp`` points.
 
     Returns
     -------
     Contiguous
 
-    Raises
-    ------
-    TypeError
-        If ``order`` is no order, or ``sequence`` no sequence.
-    ValueError
-        If the sequence does not have ``order.length * spp`` points.
-
     Notes
     -----
-    More than 2**32 points take 64-bit indices. These sequences have them: :func:`qmcjax.sequences.sobol`,
-    ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``; what
-    ``components`` and ``rotate`` make of these; and in base 2 what ``digital_shift``, ``owen`` and
-    ``owen_exact`` do.
+    More than 2**32 points need 64-bit indices. These sequences support them: :func:`qmcjax.sequences.sobol`,
+    ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``;
+    ``components`` and ``rotate`` of these; in base 2 also ``digital_shift``, ``owen`` and ``owen_exact``.
 
     References
     ----------

@@ -17,7 +17,7 @@ from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import Sequence, as_sequence
 
 _STRIDE = (0.5698402909980532, 0.7548776662466927)
-"""1/p**2 and 1/p, where p**3 = p + 1: multiples of these, modulo 1, stay far apart."""
+"""1/p**2 and 1/p, where p**3 = p + 1: their multiples modulo 1 stay far apart."""
 
 
 @pytree
@@ -32,7 +32,6 @@ class Dithered(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -41,7 +40,7 @@ class Dithered(Sampler):
         return (*super().limits[:2], self.sequence.limit)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the sequence's points, shifted as the pixels say."""
+        """Return the points of the sequence, shifted for each pixel."""
         x, y = state
         rotated = self.sequence.rotated_coordinate
         return jnp.stack([rotated(sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1)
@@ -56,7 +55,7 @@ class Dithered(Sampler):
         return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer points than samples are wanted."""
+        """Raise if the sequence has fewer than ``spp`` points."""
         super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 
@@ -64,37 +63,29 @@ class Dithered(Sampler):
 def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     """Sample every pixel with the same points, shifted on the torus by its value in a tiled mask.
 
-    With a mask of blue noise, :func:`blue_noise_mask`, the values of neighbours differ, and so do their
-    errors: at few samples per pixel these are less visible than those of independent shifts.
+    With a blue noise mask, :func:`blue_noise_mask`, the values of neighbours differ, and so do their errors:
+    at few samples per pixel the noise is less visible than with independent shifts.
 
     Parameters
     ----------
     mask : float or uint32 ArrayLike, shape (rows, columns) or (rows, columns, channels)
         Floats in [0, 1), rounded down to 32-bit fractions; or these fractions. Pixel (x, y) has the shift
-        ``mask[y % rows, x % columns]``. Coordinates of the sequence beyond the channels take the channels
-        again, from the mask translated, by far and each time by another vector.
+        ``mask[y % rows, x % columns]``. Further coordinates of the sequence reuse the channels of the mask,
+        each time translated by another long vector.
     sequence : Sequence
-        Best one that is uniform on the torus, like :func:`qmcjax.sequences.lattice`. Shifts do not
-        keep elementary intervals.
+        Preferably uniform on the torus, like :func:`qmcjax.sequences.lattice`. Shifts do not preserve
+        elementary intervals.
 
     Returns
     -------
     Dithered
-        The sum is exact in base 2, and for any other sequence rounded once from float64, never to 1. A new
-        mask of the same shape compiles nothing anew.
-
-    Raises
-    ------
-    TypeError
-        If ``mask`` has another dtype, or ``sequence`` is none.
-    ValueError
-        If ``mask`` has another shape or leaves [0, 1).
+        The sum is exact in base 2; for any other sequence it is rounded once from float64, never to 1. A new
+        mask of the same shape does not recompile.
 
     Notes
     -----
-    A single sample has the spectrum of the mask where the integrand is nearly linear. Of many samples,
-    the errors are periodic functions of the shift that vary the faster, the more samples there are, and their
-    spectrum tends to that of white noise.
+    A single sample has the spectrum of the mask where the integrand is nearly linear. With more samples, the
+    errors are periodic functions of the shift that vary faster, and their spectrum approaches white noise.
 
     References
     ----------
@@ -119,7 +110,7 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
 
 
 def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
-    """Return a mask of blue noise that tiles.
+    """Return a tileable blue noise mask.
 
     Parameters
     ----------
@@ -129,17 +120,12 @@ def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
     Returns
     -------
     float64 array, shape (128, 128) or (64, 64, 2)
-        In (0, 1), exact in float32. The n pixels of a channel have the values (k + 1/2) / n, each once. The
-        vectors are, but for the halves, the first 4096 points of the Sobol' sequence, a (0,12,2)-net.
-
-    Raises
-    ------
-    ValueError
-        If ``channels`` is neither.
+        In (0, 1), exact in float32. The n pixels of a channel have the values (k + 1/2) / n, each once.
+        Except for the halves, the vectors are the first 4096 points of the Sobol' sequence, a (0,12,2)-net.
 
     Notes
     -----
-    Numbers were arranged by the void-and-cluster method [1]_, with a filter of standard deviation 1.5.
+    Scalar masks were made by the void-and-cluster method [1]_, with a filter of standard deviation 1.5.
     Vectors were arranged to minimise the energy of [2]_, the sum over pairs of pixels p, q of values u, v in
     d = 2 dimensions of ``exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2))``; only pixels wrap around.
 

@@ -19,7 +19,7 @@ from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class FullScreen(Sampler):
-    """A net stretched over the smallest square with a power of two as side that covers the image."""
+    """A net scaled to the smallest square that covers the image, its side a power of two."""
 
     net: Invertible
     width: int = field(metadata={"static": True})
@@ -27,12 +27,10 @@ class FullScreen(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.net.dims
 
     @property
     def log_side(self) -> int:
-        """Binary logarithm of the side of the padded raster."""
         return log_side(self.width, self.height)
 
     @property
@@ -49,8 +47,8 @@ class FullScreen(Sampler):
         """Return the points of the net that fall into pixels."""
         x, y = state
         index = self.net.index_in_cell(x, y, self.log_side, sample)
-        # The leading bits of the first two coordinates are the pixel: shifted out, what is left has
-        # its full precision at any resolution.
+        # The leading bits of the first two coordinates are the pixel: shifted out, the rest has full
+        # precision at any resolution.
         words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
@@ -71,31 +69,26 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
     Parameters
     ----------
     net : sequence in base 2, or Halton sequence
-        One that can be inverted: a digital sequence, a net that has ``index_in_cell``, or
+        An invertible one: a digital sequence, a net with ``index_in_cell``, or
         :func:`qmcjax.sequences.digital_shift` or ``art_owen`` of one of these. With ``2**k`` the smallest
         power of two that covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into every pixel,
-        and a digital (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, its digits
-        permuted or not, puts one of each ``2**a * 3**b`` points into every pixel of a raster that many pixels
-        wide and high, the smallest that covers the image.
+        and a digital (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, with
+        permuted digits or not, puts one of each ``2**a * 3**b`` points into every pixel of a raster of
+        ``2**a`` by ``3**b`` pixels, the smallest that covers the image.
     width, height : int
         In [1, 65536]. For a Halton sequence ``2**a * 3**b`` must be at most 2**32.
 
     Returns
     -------
     FullScreen or HaltonFullScreen
-        ``spp`` is the number of points in a pixel: of a net the only number of samples that it can be
-        rendered with, of a sequence the largest that 32-bit indices allow: of the Halton sequence 11506
-        for an image of 512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range, or the net does not put equally many points into each pixel.
+        ``spp`` is the number of points in a pixel. A net can only be rendered with this number of samples.
+        For a sequence it is the largest that 32-bit indices allow: for the Halton sequence 11506 for an image
+        of 512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
 
     Notes
     -----
     The pixel of a point is a function of its leading digits, which a digital shift flips: this is undone
-    before inverting the net. With the Halton sequence, column and row tell the index modulo 2**a and 3**b.
+    before inverting the net. For the Halton sequence, column and row give the index modulo 2**a and 3**b.
 
     References
     ----------

@@ -22,10 +22,10 @@ from qmcjax.sequences import RadicalInverses
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class HaltonFullScreen(Sampler):
-    """A Halton sequence stretched over the smallest raster of 2**a x 3**b pixels that covers the image.
+    """A Halton sequence scaled to the smallest raster of 2**a x 3**b pixels that covers the image.
 
-    The first a binary digits of an index are its column, the first b ternary digits its row: so one of
-    each 2**a 3**b consecutive points lies in every pixel.
+    The first a binary digits of an index give its column, the first b ternary digits its row: so one of each
+    2**a 3**b consecutive points lies in every pixel.
     """
 
     sequence: RadicalInverses
@@ -33,33 +33,31 @@ class HaltonFullScreen(Sampler):
     height: int = field(metadata={"static": True})
 
     flips: Array
-    """uint32: bit k tells whether the permutation of binary digit k swaps."""
+    """uint32: bit k is set if the permutation of binary digit k swaps."""
 
     inverses: Array | None
-    """uint32 (b, 3): row k takes the ternary digit k of the sequence's second component to the index's."""
+    """uint32 (b, 3): row k maps ternary digit k of the second component to that of the index."""
 
     tables: Array | None
     """uint16: the reflection tables of the ternary digits from the b-th on."""
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height of the padded raster."""
         log_columns, log_rows = _exponents(self.width, self.height)
         return 2**log_columns, 3**log_rows
 
     @property
     def spp(self) -> int:
-        """Largest number of samples, for which all indices are below 2**32."""
+        """Largest number of samples with all indices below 2**32."""
         columns, rows = self.raster
         return checks.INDEX_LIMIT // (columns * rows)
 
     def index(self, x: Array, y: Array, sample: Array) -> Array:
-        """Return the index of the point that a pixel has in block number ``sample``.
+        """Return the index of the point of a pixel in block ``sample``.
 
         Parameters
         ----------
@@ -75,14 +73,14 @@ class HaltonFullScreen(Sampler):
         return self._index(x, y, sample)[0]
 
     def _index(self, x: Array, y: Array, sample: Array) -> tuple[Array, Array]:
-        """Return the index, and what is left of it behind the ternary digits of the row, index // 3**b."""
+        """Return the index and index // 3**b, its ternary digits after those of the row."""
         log_columns, log_rows = _exponents(self.width, self.height)
         columns, rows = self.raster
         ones = np.uint32(columns - 1)
-        # The column tells the index modulo 2**a, the bits above are masked below; in two steps, since a shift
-        # by 32 is not defined.
+        # The column gives the index modulo 2**a; the bits above are masked below. In two steps: a shift by 32
+        # is not defined.
         by_column = (reverse(x) >> 1 >> (31 - log_columns)) ^ self.flips
-        # The row tells it modulo 3**b: its last digit is the index's digit b - 1.
+        # The row gives it modulo 3**b: its last digit is digit b - 1 of the index.
         by_row = jnp.zeros_like(y)
         for k in reversed(range(log_rows)):
             y, digit = y // np.uint32(3), y % np.uint32(3)
@@ -90,14 +88,14 @@ class HaltonFullScreen(Sampler):
                 digit = permuted_digit(self.inverses[k], digit)
             by_row = by_row * np.uint32(3) + digit
         # Garner's form of the Chinese remainder theorem with the power of three first: the second digit
-        # is needed modulo a power of two only, which words that wrap give exactly.
+        # is needed modulo a power of two only, exact in words that wrap.
         second = ((by_column - by_row) * np.uint32(pow(rows, -1, columns))) & ones
         rest = sample * np.uint32(columns) + second
         return rest * np.uint32(rows) + by_row, rest
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the samples that there are indices for."""
+        """The padded raster, and the number of samples with indices."""
         return (*self.raster, self.spp)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -107,8 +105,7 @@ class HaltonFullScreen(Sampler):
         log_columns, _ = _exponents(self.width, self.height)
 
         def coordinate(dim: int) -> Array:
-            # The first digits are the pixel. Those left give the offset its full precision at any
-            # resolution.
+            # The first digits are the pixel; the others give the offset full precision at any resolution.
             if dim == 0:
                 return to_unit(reverse((index ^ self.flips) >> log_columns), dtype)
             if dim == 1:
@@ -120,7 +117,7 @@ class HaltonFullScreen(Sampler):
         return jnp.stack([coordinate(j) for j in dims], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the image and the indices suffice."""
+        """Raise unless the sampler is made for this image and has enough indices."""
         super().check(width, height, spp)
         check_size("sequence", (self.width, self.height), (width, height))
         columns, rows = self.raster
@@ -128,14 +125,7 @@ class HaltonFullScreen(Sampler):
 
 
 def halton_full_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonFullScreen:
-    """Invert a Halton sequence: :func:`full_screen`, for checked sizes.
-
-    Raises
-    ------
-    ValueError
-        If the sequence does not start with the bases 2 and 3, or one point for each pixel needs more than
-        2**32 indices.
-    """
+    """Invert a Halton sequence with the bases 2 and 3 first: :func:`full_screen`, for checked sizes."""
     if sequence.bases[:2] != (2, 3):
         raise ValueError(
             f"net must have the bases 2 and 3 first to fill a raster, got bases={sequence.bases}"
@@ -161,18 +151,18 @@ def _exponents(width: int, height: int) -> tuple[int, int]:
 
 @partial(jax.jit, static_argnames="log_rows")
 def _inverted(tables: Array, log_rows: int) -> tuple[Array, Array, Array]:
-    """Return what a screen of 3**log_rows rows needs of the permutations in a sequence's tables."""
+    """Return the permutations of a sequence that a screen of 3**log_rows rows needs."""
     binary, start = _permutations(tables, 2, 0)
     ternary, _ = _permutations(tables, 3, start)
     flips = jnp.sum(binary[:, 0] << jax.lax.iota(jnp.uint32, 32), dtype=jnp.uint32)
     inverses = jnp.argsort(ternary[:log_rows], axis=1).astype(jnp.uint32)
-    # What lies beyond the digits of uint32 indices stays 0, as in the sequence.
+    # Digits beyond those of uint32 indices stay 0, as in the sequence.
     beyond = jnp.tile(jnp.arange(3, dtype=jnp.uint32), (log_rows, 1))
     return flips, inverses, jnp.concatenate(reflection_tables(jnp.concatenate([ternary[log_rows:], beyond])))
 
 
 def _permutations(tables: Array, base: int, start: int) -> tuple[Array, int]:
-    """Read the permutations of one base's digits off its reflection tables, and where these end.
+    """Return the digit permutations of one base from its reflection tables, and the end of these.
 
     The entry of a base**k in a table of s digits has digit k, permuted, as its digit s - 1 - k.
     """

@@ -1,4 +1,4 @@
-"""One sequence in every pixel, randomised anew in each."""
+"""One sequence in every pixel, randomised independently."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -45,7 +45,6 @@ class Independent(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -60,13 +59,13 @@ class Independent(Sampler):
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return the sequence's points, randomised with the pixels' seeds."""
+        """Return the points of the sequence, randomised with the seeds of the pixels."""
         seeds = zip(dims, state, strict=True)
         values = [self.randomizer(self.sequence, sample, j, seed, dtype) for j, seed in seeds]
         return jnp.stack(values, axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer points than samples are wanted."""
+        """Raise if the sequence has fewer than ``spp`` points."""
         super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 
@@ -77,23 +76,16 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
     Parameters
     ----------
     sequence : Sequence
-        One that has ``bits``; to be shifted, any.
+        With ``bits``; any sequence for "shift".
     key : jax.random.key, or int in [0, 2**32)
     randomize : {"owen", "xor", "shift"}
-        Owen scrambling by hashing, xor with a random word (a digital shift), or a sum with one modulo 1 (a
-        Cranley-Patterson rotation [2]_), for sequences that are uniform on the torus, like lattices. The
-        sum is exact in base 2, and for any other sequence rounded once from float64, never to 1.
+        Owen scrambling by hashing, xor with a random word (a digital shift), or a random shift modulo 1 (a
+        Cranley-Patterson rotation [2]_), for sequences that are uniform on the torus, like lattices. The sum
+        is exact in base 2; for any other sequence it is rounded once from float64, never to 1.
 
     Returns
     -------
     Independent
-
-    Raises
-    ------
-    TypeError
-        If ``sequence`` is not in base 2 and not to be shifted, or ``key`` is no key.
-    ValueError
-        If ``randomize`` is no randomisation.
 
     References
     ----------

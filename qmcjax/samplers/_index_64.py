@@ -15,7 +15,7 @@ Index = tuple[Array, Array]
 
 
 def times(factor: Array, number: int | Array) -> Index:
-    """Return the product of a word and another one, or an integer in [0, 2**32]."""
+    """Return the product of a word and another word, or an integer in [0, 2**32]."""
     if isinstance(number, int):
         if number == checks.INDEX_LIMIT:
             return factor, jnp.zeros_like(factor)
@@ -31,15 +31,15 @@ def plus(index: Index, other: Index | Array) -> Index:
 
 
 def needed(samples: int, sequence: Sequence) -> bool:
-    """Tell whether indices take 64 bits: exactly if there are more than 2**32 and the sequence has them."""
+    """Return whether to use 64-bit indices: if there are more than 2**32 and the sequence supports them."""
     return samples > checks.INDEX_LIMIT and sequence.limit_64 > sequence.limit
 
 
 def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-    """Return the points of 64-bit indices: those below 2**32 have the very bits that 32-bit indices give."""
+    """Return the points of 64-bit indices, below 2**32 bit-identical with those of 32-bit indices."""
     high, low = index
     beyond = sequence.with_high_word(high).coordinates(low, dims, dtype)
     if isinstance(sequence, BinarySequence):
-        return beyond  # Exact in either way.
-    # Division by a long divisor rounds in more steps, and differs in the last place.
+        return beyond  # Exact in both ways.
+    # Division by a long divisor rounds more often and differs in the last place.
     return jnp.where((high == 0)[..., None], sequence.coordinates(low, dims, dtype), beyond)

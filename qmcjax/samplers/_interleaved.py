@@ -1,4 +1,4 @@
-"""Points that pixels far enough from each other share."""
+"""Points shared by pixels at the same place in each tile."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -20,7 +20,7 @@ _ON_SCREEN = 2
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Interleaved(Sampler):
-    """The pixels of a tile take one block of the sequence after the other, in every tile the same."""
+    """The pixels of a tile take consecutive blocks of the sequence, the same in every tile."""
 
     sequence: Sequence
     spp: int = field(metadata={"static": True})
@@ -30,7 +30,6 @@ class Interleaved(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims + self._on_screen
 
     @property
@@ -45,14 +44,14 @@ class Interleaved(Sampler):
         return columns, rows, min(samples, self.spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the first indices of pixels, and what the positions inside them prepare."""
+        """Return the first indices of pixels, and the state of the positions inside them."""
         tile = np.uint32(self.tile)
         first = (y % tile * tile + x % tile) * np.uint32(self.spp)
         own = tuple(j for j in dims if j < self._on_screen)
         return first, self.positions.prepare(x, y, own) if self.positions and own else None
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the positions inside the pixels, if these have their own, and the points of their blocks."""
+        """Return the positions inside the pixels, if given, and the points of their blocks."""
         first, of_positions = state
         own = tuple(j for j in dims if j < self._on_screen)
         shared = tuple(j - self._on_screen for j in dims if j >= self._on_screen)
@@ -74,37 +73,31 @@ class Interleaved(Sampler):
 
 
 def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler | None = None) -> Interleaved:
-    """Sample all tiles of the image alike, and the pixels of a tile with blocks of one sequence.
+    """Sample all tiles of the image with the same points, the pixels of a tile with blocks of one sequence.
 
-    Methods for programs that render whole images at a point in time, or for one vector of everything but the
-    pixel [1]_ [2]_:
+    For renderers of whole images at one time, or with one vector of all coordinates but the pixel [1]_ [2]_:
 
-    - ``tile=1``: every pixel has the same points, as where the images of an accumulation buffer are averaged.
-    - ``tile=1`` with ``positions``: only the position inside the pixel is its own, the method of dependent
-      tests. Few samples show as many ghosts of what moves (strobing).
+    - ``tile=1``: every pixel has the same points, as in an accumulation buffer.
+    - ``tile=1`` with ``positions``: only the position inside the pixel differs: the method of dependent
+      tests. A few samples show as many ghosts of moving objects (strobing).
     - a larger ``tile``: interleaved sampling. Neighbours have different points, which turns ghosts into
       a fine pattern.
 
     Parameters
     ----------
     sequence : Sequence
-        Of the coordinates that are shared: all, or those after the first two if there are ``positions``.
+        Shared coordinates: all, or those after the first two with ``positions``. At least ``tile**2 * spp``
+        points.
     spp : int
         Points in the block of a pixel, at least 1.
     tile : int
         Side of a tile in pixels, at least 1.
     positions : Sampler, optional
-        Coordinates 0 and 1.
+        Coordinates 0 and 1; at least two dimensions.
 
     Returns
     -------
     Interleaved
-
-    Raises
-    ------
-    ValueError
-        If a number is out of range, or the sequence does not have ``tile**2 * spp`` points, or ``positions``
-        has fewer than two coordinates.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Contiguous blocks of Owen-scrambled Sobol' sequences along orders optimised for what the eye sees."""
+"""Contiguous blocks of Owen-scrambled Sobol' sequences along orders optimised for perceived error."""
 
 from dataclasses import dataclass, field
 from functools import cache
@@ -28,16 +28,16 @@ MAX_SPP = 2**31
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Optimized(Sampler):
-    """Pixel p of the order of a pair of coordinates takes the points spp * p, ..., in an order of its own."""
+    """Pixel p of the order of a pair of coordinates takes the points spp * p, ..., in its own order."""
 
     orders: orders.OptimizedOrder
-    """A family of one for each pair of coordinates."""
+    """A family with one order for each pair of coordinates."""
 
     ranks: Array
     """uint8 (side, side): numbers of the first samples of the pixels of the tile."""
 
     seeds: Array
-    """uint32 (pairs, 3): of the scramblings of both coordinates, and of the orders of the samples."""
+    """uint32 (pairs, 3): seeds of the scramblings of both coordinates, and of the orders of the samples."""
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
@@ -46,7 +46,6 @@ class Optimized(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.coordinates
 
     @property
@@ -62,7 +61,7 @@ class Optimized(Sampler):
         return Owen(sobol(2), self.seeds[number, :2])
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return for each pair that is wanted the pixels' positions, first samples and shuffles."""
+        """Return the positions, first samples and shuffles of the pixels for each wanted pair."""
         return {c: self._prepare_pair(c, x, y) for c in sorted({j // 2 for j in dims})}
 
     def _prepare_pair(self, pair: int, x: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -75,11 +74,11 @@ class Optimized(Sampler):
     def _shuffled(self, sample: Array, seed: Array) -> Array:
         """Permute the numbers of samples, nested, and keep 0: the first 2**k stay the first.
 
-        Each digit that is set xors the digits below it with random ones, as those of Matousek's scrambling.
+        Each digit that is set xors the digits below it with random ones, as in Matousek's scrambling.
         """
         number = sample
         for k in range(1, self._digits):
-            # Bits of their own, while the seed has any.
+            # Separate bits, as long as the seed has any.
             place = k * (k - 1) // 2 % 32
             random = (seed >> place) | (seed << (32 - place) if place else seed)
             number = number ^ (random & np.uint32(2**k - 1) & (np.uint32(0) - ((sample >> k) & np.uint32(1))))
@@ -100,7 +99,7 @@ class Optimized(Sampler):
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the sampler's image and each pixel has so many samples."""
+        """Raise unless the sampler is made for this image and has enough samples."""
         super().check(width, height, spp)
         check_size("sampler", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "samples of a pixel")
@@ -114,11 +113,11 @@ def _ranks() -> NDArray[np.uint8]:
 
 
 def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2) -> Optimized:
-    """Sample the pixels with blocks of a scrambled sequence, in an order searched for errors that cancel.
+    """Sample the pixels with blocks of a scrambled sequence, in an order optimised for errors that cancel.
 
-    What :func:`z` draws is optimised here: the permutations of quadrants, so that the errors of neighbouring
-    pixels cancel under a Gaussian filter of 1.5 pixels, and which of its points a pixel takes first, so that
-    they also do when it has but the first of its samples. Sequences are Owen-scrambled: each point of each
+    Permutations that :func:`z` draws at random are optimised here: those of quadrants, so that the errors of
+    neighbouring pixels cancel under a Gaussian filter of 1.5 pixels, and the order of the samples in a pixel,
+    so that errors also cancel for the first sample alone. Sequences are Owen-scrambled: each point of each
     sample is uniformly distributed, whatever the order.
 
     Parameters
@@ -126,40 +125,35 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
     width, height : int
         In [1, 65536]. The orders fill the next square with a power of two as side.
     spp : int
-        Samples of each pixel: a power of two, at most 2**31. Fewer can be taken. There are tables for
-        1 to 64; more take the order for 64, and their first samples are not optimised for.
+        Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered. There are tables for 1 to
+        64; larger numbers use the order for 64, and their first samples are not optimised.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new scramblings, turns or flips the tiles, and compiles nothing anew.
+        A new key gives new scramblings, rotates or flips the tiles, and does not recompile.
     dims : int
-        Number of coordinates, in [1, 65536]. They are padded: each pair has a scrambled sequence, order of
-        the pixels and order of their samples of its own; if dims is odd, the last one is single.
+        Number of coordinates, in [1, 65536]. They are padded: each pair has its own scrambled sequence, order
+        of the pixels and order of their samples; if dims is odd, the last one is single.
 
     Returns
     -------
     Optimized
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, ``spp`` is no power of two, or ``key`` is no key.
-
     Notes
     -----
-    In a pair, the samples of every aligned square of ``2**k`` pixels a side are a (0, 2k + log2(spp), 2)-net,
-    and the first ``2**j`` samples of a pixel are a (0, j, 2)-net. The mean of a pixel is unbiased over the
-    keys, also that of its first samples.
+    In a pair, the samples of every aligned square of ``2**k`` pixels per side are a (0, 2k + log2(spp),
+    2)-net, and the first ``2**j`` samples of a pixel are a (0, j, 2)-net. The mean of a pixel is unbiased
+    over the keys, also that of its first samples.
 
-    The search was for the mean over all nested uniform scramblings, in closed form: the tables know neither a
-    key nor an integrand. A single fixed scrambling allows smaller errors, but an order made for it is worse
-    than this one under others. This is our own idea: the papers permute at random [1]_.
+    The search minimised the mean over all nested uniform scramblings, in closed form: the tables depend on
+    neither key nor integrand. A single fixed scrambling allows smaller errors, but an order made for it is
+    worse under others. This is our own idea: the papers permute at random [1]_.
 
-    All pairs have the same tile of 64 x 64 pixels, moved and turned. So over an image, coordinates of
+    All pairs have the same tile of 64 x 64 pixels, translated and rotated. So over an image, coordinates of
     different pairs are as uniform together as for 4096 random pixels: chi-squared of two such coordinates
     exceeds its mean by a factor of up to 1 + pixels / 4096.
 
-    Errors of integrands of several pairs are diffused less, as [1]_ says of all such orders. With several
-    samples a joint scrambled sequence, by :func:`contiguous`, leaves less of these, and less along Hilbert's
-    order than along this one; with a single one, :func:`ranked` does.
+    Errors of integrands of several pairs are diffused less, as [1]_ notes for all such orders. For these a
+    joint scrambled sequence, by :func:`contiguous`, has smaller errors with several samples, even smaller
+    along the Hilbert curve; with a single sample, :func:`ranked` has.
 
     References
     ----------

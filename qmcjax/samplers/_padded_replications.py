@@ -1,4 +1,4 @@
-"""Replications of one net over the screen, each moved by whole pixels and jittered."""
+"""Replications of one net over the screen, each shifted by whole pixels and jittered."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,7 +19,7 @@ from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, unifor
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class PaddedReplications(Sampler):
-    """Sample s of all pixels: a net of one point in each, shifted on the torus by vector s of a sequence."""
+    """Sample s of all pixels: a net with one point per pixel, shifted by vector s of a sequence."""
 
     net: Invertible
     offsets: Sequence
@@ -29,12 +29,10 @@ class PaddedReplications(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.net.dims
 
     @property
     def log_side(self) -> int:
-        """Binary logarithm of the side of the padded raster."""
         return log_side(self.width, self.height)
 
     @property
@@ -50,8 +48,8 @@ class PaddedReplications(Sampler):
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the points of the shifted instances of the net that fall into pixels."""
         x, y = state
-        # Whole pixels, of which the leading digits are the number: in two steps, since a shift by 32 is
-        # not defined. To subtract them again from the point leaves its place inside the pixel as it is.
+        # Whole pixels from the leading digits, in two steps: a shift by 32 is not defined. Subtracting them
+        # from the point keeps its position inside the pixel.
         shifts = [self._offset(sample, j) >> 1 >> (31 - self.log_side) for j in range(2)]
         ones = np.uint32(2**self.log_side - 1)
         column, row = (x + shifts[0]) & ones, (y + shifts[1]) & ones
@@ -74,7 +72,7 @@ class PaddedReplications(Sampler):
         return self.offsets.fixed_point(sample, dim)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the net's image and there is an offset for each sample."""
+        """Raise unless the sampler is made for this image and has an offset for each sample."""
         super().check(width, height, spp)
         check_size("net", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "for the sequence of offsets")
@@ -87,48 +85,42 @@ def padded_replications(
     offsets: Sequence | Array | int,
     jitter: bool = True,
 ) -> PaddedReplications:
-    """Sample the screen with one point of a net per pixel, again and again, shifted anew each time.
+    """Sample the screen repeatedly with one point of a net per pixel, with a new shift each time.
 
-    Sample s of all pixels is one instance of the net, moved on the torus by whole pixels: there stays one
-    point in each pixel, and the toroidal minimum distance is the net's. The points of the instances lie on
-    the same grid of ``4**k`` cells a side, ``2**k`` being the smallest power of two that covers the image;
+    Sample s of all pixels is one instance of the net, shifted on the torus by whole pixels: each pixel keeps
+    one point, and the toroidal minimum distance is that of the net. The points of the instances lie on the
+    same grid of ``4**k`` cells per side, where ``2**k`` is the smallest power of two that covers the image;
     jitter moves all points of an instance by the same fraction of such a cell. The net is good in each
     instance; the points of different instances can lie arbitrarily close together.
 
     Parameters
     ----------
     net : sequence in base 2
-        What :func:`full_screen` takes, but the Halton sequence: a net of ``4**k`` points, whose instances
-        they all are, or a digital sequence, of which these are the first.
+        As for :func:`full_screen`, except the Halton sequence: a net of ``4**k`` points, or a digital
+        sequence, with its first ``4**k`` points.
     width, height : int
         In [1, 65536].
     offsets : Sequence, or jax.random.key, or int in [0, 2**32)
-        Vector s holds the shifts of instance s, one for each coordinate of the net, and then its jitter in
-        x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster,
-        the others are kept. A key stands for ``uniform(dims, key)``; a new one compiles nothing anew.
+        Vector s holds the shifts of instance s, one for each coordinate of the net, followed by its jitter in
+        x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster, the
+        others are kept. A key stands for ``uniform(dims, key)``; a new one does not recompile.
     jitter : bool
-        False leaves the points inside their pixels where the net has them, and needs no offsets for it.
+        False keeps the positions of the net inside pixels and needs no offsets for jitter.
 
     Returns
     -------
     PaddedReplications
-        ``spp``, the largest number of samples, is that of the vectors of offsets.
-
-    Raises
-    ------
-    ValueError
-        If a size is out of range, the net does not put one point into each pixel, or the offsets are
-        neither key nor sequence of enough dimensions.
+        ``spp``, the largest number of samples, is the number of vectors of offsets.
 
     Notes
     -----
-    Shifts by whole pixels keep the pixels and the Latin hypercube property. The other elementary intervals
-    can lose points, as the thesis says; those of the Hammersley net do not (counted for all shifts of 64
-    and of 256 points).
+    Shifts by whole pixels preserve one point per pixel and the Latin hypercube property. Other elementary
+    intervals can lose points, as the thesis says; those of the Hammersley net do not (counted for all shifts
+    of 64 and of 256 points).
 
-    The thesis has two coordinates; further ones are shifted here by any fraction, since they have no
-    pixels to stay in. In points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter
-    may carry: then it wraps around inside the pixel.
+    The thesis has two coordinates; further ones are shifted here by any fraction, since they have no pixels.
+    For points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter may carry: then
+    it wraps around inside the pixel.
 
     References
     ----------
@@ -165,7 +157,7 @@ def padded_replications(
 
 
 def _sequence_of(offsets: Any, dims: int) -> Sequence:
-    """Return a sequence as it is, and a random one of a key."""
+    """Return a sequence unchanged, or random points from a key."""
     if callable(offsets):
         return as_sequence("offsets", offsets)
     return uniform(dims, checks.prng_key("offsets", offsets))

@@ -1,4 +1,4 @@
-"""One sequence partitioned into as many as there are pixels."""
+"""One sequence partitioned into one sequence per pixel."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -22,23 +22,23 @@ from qmcjax.sequences import Sequence, as_sequence
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Partitioned(Sampler):
-    """Pixel j of the curve takes every N-th point from number j on, without the partitioning component."""
+    """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
 
     order: Order
     sequence: Sequence
     component: int = field(metadata={"static": True})
-    """The partitioning one."""
+    """The partitioning component."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
-    """Whether it is known that 32-bit indices suffice for all samples that there will be."""
+    """Whether 32-bit indices suffice for all samples."""
 
     @property
     def dims(self) -> int:
-        """Number of coordinates that are left."""
+        """Number of remaining coordinates."""
         return self.sequence.dims - 1
 
     @property
     def most(self) -> int:
-        """Largest number of samples, for which the indices suffice."""
+        """Largest number of samples for which the indices suffice."""
         return self._limit // self.order.length
 
     @property
@@ -60,7 +60,7 @@ class Partitioned(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the samples that there are indices for."""
+        """The order's raster, and the number of samples with indices."""
         return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -77,7 +77,7 @@ class Partitioned(Sampler):
         return self.sequence(index, left, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the order's image and the indices suffice."""
+        """Raise unless the sampler is made for this image and has enough indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
@@ -86,19 +86,19 @@ class Partitioned(Sampler):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class ExactlyPartitioned(Partitioned):
-    """Pixel j takes the points whose partitioning component lies in [j/N, (j+1)/N)."""
+    """Pixel j takes the points with partitioning component in [j/N, (j+1)/N)."""
 
     base: int = field(metadata={"static": True})
     count: int = field(metadata={"static": True})
     """Number of digits: N = base**count."""
     inverses: Array | None = None
-    """uint32 (count, base): row k takes digit k of the component back to the index's, None if it is equal."""
+    """uint32 (count, base): row k maps digit k of the component to that of the index, None if equal."""
 
     def _first(self, position: Array) -> Array:
         if self.base == 2 and self.inverses is None:
             if self.count == 32:
                 return reverse(position)
-            # In two steps, since a shift by 32 is not defined.
+            # In two steps: a shift by 32 is not defined.
             return reverse(position) >> 1 >> (31 - self.count)
         index = jnp.zeros_like(position)
         base = np.uint32(self.base)
@@ -116,11 +116,11 @@ def partitioned(
     component: int | None = None,
     exact: bool = False,
 ) -> Partitioned | ExactlyPartitioned:
-    """Give each pixel a low discrepancy sequence of its own, all of them parts of one.
+    """Give each pixel its own low discrepancy sequence, all of them parts of one.
 
-    One component of the sequence, a radical inverse in base b, partitions it into N = b**m sequences, N the
-    length of the curve: equal are the points whose component has the same m first digits. These repeat every
-    N points, so that a pixel leapfrogs from its first point with a stride of N. Its points have all
+    One component of the sequence, a radical inverse in base b, partitions it into N = b**m sequences, where N
+    is the length of the curve: the points of a part share the first m digits of this component. These repeat
+    every N points, so a pixel leapfrogs from its first point with a stride of N. Its points have all
     components but this one, which hardly varies within a pixel.
 
     Parameters
@@ -129,31 +129,22 @@ def partitioned(
         The curve, for one size of image. Its length N must be a power of b: Hilbert, Moore or Morton order
         for b = 2, Peano for b = 3.
     sequence : Sequence
-        Of at least two dimensions.
+        At least two dimensions and N points.
     component : int, optional
-        The partitioning one: a component of the Halton sequence, its digits permuted or not, or a component
-        of a digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled
-        or not. By default the first with a base of which N is a power.
+        The partitioning component: one of the Halton sequence, with permuted digits or not, or one of a
+        digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled or
+        not. By default the first one with a base of which N is a power.
     exact : bool
         Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or the
-        simplified form ``x[l N + j]``: the same parts, handed out along the curve such that the samples l of
-        all pixels are one contiguous block, in the order of the curve.
+        simplified form ``x[l N + j]``: the same parts, assigned along the curve so that the samples l of all
+        pixels are one contiguous block, in the order of the curve. The exact form needs digits scrambled one
+        by one, or not at all.
 
     Returns
     -------
     Partitioned or ExactlyPartitioned
-        Of one dimension less. ``most`` is the number of samples that the indices suffice for: 2**32 / N for
-        sequences without 64-bit indices, see :func:`contiguous`. Points do not depend on how many bits their
-        indices have.
-
-    Raises
-    ------
-    TypeError
-        If ``order`` is no order, or ``sequence`` no sequence.
-    ValueError
-        If N points are more than the sequence, or 2**32 indices, have; if the component is no radical inverse
-        or N no power of its base; if none is; or if ``exact`` and the component is scrambled other than digit
-        by digit.
+        One dimension less. ``most`` is the largest number of samples with indices: 2**32 / N for sequences
+        without 64-bit indices, see :func:`contiguous`. Points do not depend on the width of indices.
 
     Notes
     -----
@@ -161,8 +152,8 @@ def partitioned(
     is a (t,k,s-1)-net; all pixels together have, after any number of samples, the first points of the
     sequence. Both forms are deterministic, and consistent: the error of each pixel goes to zero.
 
-    The exact form assigns neighbours on the curve, whose component differs by 1/N, points far apart in
-    the sequence; in the simplified form they have consecutive points.
+    Neighbours on the curve have points far apart in the sequence in the exact form, where the component
+    differs by 1/N, and consecutive points in the simplified form.
 
     References
     ----------
@@ -193,16 +184,16 @@ def partitioned(
         suited = [j for j, count in enumerate(counts) if count is not None]
         if not suited:
             raise ValueError(
-                "sequence must have a component that is a radical inverse in a base of which order.length is "
-                f"a power, got order.length={order.length} and the bases {bases}"
+                "sequence must have a radical inverse as component, in a base with order.length as "
+                f"power, got order.length={order.length} and the bases {bases}"
             )
         component = suited[0]
     component = checks.integer("component", component, 0, sequence.dims - 1)
     base, count = bases[component], counts[component]
     if base is None:
         raise ValueError(
-            f"component must be a radical inverse, got component={component} of {type(sequence).__name__}, "
-            f"whose components have the bases {bases}"
+            f"component must be a radical inverse, got component={component} of {type(sequence).__name__} "
+            f"with the bases {bases}"
         )
     if count is None:
         raise ValueError(
@@ -214,8 +205,8 @@ def partitioned(
         inverses = sequence.index_digits(component, count)
     except ValueError:
         raise ValueError(
-            "exact must be False unless the partitioning component is a radical inverse, its digits permuted "
-            f"one by one or not, got exact=True and component={component} of {type(sequence).__name__}"
+            "exact must be False unless the partitioning component is a radical inverse, with digits "
+            f"permuted one by one or not, got exact=True, component={component} of {type(sequence).__name__}"
         ) from None
     return ExactlyPartitioned(order, sequence, component, base, count, inverses)
 

@@ -24,7 +24,7 @@ _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the met
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class PlugIn(Sampler):
-    """An object that has the protocol's methods but no defaults."""
+    """An object with the methods of the protocol, without defaults."""
 
     held: Any
 
@@ -38,11 +38,11 @@ class PlugIn(Sampler):
         return self.sampler.dims
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return what the object prepares, or else the pixels."""
+        """Return the state of the object, by default the pixels."""
         return self.sampler.prepare(x, y, dims) if _prepares(self.sampler) else (x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points that the object makes of a state, or else of pixels."""
+        """Return the points of the object for a state, or for pixels."""
         if _prepares(self.sampler):
             return self.sampler.points(state, sample, dims, dtype)
         if _positional(self.sampler) > 4:
@@ -58,14 +58,13 @@ class PlugIn(Sampler):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Function(Sampler):
-    """The points that a function makes of pixel and sample."""
+    """The points of a function of pixel and sample."""
 
     held: Any
     coordinates: int = field(metadata={"static": True})
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.coordinates
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -79,7 +78,7 @@ class Function(Sampler):
 
 
 def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
-    """Make a sampler of a function.
+    """Make a sampler from a function.
 
     Parameters
     ----------
@@ -92,14 +91,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     Returns
     -------
     Function
-        Values are rounded to the wanted dtype, but not up to 1.
-
-    Raises
-    ------
-    TypeError
-        If ``f`` is not callable, or ``dims`` no integer.
-    ValueError
-        If ``dims`` is out of range; where points are wanted, if ``f`` returns another shape or no floats.
+        Values are rounded to the wanted dtype, but never up to 1.
 
     Examples
     --------
@@ -115,26 +107,21 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
 
 
 def as_sampler(name: str, value: Any) -> Sampler:
-    """Return a sampler with all methods that have defaults, of any object that is one.
+    """Return an object with the protocol of a sampler as a :class:`Sampler`.
 
     Parameters
     ----------
     name : str
-        Of the argument, for messages.
+        Name of the argument, for messages.
     value : Sampler, or object
-        One that has ``dims``, the number of coordinates, and either is called with ``(x, y, sample, dims,
-        dtype)`` or ``(x, y, sample, dims)`` to return points ``[..., len(dims)]``, or has the methods
-        ``prepare`` and ``points`` of :class:`Sampler`. A method ``check(width, height, spp)`` is optional.
+        An object with ``dims``, the number of coordinates, and either a call ``(x, y, sample, dims, dtype)``
+        or ``(x, y, sample, dims)`` that returns points ``[..., len(dims)]``, or the methods ``prepare`` and
+        ``points`` of :class:`Sampler`. A method ``check(width, height, spp)`` is optional.
 
     Returns
     -------
     Sampler
         ``value`` itself, if it is one.
-
-    Raises
-    ------
-    TypeError
-        If it is none.
     """
     if isinstance(value, Sampler):
         return value
@@ -146,7 +133,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
 
 
 def rounded(values: Any, dtype: DTypeLike) -> Array:
-    """Return floats below 1 in a dtype, and still below 1."""
+    """Return floats below 1 in a dtype, never rounded up to 1."""
     if not jnp.issubdtype(getattr(values, "dtype", np.bool_), jnp.floating):
         raise ValueError(f"sampler must return floats, got {checks.shown(values)}")
     if values.dtype == dtype:
@@ -161,7 +148,7 @@ def _prepares(value: Any) -> bool:
 
 
 def _positional(value: Any) -> int:
-    """Return how many positional arguments a call takes, 0 if there is no call."""
+    """Return the number of positional arguments of a call, 0 if there is no call."""
     if not callable(value):
         return 0
     try:

@@ -1,4 +1,4 @@
-"""Passes that are randomised afresh."""
+"""Freshly randomised passes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ from qmcjax.samplers._plug_in import as_sampler
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Randomized(Sampler):
-    """Sample s is sample ``s % spp`` of a sampler made with a key of its own for pass ``s // spp``."""
+    """Sample s is sample ``s % spp`` of a sampler made with a separate key for pass ``s // spp``."""
 
     sampler_of_key: Callable[[Array], Any] = field(metadata={"static": True})
     key: Array
@@ -30,7 +30,6 @@ class Randomized(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.coordinates
 
     def of_pass(self, number: Array | int) -> Any:
@@ -39,7 +38,7 @@ class Randomized(Sampler):
         Parameters
         ----------
         number : uint32 Array, shape (), or int
-            The pass, from 0 on.
+            Number of the pass, from 0.
 
         Returns
         -------
@@ -48,12 +47,12 @@ class Randomized(Sampler):
         return self.sampler_of_key(jax.random.fold_in(self.key, number))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the passes that the samples are in."""
+        """Return the points of the samples in their passes."""
         x, y = state
         number, inside = sample // np.uint32(self.spp), sample % np.uint32(self.spp)
         first = number.min()
 
-        # One pass after the other, of those from the first to the last: in images there is but one.
+        # One pass after the other, from the first to the last: images need only one.
         def fill(k: Array, values: Array) -> Array:
             of_pass = as_sampler("sampler_of_key", self.of_pass(first + k))(x, y, inside, dims, dtype)
             return jnp.where((number == first + k)[..., None], of_pass, values)
@@ -63,7 +62,7 @@ class Randomized(Sampler):
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless a pass can be made of this image; there is no last pass."""
+        """Raise unless passes are made for this image; their number is unbounded."""
         super().check(width, height, spp)
         as_sampler("sampler_of_key", self.of_pass(0)).check(width, height, self.spp)
 
@@ -75,31 +74,26 @@ def randomized(
 
     Passes are independent and have the same distribution. If each point of a pass is uniformly distributed,
     the mean over all samples is unbiased, and so is the estimate of its variance from several passes, see
-    :func:`qmcjax.render_passes`. Uniformity across passes is given up for it: the error of p passes decreases
-    as p**-0.5.
+    :func:`qmcjax.render_passes`. The price is uniformity across passes: the error of p passes decreases as
+    p**-0.5.
 
     Parameters
     ----------
     sampler_of_key : callable
-        From a ``jax.random.key`` to a sampler, e.g.
-        ``lambda key: contiguous(order, owen(sequence, key), spp)``. The same function object compiles once.
-        It is traced where samples are: arrays that it refers to are constants there.
+        From a ``jax.random.key`` to a sampler, e.g. ``lambda key: contiguous(order, owen(sequence, key),
+        spp)``. The same function object compiles once. It is traced with the samples: arrays that it refers
+        to become constants.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new passes and compiles nothing anew.
+        A new key does not recompile.
     spp : int, optional
-        Samples of a pixel in a pass, by default the ``spp`` of the sampler. Of a sequence over the whole
-        screen that is all that its indices allow: give another.
+        Samples of a pixel in a pass, by default the ``spp`` of the sampler. For a sequence over the whole
+        screen this is the largest number that its indices allow: give a smaller one.
 
     Returns
     -------
     Randomized
-        A sampler: s is sample ``s % spp`` of pass ``s // spp``. ``of_pass(k)`` is the sampler of a pass
-        alone, which is faster than calls with samples of many passes.
-
-    Raises
-    ------
-    ValueError
-        If ``key`` is no key, or ``spp`` is out of range or not known.
+        A sampler: s is sample ``s % spp`` of pass ``s // spp``. ``of_pass(k)`` is the sampler of one pass,
+        faster than calls with samples of many passes.
 
     References
     ----------

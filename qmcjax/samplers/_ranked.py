@@ -1,4 +1,4 @@
-"""One scrambled sequence in every pixel, with keys that make blue noise of the pixels' errors."""
+"""One scrambled sequence in every pixel, with keys that distribute errors as blue noise."""
 
 from dataclasses import dataclass
 from importlib import resources
@@ -31,11 +31,10 @@ class Ranked(Sampler):
     """uint32 (rows, columns, dims): scrambling keys, as 32-bit fractions."""
 
     translation: Array
-    """uint32 (2,): what is added to x and y."""
+    """uint32 (2,): offsets of x and y."""
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -50,7 +49,7 @@ class Ranked(Sampler):
         return (y + self.translation[1]) & np.uint32(rows - 1), column
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the sequence's points, ranked and scrambled with the pixels' keys."""
+        """Return the points of the sequence, ranked and scrambled with the keys of the pixels."""
 
         def keys(table: Array) -> Array:
             return table.at[state].get(mode="promise_in_bounds")
@@ -62,51 +61,45 @@ class Ranked(Sampler):
         )
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if there are fewer points than samples are wanted."""
+        """Raise if the sequence has fewer than ``spp`` points."""
         super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 
 
 def ranked(dims: int, key: Array | int) -> Ranked:
-    """Sample with scrambling and ranking keys that were arranged to make blue noise of the errors.
+    """Sample with scrambling and ranking keys that distribute errors as blue noise.
 
-    All pixels have the same Owen-scrambled Sobol' sequence. A pixel's scrambling keys, one a dimension, are
-    added digitally to its points, its ranking key to the index. A tile of 64 x 64 pixels repeats.
+    All pixels have the same Owen-scrambled Sobol' sequence. The scrambling keys of a pixel, one per
+    dimension, are added digitally to its points, its ranking key to the index. A tile of 64 x 64 pixels
+    repeats.
 
     Parameters
     ----------
     dims : int
-        2, 3 or 4: arranged for all these dimensions together.
+        2, 3 or 4: optimised for all these dimensions together.
     key : jax.random.key, or int in [0, 2**32)
-        Translates the tile, randomly. A new key compiles nothing anew.
+        Translates the tile at random. A new key does not recompile.
 
     Returns
     -------
     Ranked
-        Arranged for 1, 2, 4, 8 and 16 samples. There may be any other number; errors are then blue
-        noise to a lesser degree.
-
-    Raises
-    ------
-    ValueError
-        If ``dims`` is out of range or ``key`` is no key.
+        Optimised for 1, 2, 4, 8 and 16 samples. Other numbers work; errors are then less blue.
 
     Notes
     -----
     Neither kind of key changes the stratification of a pixel's points: each aligned block of 2**k samples is
     a (t,k,dims)-net with the t of the Sobol' sequence, 0 in two dimensions.
 
-    The keys of a tile are a fixed pool, of which only the arrangement was searched. It is made so that the
-    first samples of the pixels of a tile are the first 4096 points of the Sobol' sequence, in their leading
-    12 digits, and that each further sample number has the 4096 points of 16 digitally shifted blocks of 256.
-    So, over all translations, the expectation of each sample of each pixel is the mean of a function over
-    such points, and means over a tile have small errors, whatever the number of samples.
+    The keys of a tile are a fixed pool; only their arrangement was searched. The pool is such that the first
+    samples of the pixels of a tile are the first 4096 points of the Sobol' sequence, in their leading 12
+    digits, and that each further sample number has the 4096 points of 16 digitally shifted blocks of 256. So,
+    over all translations, the expectation of each sample of each pixel is the mean of a function over such
+    points, and means over a tile have small errors, whatever the number of samples.
 
     The arrangement was searched for small errors after a Gaussian low-pass filter of standard deviation 1.5
     pixels, in mean squares over 1024 random half-spaces as integrands and over prefixes of 1, 2, 4, 8 and 16
     samples, with weights 4, 2, 1, 1, 1. This is our own optimisation, of both kinds of keys at once, and not
-    that of [1]_. The more samples and dimensions, the less there is to gain: ``_data/README.md`` has measured
-    spectra.
+    that of [1]_. The gain decreases with samples and dimensions: ``_data/README.md`` has measured spectra.
 
     References
     ----------

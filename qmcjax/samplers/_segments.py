@@ -23,25 +23,24 @@ from qmcjax.sequences import Sequence, as_sequence
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Segments(Sampler):
-    """An iteration of n samples after the first S: pixel j takes the n points from number S N + j n on."""
+    """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
 
     order: Order
     sequence: Sequence
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in the first iteration."""
     doubling: bool = field(metadata={"static": True})
-    """Whether each further iteration has as many samples as all before, or as the first."""
+    """Whether each further iteration has as many samples as all before, otherwise as the first."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
-    """Whether it is known that 32-bit indices suffice for all samples that there will be."""
+    """Whether 32-bit indices suffice for all samples."""
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
     def most(self) -> int:
-        """Largest number of samples: that of whole iterations for which the indices suffice."""
+        """Largest number of samples in whole iterations for which the indices suffice."""
         iterations = self._limit // (self.order.length * self.spp)
         return self.spp * (2 ** (iterations.bit_length() - 1) if self.doubling else iterations)
 
@@ -55,7 +54,7 @@ class Segments(Sampler):
         return not self.short and needed(self.order.length * self.most, self.sequence)
 
     def _whole(self, spp: int) -> int:
-        """Return the number of samples in all iterations that the first ``spp`` samples are of."""
+        """Return the number of samples in all iterations up to that of sample ``spp - 1``."""
         iterations = -(-spp // self.spp)
         return self.spp * (2 ** (iterations - 1).bit_length() if self.doubling else iterations)
 
@@ -65,11 +64,10 @@ class Segments(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the samples that there are indices for."""
+        """The order's raster, and the number of samples with indices."""
         return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the positions of pixels."""
         return self.order.position(x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -83,7 +81,7 @@ class Segments(Sampler):
         return self.sequence(index, dims, dtype)
 
     def _iteration(self, sample: Array) -> tuple[Array, Array]:
-        """Return how many samples of a pixel come before a sample's iteration, and how many are in it."""
+        """Return the numbers of samples of a pixel before the iteration of a sample, and in it."""
         spp = np.uint32(self.spp)
         rounds = sample // spp
         if not self.doubling:
@@ -92,7 +90,7 @@ class Segments(Sampler):
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the order's image and its iterations have indices."""
+        """Raise unless the sampler is made for this image and its iterations have indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"
@@ -102,9 +100,9 @@ class Segments(Sampler):
 def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False) -> Segments:
     """Sample progressively: each iteration takes the next segment of one sequence along the curve.
 
-    An iteration of n samples in each pixel is :func:`contiguous` blocks of n points, in a segment of N n
-    points that begins where the one before ended; N is the length of the curve. Sample s of a pixel does not
-    depend on how many there will be.
+    An iteration of n samples per pixel consists of :func:`contiguous` blocks of n points, in a segment of N n
+    points after the previous one; N is the length of the curve. Sample s of a pixel does not depend on the
+    number of samples.
 
     Parameters
     ----------
@@ -112,45 +110,37 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
         The curve, for one size of image.
     sequence : Sequence
     spp : int
-        Samples of a pixel in the first iteration, at least 1. Powers of the sequence's base are best.
+        Samples of a pixel in the first iteration, at least 1. Powers of the base of the sequence are best.
     doubling : bool
-        Whether each further iteration doubles the number of samples that a pixel has, to spp, 2 spp, 4 spp,
-        8 spp: iterations of spp, spp, 2 spp, 4 spp. By default all iterations have spp.
+        Whether each further iteration doubles the number of samples of a pixel: iterations of spp, spp, 2
+        spp, 4 spp. By default all iterations have spp.
 
     Returns
     -------
     Segments
-        Rendered with any number of samples up to ``most``, best with that of whole iterations. More than
-        2**32 samples of all pixels take 64-bit indices, see :func:`contiguous`. Points do not depend on how
-        many bits their indices have.
-
-    Raises
-    ------
-    TypeError
-        If ``order`` is no order, or ``sequence`` no sequence.
-    ValueError
-        If the sequence has too few indices for the first iteration.
+        Renders any number of samples up to ``most``, best whole iterations. More than 2**32 samples of all
+        pixels need 64-bit indices, see :func:`contiguous`. Points do not depend on the width of indices.
 
     Warns
     -----
     UserWarning
         If all iterations have spp samples, and a component is a radical inverse (see :func:`partitioned`) in
         a base that is not co-prime to N. As an iteration advances the index by a multiple of N, one of its
-        digits never changes within a pixel: the component is not uniform there however many the samples, and
-        the image does not converge. :func:`qmcjax.sequences.components` leaves it out, :func:`partitioned`
-        uses it.
+        digits never changes within a pixel: the component is not uniform there for any number of samples, and
+        the image does not converge. :func:`qmcjax.sequences.components` removes it, :func:`partitioned` uses
+        it.
 
     Notes
     -----
-    The union over all pixels is, after iterations of S samples in all, the first S N points of the
-    sequence: of a (0,2)-sequence in base b a (0,m,2)-net if S N = b**m. For curves in base b these are S that
-    are powers of b; with ``doubling``, b = 2 and spp a power of two, all iterations. In each pixel an
-    iteration of b**k samples whose block is aligned, which it is under the same conditions, is a (0,k,2)-net.
-    The union of several iterations in one pixel is none: their points are as close as those of leapfrogging,
-    although with ``doubling`` the last block alone is half of the samples, and the image converges.
+    The union over all pixels is, after iterations of S samples in all, the first S N points of the sequence:
+    of a (0,2)-sequence in base b a (0,m,2)-net if S N = b**m. For curves in base b these are S that are
+    powers of b; with ``doubling``, b = 2 and spp a power of two, all iterations. In each pixel an iteration
+    of b**k samples is a (0,k,2)-net if its block is aligned, as it is under the same conditions. The union of
+    several iterations in one pixel is not a net: their points are as close as with leapfrogging, although
+    with ``doubling`` the last block alone is half of the samples, and the image converges.
 
-    The paper leaves open what doubles. Here it is the sampling rate of the image, not that of the iteration,
-    so that segments start at multiples of their length and rates are powers of two.
+    The paper does not specify which rate doubles. Here it is the sampling rate of the image, not that of the
+    iteration, so segments start at multiples of their length and rates are powers of two.
 
     References
     ----------

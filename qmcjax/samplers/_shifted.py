@@ -1,4 +1,4 @@
-"""One sequence in every pixel, shifted by another one that runs along a curve."""
+"""One sequence in every pixel, shifted by another one along a curve."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,6 @@ class ShiftedAlong(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -39,13 +38,13 @@ class ShiftedAlong(Sampler):
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return the sequence's points plus the pixels' shifts, modulo 1."""
+        """Return the points of the sequence plus the shifts of the pixels, modulo 1."""
         offsets = zip(dims, state, strict=True)
         rotated = [self.sequence.rotated_coordinate(sample, j, offset, dtype) for j, offset in offsets]
         return jnp.stack(rotated, axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the order's image and the sequence has as many points."""
+        """Raise unless the sampler is made for this image and has enough points."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.sequence.limit, "for this sequence")
@@ -64,22 +63,15 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
     shifts : Sequence
         At least as many dimensions as ``sequence``, and as many points as the curve has positions.
     sequence : Sequence
-        Best one that is uniform on the torus, like :func:`qmcjax.sequences.lattice`. One and the same
-        sequence for both gives visible correlations at low sampling rates.
+        Preferably uniform on the torus, like :func:`qmcjax.sequences.lattice`. Using the same sequence for
+        both causes visible correlations at low sampling rates.
 
     Returns
     -------
     ShiftedAlong
-        Shifts are 32-bit fractions, rounded down. Added to a sequence in base 2 the sums are exact, in
-        integers that wrap; to any other they are rounded once from float64, and never to 1. Indices of pixels
-        and of samples are apart: 2**32 samples in each pixel of any image.
-
-    Raises
-    ------
-    TypeError
-        If an argument is no order or sequence.
-    ValueError
-        If ``shifts`` has too few dimensions or points.
+        Shifts are 32-bit fractions, rounded down. For a sequence in base 2 sums are exact, in integers that
+        wrap; otherwise they are rounded once from float64, and never to 1. Indices of pixels and of samples
+        are separate: each pixel of any image has up to 2**32 samples.
 
     References
     ----------

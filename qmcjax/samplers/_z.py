@@ -13,7 +13,7 @@ PLAIN = "plain"
 MAX_DIMS = 2**16
 
 MAX_SPP = 2**31
-"""Most samples of a pixel: so many fit a shift in words of 32 bits."""
+"""Most samples of a pixel: a shift in words of 32 bits allows no more."""
 
 
 def z(
@@ -27,45 +27,40 @@ def z(
     sequence: BinarySequence | None = None,
     alphabet: int | None = None,
 ) -> Z:
-    """Sample the pixels with blocks of the Sobol' sequence in a scrambled Morton order, to diffuse the error.
+    """Sample the pixels with blocks of the Sobol' sequence in a scrambled Morton order, to diffuse errors.
 
     The dimensions are padded: each pair, or single one, is a constituent with the first coordinates of the
-    same Sobol' sequence, and has an order of the pixels of its own. In a constituent, every aligned square of
-    ``2**k`` pixels a side has a contiguous aligned block of ``4**k * spp`` points. The order of the pixels
-    goes on below them, with the numbers of their samples.
+    same Sobol' sequence, and has its own order of the pixels. In a constituent, every aligned square of
+    ``2**k`` pixels per side has a contiguous aligned block of ``4**k * spp`` points. The order continues
+    below the pixels, with the numbers of their samples.
 
     Parameters
     ----------
     width, height : int
         In [1, 65536]. The orders fill the next square with a power of two as side.
     spp : int
-        Samples of each pixel: a power of two, at most 2**31. Fewer can be taken, see Notes; for more, see
-        ``Z.extended``; for different numbers, ``Z.adaptive``.
+        Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered, see Notes; for more, see
+        ``Z.extended``; for different numbers per pixel, ``Z.adaptive``.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new orders and compiles nothing anew. Not used by "plain": it may be None there.
+        A new key does not recompile. "plain" ignores it: None is allowed there.
     variant : {"plain", "hash", "multiplicative", "tree", "art"}
-        "plain" is the paper's Z0: Morton's order for all constituents. Hence these are the same, and their
-        coordinates repeat: take a joint ``sequence`` for more than two dimensions. The others are those of
-        :func:`qmcjax.orders.scrambled_morton`. "tree" and "art" have one production for all constituents,
-        with permutations for each (Eq. 13 to 18); "tree" enters it at letters of their own.
+        "plain" is Z0 of the paper: Morton order for all constituents. Their coordinates repeat: use a joint
+        ``sequence`` for more than two dimensions. For the others see :func:`qmcjax.orders.scrambled_morton`.
+        "tree" and "art" have one production for all constituents, with separate permutations (Eq. 13 to 18);
+        "tree" also enters it at separate letters.
     dims : int, optional
         Number of coordinates, in [1, 65536], by default 2, in pairs; if it is odd, the last one is single.
     constituents : tuple of int, optional
-        Instead: the sizes of the constituents, each 1 or 2, for coordinates 0, 1, ... from left to right.
+        Alternative to ``dims``: the sizes of the constituents, each 1 or 2, for coordinates 0, 1, ...
     sequence : sequence in base 2, optional
-        Instead: a joint sequence for all dimensions, with a single order.
+        Alternative to ``dims``: a joint sequence for all dimensions, with a single order, and with a point
+        for each sample of the padded raster.
     alphabet : int, optional
-        For "tree" and only there: the number of letters, in [1, 65536], by default 4096.
+        For "tree" only: the number of letters, in [1, 65536], by default 4096.
 
     Returns
     -------
     Z
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, ``spp`` is no power of two, two of ``dims``, ``constituents`` and
-        ``sequence`` are given, or ``sequence`` has fewer points than the padded raster has samples.
 
     Notes
     -----
@@ -74,19 +69,19 @@ def z(
 
     Where spp is an odd power of two, the last bit of a sample's number is flipped by a random bit.
 
-    All samples of a pixel are a (0, log2(spp), 2)-net in each constituent of two dimensions. To end early is
-    best after ``4**k`` samples if spp is a power of four, else after ``2 * 4**k``: these are nets, too. With
+    All samples of a pixel are a (0, log2(spp), 2)-net in each constituent of two dimensions. The best numbers
+    of fewer samples are ``4**k`` if spp is a power of four, else ``2 * 4**k``: these are nets, too. With
     twice as many, only a third of the pixels have a net. At two positions that differ in the last bit only,
-    any two samples differ in each coordinate by an odd multiple of ``1 / (2 * spp)`` [1]_ (Appendix A says
-    so of four samples, but prints the multiples of 1/8 for eight).
+    any two samples differ in each coordinate by an odd multiple of ``1 / (2 * spp)`` [1]_ (Appendix A says so
+    of four samples, but prints the multiples of 1/8 for eight).
 
     Over an image, coordinates of different constituents are as uniform together as random points for "hash"
-    and "tree". Not for "art": the letter of a node follows from its place, and there are 4096 letters, each
-    with one permutation for each constituent. So chi-squared of two such coordinates exceeds its mean by a
-    factor of up to 1 + pixels / 4096. "multiplicative" may be as bad.
+    and "tree". For "art" they are not: the letter of a node follows from its place, and each of the 4096
+    letters has one permutation for each constituent. So chi-squared of two such coordinates exceeds its mean
+    by a factor of up to 1 + pixels / 4096. "multiplicative" may be as bad.
 
-    Nothing but the orders is random: over the keys, a pixel's mean is that of the points of all pixels, not
-    the integral. With a randomised joint ``sequence`` it is.
+    Only the orders are random: over the keys, the mean of a pixel is that of the points of all pixels, not
+    the integral. With a randomised joint ``sequence`` it is the integral.
 
     References
     ----------

@@ -22,10 +22,10 @@ from qmcjax.sequences import BinarySequence
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class Z(Sampler):
-    """Pixel p of a constituent's order takes the points spp * p, ..., in an order of its own."""
+    """Pixel p in the order of a constituent takes the points spp * p, ..., in its own order."""
 
     orders: ScrambledMorton | None
-    """A family of one for each constituent; None for Z0, whose order is Morton's for all."""
+    """A family with one order for each constituent; None for Z0, which has Morton order for all."""
 
     sequence: BinarySequence
     """Each constituent has its first coordinates."""
@@ -38,7 +38,6 @@ class Z(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return sum(self.constituents)
 
     @property
@@ -48,16 +47,15 @@ class Z(Sampler):
 
     @property
     def log_side(self) -> int:
-        """Binary logarithm of the side of the padded raster."""
         return log_side(self.width, self.height)
 
     def extended(self, rounds: int) -> "Z":
-        """Let the pixels go on after ``spp`` samples, up to ``rounds * spp``.
+        """Continue after ``spp`` samples of a pixel, up to ``rounds * spp``.
 
-        In round r (samples ``r * spp`` and on) the pixel at position p of an order takes the points of that
-        at position p xor r, in its own order: in round 1 two siblings swap theirs. With ``rounds`` a power
-        of two, a pixel has a contiguous aligned block of the sequence after the last one. The first round
-        is the same as without.
+        In round r (samples ``r * spp`` and on) the pixel at position p of an order takes the points of the
+        pixel at position p xor r, in its own order: in round 1 two siblings swap their points. If ``rounds``
+        is a power of two, a pixel has a contiguous aligned block of the sequence after the last round. The
+        first round does not change.
 
         Parameters
         ----------
@@ -68,15 +66,10 @@ class Z(Sampler):
         -------
         Z
 
-        Raises
-        ------
-        ValueError
-            If ``rounds`` is out of range.
-
         Notes
         -----
-        A joint sequence gives a pixel the very points that another one has had. With several constituents
-        they are combined anew, since the orders differ. In both cases neighbours have similar errors in the
+        With a joint sequence, a pixel reuses the points of another one. With several constituents the points
+        are combined differently, since the orders differ. In both cases neighbours have similar errors in the
         rounds after the first: a larger ``spp`` is better than more rounds [1]_.
 
         References
@@ -88,25 +81,19 @@ class Z(Sampler):
         return replace(self, rounds=checks.integer("rounds", rounds, 1, most))
 
     def adaptive(self, counts: ArrayLike) -> "AdaptiveZ":
-        """Nominate a number of samples for each pixel.
+        """Set a number of samples for each pixel.
 
-        A pixel with c samples has those of the sampler with ``spp=c`` and the same key. Error is diffused
-        among pixels with equal counts; among others, points may coincide [1]_.
+        A pixel with c samples has the samples of the sampler with ``spp=c`` and the same key. Error is
+        diffused among pixels with equal counts; among others, points may coincide [1]_.
 
         Parameters
         ----------
         counts : integer ArrayLike, shape (height, width)
-            Powers of two in [1, spp], for pixel (x, y) in ``counts[y, x]``. New counts compile nothing
-            anew.
+            Powers of two in [1, spp], for pixel (x, y) in ``counts[y, x]``. New counts do not recompile.
 
         Returns
         -------
         AdaptiveZ
-
-        Raises
-        ------
-        ValueError
-            If ``counts`` has another shape or a number that is known not to be such a power.
 
         References
         ----------
@@ -137,7 +124,7 @@ class Z(Sampler):
         return 2**self.log_side, 2**self.log_side, self.rounds * self.spp
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the positions and nodes of pixels in each order that is wanted, by its number."""
+        """Return the positions and nodes of pixels in each wanted order, by its number."""
         code = morton(self.width, self.height).position(x, y)
         if self.orders is None:
             return code
@@ -163,7 +150,7 @@ class Z(Sampler):
     def consecutive(
         self, state: Any, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> list[Array]:
-        """Return consecutive samples, which share what comes before the last digits of their numbers."""
+        """Return consecutive samples; they share all but the last digits of their numbers."""
         bits = count.bit_length() - 1
         if count != 2**bits or bits > self.log_spp or self.rounds > 1:
             return super().consecutive(state, block, count, dims, dtype)
@@ -178,7 +165,7 @@ class Z(Sampler):
         dtype: DTypeLike,
         log_count: int | Array,
     ) -> Array:
-        """Return points of blocks of ``2**log_count``, by numbers of which some bits may be known."""
+        """Return points of blocks of ``2**log_count``, by numbers with some known bits."""
         wanted = [self._places[j] for j in dims]
         indices = {c: self._index(c, state, number, log_count) for c in self._wanted(dims)}
         if len(self.constituents) == 1 and not self._has_64_bits:
@@ -220,7 +207,7 @@ class Z(Sampler):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class AdaptiveZ(Sampler):
-    """The Z-sampler with an own number of samples for each pixel."""
+    """The Z-sampler with a separate number of samples for each pixel."""
 
     sampler: Z
     log_counts: Array
@@ -228,16 +215,15 @@ class AdaptiveZ(Sampler):
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sampler.dims
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The image, for which there are counts, and the samples that one of its pixels may have."""
+        """The image, and the largest number of samples of a pixel."""
         return self.sampler.width, self.sampler.height, self.sampler.limits[2]
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return what the sampler prepares, and the logarithms of the pixels' numbers of samples."""
+        """Return the state of the sampler, and the logarithms of the numbers of samples."""
         return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
 
     def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:

@@ -12,14 +12,14 @@ from qmcjax.samplers._index_64 import Index
 
 def append(position: Array, number: Array, log_count: int | Array) -> Index:
     """Return ``position * 2**log_count + number``, for ``log_count`` in [0, 31]."""
-    # In two steps, since a shift by 32 is not defined.
+    # In two steps: a shift by 32 is not defined.
     return position >> 1 >> (31 - log_count), (position << log_count) | number
 
 
 class Number(NamedTuple):
-    """The number of a sample, ``high * 2**known + low``: what is known when a program is traced comes last.
+    """The number of a sample, ``high * 2**known + low``, with bits known at trace time last.
 
-    Programs that unroll some consecutive samples then see which digits these share.
+    Programs that unroll consecutive samples can then share the digits before.
     """
 
     high: Array
@@ -69,6 +69,6 @@ def scrambled_numbers(
 
 def _with_last_bit(order: ScrambledMorton, result: Array, number: Number, node: Array) -> Array:
     """Append the last bit of odd powers of two, xor a random bit (Z paper, after Eq. 18)."""
-    # Child 0 of the node is in any of four places, of which every other is odd.
+    # Child 0 of the node is in any of four places; every other one is odd.
     coin, _ = order.scrambled_digits([jnp.uint32(0)], node)
     return (result << 1) | (number.bit(0) ^ (coin & np.uint32(1)))

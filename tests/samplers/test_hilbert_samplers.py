@@ -503,7 +503,7 @@ LOWER = sequences.digital(np.stack([np.uint32(2**32 - 1) >> first(32), SOBOL.mat
         ),
         (
             lambda: samplers.partitioned(HILBERT, SOBOL, 1),
-            r"component must be a radical inverse, got component=1 of Digital, .* bases \(2, None\)",
+            r"component must be a radical inverse, got component=1 of Digital with the bases \(2, None\)",
         ),
         (lambda: samplers.partitioned(HILBERT, sequences.lattice(2), 0), "component=0 of LatticeSequence"),
         (lambda: samplers.partitioned(HILBERT, sequences.gray(SOBOL), 0), "component=0 of Gray"),
@@ -511,11 +511,11 @@ LOWER = sequences.digital(np.stack([np.uint32(2**32 - 1) >> first(32), SOBOL.mat
         (lambda: samplers.partitioned(HILBERT, HALTON, 4), r"component must be .* \[0, 3\], got 4"),
         (
             lambda: samplers.partitioned(HILBERT, sequences.owen(SOBOL, 1), exact=True),
-            "exact must be False .* got exact=True and component=0 of Owen",
+            "exact must be False .* got exact=True, component=0 of Owen",
         ),
         (
             lambda: samplers.partitioned(HILBERT, LOWER, exact=True),
-            "exact must be False .* got exact=True and component=0 of Digital",
+            "exact must be False .* got exact=True, component=0 of Digital",
         ),
         (
             lambda: samplers.partitioned(HILBERT, sequences.hammersley_net(4)),

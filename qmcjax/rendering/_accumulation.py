@@ -19,16 +19,16 @@ Pixels = tuple[Array, Array]
 """Columns and rows."""
 
 TILE = {"cpu": 2**14}
-"""Pixels whose sums stay in the cache, by backend."""
+"""Pixels of a tile with sums that stay in the cache, by backend."""
 
 _ANYWHERE = 2**20
-"""Pixels of a tile elsewhere, which has many more threads."""
+"""Pixels of a tile on other backends, with many more threads."""
 
 _ALIGNED = 64
-"""Divides the pixels of a large tile, which take up to 7 % longer else."""
+"""Divides the pixels of a large tile; otherwise these take up to 7 % longer."""
 
 _LEAST = 2**11
-"""Pixels of a tile whose derivatives may be wanted: fewer take longer each."""
+"""Pixels of a tile with derivatives: smaller tiles take longer per pixel."""
 
 
 @jit("size", "width", "height", "batch", "dims", "mesh")
@@ -45,12 +45,11 @@ def accumulate(
     dims: tuple[int, ...],
     mesh: Mesh | None,
 ) -> State:
-    """Add ``batches`` times ``batch`` samples of every pixel of some tiles, one tile after the other.
+    """Add ``batches`` times ``batch`` samples to every pixel of some tiles, one tile after the other.
 
-    ``tiles`` are lists of pixels by their numbers, shape (tiles, size), or the first numbers of tiles of
-    ``size`` neighbours, shape (tiles,); pixels beyond the last are that one. The sums of a tile stay in the
-    cache. ``dims`` are the coordinates that are sampled; the others are 1/2 (of the pixel, for the first
-    two).
+    ``tiles`` holds the numbers of pixels, shape (tiles, size), or the first numbers of tiles of ``size``
+    neighbours, shape (tiles,); numbers beyond the last pixel stand for it. The sums of a tile stay in the
+    cache. ``dims`` are the sampled coordinates; the others are 1/2 (of the pixel, for the first two).
     """
 
     def of_tile(part: tuple[Array, State], pair: tuple[Any, Any], first: Array, batches: Array) -> State:
@@ -74,7 +73,7 @@ def means(
     mesh: Mesh | None,
     traced: bool,
 ) -> Array:
-    """Return the means over all samples of some tiles, whose sums never leave the cache."""
+    """Return the means over all samples of some tiles; the sums stay in the cache."""
 
     def of_tile(tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
         state = zeros(pair[0], (size,), dtype)
@@ -120,16 +119,16 @@ def _added(
 
 
 def or_nan(values: Array, points: Array) -> Array:
-    """Return values, but NaN where a point is not in [0, 1): values that are not finite are looked into."""
+    """Return values, but NaN where a point is not in [0, 1): non-finite values are diagnosed later."""
     inside = jnp.all((points >= 0) & (points < 1), axis=-1)
     inside = inside.reshape(inside.shape + (1,) * (values.ndim - inside.ndim))
     return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
 
 def tile_size(pixels: int, mesh: Mesh | None, traced: bool) -> int:
-    """Return how many pixels to take together: devices have as many tiles each, and few pixels are padded.
+    """Return the number of pixels per tile: devices have equally many tiles, and few pixels are padding.
 
-    Where derivatives may be wanted, which add up tiles, these do not depend on devices.
+    Derivatives add up tiles, so tiles do not depend on devices where derivatives may be wanted.
     """
     least, count = (_LEAST, parts.FEW) if traced else (1, devices.count(mesh))
     most = min(TILE.get(jax.default_backend(), _ANYWHERE), pixels)
@@ -151,7 +150,7 @@ def of_image(width: int, height: int) -> Pixels:
 
 
 def with_all_dims(point: Array, dims: tuple[int, ...], count: int) -> Array:
-    """Return points of ``count`` coordinates of which ``dims`` are given."""
+    """Return points of ``count`` coordinates from the given ``dims``."""
     if dims == tuple(range(count)):
         return point
     half = jnp.full(point.shape[:-1], 0.5, point.dtype)
@@ -160,10 +159,10 @@ def with_all_dims(point: Array, dims: tuple[int, ...], count: int) -> Array:
 
 
 def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Array:
-    """Take the first two coordinates from the pixel to the screen."""
+    """Map the first two coordinates from the pixel to the screen."""
     dtype = point.dtype
     screen = [
-        # The last pixel's sum may round up to 1.
+        # In the last pixel the sum may round up to 1.
         jnp.minimum((pixel.astype(dtype) + point[..., j]) * np.asarray(1 / side, dtype), below_one(dtype))
         for j, (pixel, side) in enumerate(((x, width), (y, height)))
     ]

@@ -1,4 +1,4 @@
-"""Images without the samples that a scene does not need."""
+"""Images without unnecessary samples."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -15,29 +15,29 @@ from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, in_one_pass
 
 _SIZES = (16384, 4096, 1024, 256)
-"""Pixels in one call: few sizes, few programs; the largest keeps its sums in the cache."""
+"""Pixels per call: few sizes mean few programs; the sums of the largest fit the cache."""
 
 _LONG = 4096, 1024
-"""Of a long program there is one: for so many pixels, or for images of less than four times as many, so
-many. Fewer in a call take longer, and more fill up the last call with more that is thrown away."""
+"""Pixels per call of a long program, compiled once; the smaller size is for images below four times the
+larger. Smaller calls take longer, larger ones discard more of the last call."""
 
 Group = tuple[tuple[int, ...], NDArray[np.intp]]
-"""Coordinates that vary, and the pixels in which they and no others do."""
+"""Coordinates, and the pixels in which exactly these vary."""
 
 
 class AdaptiveImage(NamedTuple):
-    """An image, and where its samples went."""
+    """An image and its sample counts."""
 
     image: Array
     """Shape (height, width) or (height, width, 3)."""
     counts: NDArray[np.uint32]
     """Shape (height, width): samples taken in each pixel."""
     saving: float
-    """The part of all width * height * spp samples that was not taken."""
+    """Fraction of all width * height * spp samples that was saved."""
 
 
 def skipping(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -> AdaptiveImage:
-    """Take one sample where the scene is constant, and only the coordinates that vary elsewhere."""
+    """Take one sample where the scene is constant; elsewhere sample only the coordinates that vary."""
     image, groups = plan(task)
     counts = np.ones(image.shape[:2], np.uint32)
     total, done = sum(len(pixels) for _, pixels in groups), 0
@@ -53,7 +53,7 @@ def skipping(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -
 
 
 def plan(task: Task) -> tuple[NDArray, list[Group]]:
-    """Return the image of the pixels' centres, and the pixels where the scene varies."""
+    """Return the image at pixel centres, and the pixels where the scene varies."""
     scene, size = task.scene, (task.width, task.height)
     every = tuple(range(len(scene.needs)))
     with checks.precision(task.dtype):
@@ -79,12 +79,12 @@ def plan(task: Task) -> tuple[NDArray, list[Group]]:
 
 
 def _bit(dim: int) -> int:
-    """Return the bit that tells of a coordinate: x and y share one, and so do all from 32 on."""
+    """Return the bit of a coordinate: x and y share one, and so do all from 32 on."""
     return min(max(dim - 1, 0), 31)
 
 
 def _is_long(scene: Any) -> bool:
-    """Tell whether a scene's program takes longer to compile than coordinates to make."""
+    """Return whether compiling the scene takes longer than sampling unnecessary coordinates."""
     return getattr(scene, "unrolled", 0) == 1
 
 
@@ -98,10 +98,10 @@ def _centres(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
 
 @jit("width", "height", "dtype")
 def _codes(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
-    """Return a word for each pixel whose bits tell of the coordinates that matter there."""
+    """Return a word for each pixel: its bits mark the coordinates on which the scene depends there."""
     x, y = _accumulation.of_image(width, height)
     count = len(scene.needs)
-    # Points are rounded; so are these edges, by a unit each of the product and of the reciprocal.
+    # Points are rounded, and so are these edges: one unit for the product, one for the reciprocal.
     margin = 4 * jnp.finfo(dtype).eps
     low, high = [], []
     for pixel, side in ((x, width), (y, height)):
@@ -126,7 +126,7 @@ def _codes(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
 def means(
     task: Task, dims: tuple[int, ...], pixels: NDArray[np.intp], mesh: Mesh | None
 ) -> Iterator[tuple[NDArray, NDArray]]:
-    """Yield the means of all samples, for one part of the pixels after the other."""
+    """Yield the means of all samples, one part of the pixels at a time."""
     sampler = task.sampler.up_to(task.spp)
     batch = in_one_pass(task.scene, sampler, task.spp, dims)
     count = devices.count(mesh)
@@ -158,7 +158,7 @@ def means(
 def _parts(
     pixels: NDArray[np.intp], sizes: tuple[int, ...]
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.uint32]]]:
-    """Cut a list into parts, and fill each up to one of the sizes, which descend."""
+    """Split a list into parts, each padded to one of the descending sizes."""
     start = 0
     for size in sizes:
         while len(pixels) - start >= size or (size == sizes[-1] and start < len(pixels)):
@@ -168,12 +168,12 @@ def _parts(
 
 
 def flat(image: NDArray) -> NDArray:
-    """Return a view whose first two axes are one."""
+    """Return a view with the first two axes merged."""
     return image.reshape(image.shape[0] * image.shape[1], *image.shape[2:])
 
 
 def result(task: Task, image: NDArray, counts: NDArray[np.uint32]) -> AdaptiveImage:
-    """Return the image with the part of all samples that it saved."""
+    """Return the image with its sample counts and savings."""
     every = task.width * task.height * task.spp
     with checks.precision(task.dtype):
         return AdaptiveImage(jnp.asarray(image), counts, 1 - int(counts.sum(dtype=np.uint64)) / every)

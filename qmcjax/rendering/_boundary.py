@@ -1,4 +1,4 @@
-"""Derivatives of pixel means with respect to what moves the edges of a scene."""
+"""Derivatives of pixel means with respect to parameters that move edges."""
 
 from typing import Any
 
@@ -18,10 +18,10 @@ from qmcjax.sequences import Sequence, as_sequence
 __all__ = ["boundary_gradient"]
 
 _PARTS = 8
-"""Parts of the points, which devices share."""
+"""Parts of the points, distributed over devices."""
 
 _BLOCK = 2**10, 2**18
-"""The least and the largest number of points on edges that are added up together."""
+"""Least and largest number of points on edges that are added up together."""
 
 
 def boundary_gradient(
@@ -37,8 +37,8 @@ def boundary_gradient(
     r"""Estimate the derivative of every pixel's mean with respect to every parameter, by sampling the edges.
 
     Where a parameter moves an edge, the derivative of a sample's value is 0 almost everywhere, but the mean
-    changes by what the edge sweeps. For a scene that is constant but for edges, Reynolds' transport theorem
-    gives
+    changes with the area that the edge sweeps. For a scene that is constant between edges, Reynolds'
+    transport theorem gives
 
     .. math:: \frac{\partial}{\partial \theta} \int_P f \, dp
               = \int_{\partial \cap P} (f_- - f_+) \, \frac{\partial p}{\partial \theta} \cdot \nu \, ds
@@ -46,12 +46,11 @@ def boundary_gradient(
                 \frac{\partial p}{\partial u}\right) du
 
     with the normal :math:`\nu` from the side of :math:`f_-` to that of :math:`f_+`: an edge that moves along
-    its normal leaves :math:`f_-` behind. The edges are curves :math:`p(u)`, with :math:`f_-` on the side to
-    which the direction of increasing u turns as x turns to y, by a right angle, and the jump is
-    :math:`j = f_- - f_+`. The tangent turned the other way, :math:`(p_{u,y}, -p_{u,x})`, is
-    :math:`\nu \, ds/du`, so that the determinant, the cross product of both derivatives, is what is swept;
-    that p slides along the edge does not matter. In d dimensions u has d - 1 coordinates, whose derivatives
-    are the further columns.
+    its normal leaves :math:`f_-` behind. The edges are curves :math:`p(u)`, with :math:`f_-` on the side of
+    the tangent rotated by 90 degrees from x to y, and the jump is :math:`j = f_- - f_+`. The tangent rotated
+    the other way, :math:`(p_{u,y}, -p_{u,x})`, is :math:`\nu \, ds/du`, so the determinant, the cross product
+    of both derivatives, is the swept area; motion of p along the edge does not matter. In d dimensions u has
+    d - 1 coordinates; their derivatives are the other columns.
 
     The mean over n points u of a sequence, each in the pixel it hits, over the area of a pixel, is unbiased
     if every u is uniform; with a low discrepancy sequence a curve's error falls like 1/n.
@@ -59,40 +58,31 @@ def boundary_gradient(
     Parameters
     ----------
     scene : Scene
-        With a method ``boundary(u)``: from u, shape (..., len(needs) - 1), to points, shape
-        (..., len(needs)), and jumps, shape (...). What is outside of the unit cube does not count.
-        All parameters must move edges only.
+        A pytree with parameters and a method ``boundary(u)``: from u, shape (..., len(needs) - 1), to points,
+        shape (..., len(needs)), and jumps, shape (...), of finitely many edges. Points outside the unit cube
+        do not count. All parameters must move edges only.
     sequence : Sequence
-        Of points u: of one dimension for scenes on the plane. Further dimensions are ignored.
+        Points u: one dimension for scenes on the plane. Further dimensions are ignored.
     width, height : int
         In [1, 65536].
     n : int
         Number of points on the edges of the whole image, in [1, 2**31].
     dtype : float32 or float64
-        Of points and sums.
     mesh : jax.sharding.Mesh, optional
-        Devices that share the points, as for :func:`qmcjax.render`. Up to 8, in whose parts they are added up
-        in any case; more are of no use. They need the memory of 8 results.
+        Devices that share the points, as for :func:`qmcjax.render`. Points are added up in 8 parts, so more
+        than 8 devices do not help. The parts need the memory of 8 results.
 
     Returns
     -------
     Scene
-        In place of each parameter its gradient: an Array of ``dtype``, shape (height, width) followed by the
-        parameter's own.
-
-    Raises
-    ------
-    TypeError
-        If an argument is not what it is named for, or the scene has no ``boundary`` or no parameters.
-    ValueError
-        If the scene has infinitely many edges, the sequence has too few dimensions or points, or a size is
-        out of range.
+        The scene with its gradient in place of each parameter: an Array of ``dtype``, shape (height, width)
+        followed by the shape of the parameter.
 
     Notes
     -----
-    An edge that coincides with the border of pixels is swept into one of them if it moves one way, and into
-    the other if it moves the other way: only the sum over both has a derivative. Where an edge grazes a
-    border, its points in float32, off by 1e-7, may fall on the wrong side: float64 helps.
+    An edge on the border between two pixels moves into either, depending on the direction: only the sum over
+    both has a derivative. Where an edge grazes a border, its points in float32, off by 1e-7, may fall on the
+    wrong side: float64 helps.
 
     References
     ----------
@@ -116,8 +106,7 @@ def boundary_gradient(
         )
     if not jax.tree.leaves(scene):
         raise TypeError(
-            "scene must be a pytree, whose arrays are the parameters that gradients are wanted of, got "
-            f"{checks.shown(scene)} without any"
+            f"scene must be a pytree with arrays as parameters, got {checks.shown(scene)} without any"
         )
     free = len(scene.needs) - 1
     if sequence.dims < free:

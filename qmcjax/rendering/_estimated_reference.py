@@ -24,7 +24,7 @@ from qmcjax.scenes import as_scene
 __all__ = ["estimated_reference"]
 
 REPLICATES = 16
-"""Independent images that are averaged: the standard error of the mean is known to about 18 %."""
+"""Number of independent images to average: the standard error of the mean is known to about 18 %."""
 
 _DEVIATIONS = 5
 """The bound in standard errors."""
@@ -44,9 +44,9 @@ def estimated_reference(
 ) -> tuple[NDArray[np.float64], float]:
     """Estimate the mean over each pixel from randomised replicates, with a bound on the errors.
 
-    Each replicate has ``spp / 16`` samples in every pixel, points of Sobol's sequence that are Owen-scrambled
-    independently for each pixel and replicate. So the estimate is unbiased up to rounding, and the scatter of
-    the replicates shows its standard error.
+    Each replicate has ``spp / 16`` samples in every pixel, points of the Sobol' sequence, Owen-scrambled
+    independently for each pixel and replicate. So the estimate is unbiased up to rounding, and the variance
+    of the replicates gives its standard error.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def estimated_reference(
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run.
     checkpoint : path or Checkpoint, optional
-        Of a file that keeps what is finished, as that of :func:`qmcjax.render` does.
+        File that keeps finished work, as for :func:`qmcjax.render`.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`.
 
@@ -69,24 +69,14 @@ def estimated_reference(
     -------
     image : float64 ndarray, shape (height, width) or (height, width, 3)
     bound : float
-        Five times the largest standard error of all values of the image, and what rounding adds.
-
-    Raises
-    ------
-    TypeError
-        If an argument is not what it is named for.
-    ValueError
-        If a size is out of range, ``spp`` no multiple of 16, or the scene returns a value that is not finite.
-        If ``checkpoint`` is damaged, or that of another computation, label or version, or lacks a label.
-    OSError
-        If ``checkpoint`` cannot be written at first.
+        Five times the largest standard error of all values of the image, plus a bound on rounding.
 
     Notes
     -----
     The bound holds with a probability that depends on the scene: for errors that are nearly normal, a value
     with the largest standard error exceeds it with a probability of 1.6e-4, by Student's distribution with 15
-    degrees of freedom. It says nothing about what no sample has seen, such as a light that one sample in a
-    million hits.
+    degrees of freedom. It does not cover features that no sample has hit, such as a light hit by one sample
+    in a million.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""A moving object before something that does not move, at even noise."""
+"""A moving object in front of a still scene, at even noise."""
 
 from typing import Any
 
@@ -26,28 +26,28 @@ def render_layers(
     shade: float = 1.0,
     dtype: DTypeLike = jnp.float32,
 ) -> AdaptiveImage:
-    """Render a moving object before a still scene, with samples in time only where the object passes.
+    """Render a moving object in front of a still scene, with samples in time only where the object passes.
 
-    Where it passes, ``spp`` samples in time find how much of the pixel and the shutter's time it covers. What
-    is behind it is estimated from ``still_spp`` samples there as everywhere, and both are added with
-    these weights. So the noise of the still scene is the same on and off the object's path, as the variance
-    invariant method wants [1]_; with all samples shading both, it would be less on the path.
+    Where it passes, ``spp`` samples in time estimate its coverage of the pixel and the shutter interval. The
+    scene behind it has ``still_spp`` samples there as everywhere, and the coverage weights both. So the noise
+    of the still scene is the same on and off the path of the object, as in the variance invariant method
+    [1]_; with all samples shading both, it would be lower on the path.
 
     Parameters
     ----------
     moving : Scene
-        How much the object covers, in [0, 1], with ``varies``; for example :func:`qmcjax.scenes.ball`.
+        Coverage of the object, in [0, 1], with ``varies``; for example :func:`qmcjax.scenes.ball`.
     still : Scene
-        What is behind it, numbers or colours.
+        The scene behind it, numbers or colours.
     sampler : Sampler
-        Its coordinates are those of ``moving`` or those of ``still``; it has at least ``max(spp, still_spp)``
-        samples a pixel.
+        Used for each scene: with as many dimensions as either needs, and ``max(spp, still_spp)`` samples per
+        pixel.
     width, height : int
         In [1, 65536].
     spp, still_spp : int
         Samples for each layer.
     shade : float
-        The value of the object.
+        The value of the object, finite.
     dtype : float32 or float64
 
     Returns
@@ -55,11 +55,6 @@ def render_layers(
     AdaptiveImage
         ``counts`` has the samples of both layers; ``saving`` is relative to ``spp + still_spp`` in every
         pixel.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As :func:`qmcjax.render_adaptive` does, for each layer, or if ``shade`` is not a finite number.
 
     Notes
     -----

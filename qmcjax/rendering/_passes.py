@@ -31,10 +31,10 @@ class Passes(NamedTuple):
     variance: Array
     """The same shape: an unbiased estimate of the variance of each value of ``image``."""
     error: Array
-    """Shape (): the standard error of the whole image, root of the mean of ``variance`` plus the square of
-    what rounding may add: the epsilon of the dtype times the largest value."""
+    """Shape (): standard error of the whole image, root of the mean of ``variance`` plus the square of the
+rounding error: the epsilon of the dtype times the largest value."""
     passes: int
-    """How many."""
+    """Number of passes."""
 
 
 def render_passes(
@@ -51,33 +51,33 @@ def render_passes(
     checkpoint: str | os.PathLike | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> Passes:
-    """Average freshly randomised passes of an image, until an error is reached or time is over.
+    """Average freshly randomised passes of an image, up to an error or a time limit.
 
     Parameters
     ----------
     scene : Scene
         As for :func:`render`.
     sampler : Randomized
-        Made by :func:`qmcjax.samplers.randomized`, or any object whose ``of_pass(number)`` returns the
-        sampler of a pass; a pass has ``sampler.spp`` samples per pixel.
+        Made by :func:`qmcjax.samplers.randomized`, or any object with ``of_pass(number)``, the sampler of a
+        pass; a pass has ``sampler.spp`` samples per pixel.
     width, height : int
         In [1, 65536].
     passes : int
-        Number of passes, or the most of them, at least 2.
+        Number of passes, or the maximum, at least 2.
     tolerance : float, optional
-        Stop after two or more passes as soon as ``error`` is at most this.
+        Stop after two or more passes as soon as ``error`` is at most this, a positive number.
     seconds : float, optional
-        Stop after two or more passes as soon as this call has taken so long.
+        Stop after two or more passes as soon as this call has taken so long, a positive number.
     dtype : float32 or float64
-        Of the images; passes are added up in float64.
+        Dtype of the images; passes are added up in float64.
     progress : callable, optional
         Called with the finished part in (0, 1] after each pass: of all passes, of the time, or of the way to
-        the tolerance, whichever is most.
+        the tolerance, whichever is largest.
     checkpoint : path or Checkpoint, optional
-        Of a file that keeps the passes, written every half a minute and in the end. Called again after it was
-        killed, the function goes on from there to the same bits; with more ``passes``, a smaller
-        ``tolerance`` or more ``seconds`` it goes on where it had stopped. The file stays there. A function of
-        your own that makes the sampler takes a :class:`qmcjax.Checkpoint` with a label.
+        File that keeps the passes, written every 30 seconds and at the end. Calling the function again
+        resumes from it, with bit-identical results; ``passes``, ``tolerance`` and ``seconds`` may change. The
+        file is not deleted. Your own function that makes the sampler needs a :class:`qmcjax.Checkpoint` with
+        a label.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
         ``seconds``.
@@ -86,24 +86,14 @@ def render_passes(
     -------
     Passes
 
-    Raises
-    ------
-    TypeError
-        If an argument is not what it is named for.
-    ValueError
-        If ``passes`` is out of range, ``tolerance`` or ``seconds`` is not positive, ``checkpoint`` is damaged
-        or that of another computation, label or version, or lacks a label, or as :func:`render` does.
-    OSError
-        If ``checkpoint`` cannot be written at first. Later on that is a RuntimeWarning.
-
     Notes
     -----
-    For a given number of passes, image and variance are unbiased up to rounding. With ``tolerance`` neither
-    is: whether to stop depends on the passes seen, and small errors are estimated where chance has not shown
-    a rare event yet. The means are then too small for values that are rarely large, and variances too small
-    for all. The bias vanishes with the tolerance; what is left of it is least where the number of passes
-    hardly varies, as for many pixels that share the criterion. To be unbiased, find the number of passes with
-    one key, and render that many with another.
+    For a given number of passes, image and variance are unbiased up to rounding. With ``tolerance`` both are
+    biased: stopping depends on the passes so far, and errors are underestimated as long as no rare event has
+    occurred. Means are then too small for values that are rarely large, and variances are always too small.
+    The bias vanishes with the tolerance; it is smallest where the number of passes hardly varies, as for many
+    pixels that share the criterion. For an unbiased result, find the number of passes with one key, and
+    render that many with another.
 
     References
     ----------
@@ -142,7 +132,7 @@ def render_passes(
         state = _kept(kept.state, passes)
 
     def finished(state: _State) -> float:
-        """Return the part of the way to what stops the passes first."""
+        """Return the finished part, by the criterion that stops first."""
         parts = [state.done / passes]
         if state.done > 1 and tolerance is not None:
             parts.append((tolerance / max(float(state.error), tolerance)) ** 2)
@@ -153,7 +143,7 @@ def render_passes(
     part = 0.0 if state is None else finished(state)
     while part < 1:
         number = 0 if state is None else state.done
-        # Outside the context: the program of an image in float32 is another there.
+        # Outside the context, which changes float32 programs.
         image = render(scene, sampler.of_pass(number), width, height, sampler.spp, dtype=dtype, mesh=mesh)
         with jax.enable_x64(True):
             state = _first(image) if state is None else _updated(image, state)

@@ -1,4 +1,4 @@
-"""A bar for what takes long."""
+"""Progress bars."""
 
 import sys
 from collections.abc import Callable
@@ -12,24 +12,19 @@ __all__ = ["progress_bar"]
 def progress_bar(label: str = "") -> Callable[[float], None]:
     """Return a bar with the remaining time, for any argument ``progress``.
 
-    It is drawn to ``sys.stderr`` in a terminal or a notebook, and nowhere else: batch jobs' logs stay short.
+    It is drawn to ``sys.stderr`` in a terminal or a notebook only: logs of batch jobs stay short.
 
     Parameters
     ----------
     label : str
-        What stands before it.
+        Text before the bar.
 
     Returns
     -------
     callable
-        A function of the finished part, in [0, 1]. What was finished when it is first called, such as what
-        is compiled or found in a checkpoint, does not count for the time that remains. After 1, or where
-        less is finished than before, a new bar begins.
-
-    Raises
-    ------
-    TypeError
-        If ``label`` is no str.
+        A function of the finished part, in [0, 1]. The part finished at the first call, such as work found in
+        a checkpoint, does not count for the remaining time. After 1, or after a smaller part than before, a
+        new bar begins.
 
     Examples
     --------
@@ -39,7 +34,7 @@ def progress_bar(label: str = "") -> Callable[[float], None]:
     """
     if not isinstance(label, str):
         raise TypeError(f"label must be a str, got {checks.shown(label)}")
-    from tqdm import tqdm  # Only who wants a bar is to wait for it.
+    from tqdm import tqdm  # Imported only for a bar.
 
     bar: Any = None
 

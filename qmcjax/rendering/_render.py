@@ -21,10 +21,10 @@ from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, re
 __all__ = ["render"]
 
 _CALL = 2**26
-"""Samples in one call of the compiled program: progress is reported between calls."""
+"""Samples per call of the compiled program: progress is reported between calls."""
 
 _PIXELS = 2**22
-"""Pixels in one call, whose sums are kept."""
+"""Pixels per call; their sums are kept."""
 
 
 def render(
@@ -41,7 +41,7 @@ def render(
 ) -> Array:
     """Average the samples of each pixel (box filter).
 
-    Memory is proportional to the number of pixels, whatever the number of samples; so it is for
+    Memory is proportional to the number of pixels and does not depend on the number of samples, also for
     gradients with respect to the parameters of the scene.
 
     Parameters
@@ -49,24 +49,24 @@ def render(
     scene : Scene
         A function from points, shape (..., len(scene.needs)), to values, shape (...) or (..., 3).
     sampler : Sampler
-        A function from pixel and sample to a point.
+        A function from pixel and sample to a point, made for this image size, with at least
+        ``len(scene.needs)`` dimensions.
     width, height : int
         In [1, 65536].
     spp : int
-        Samples per pixel, at least 1 and as many as the sampler allows.
+        Samples per pixel, at least 1 and at most as many as the sampler has.
     dtype : float32 or float64
-        Of points, values and sums. Sums are compensated: they are as good as the values.
+        Dtype of points, values and sums. Sums are compensated: they are as accurate as the values.
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run; not inside ``jax.jit``.
     checkpoint : path or Checkpoint, optional
-        Of a file that keeps what is finished, written every half a minute and in the end. Called again after
-        it was killed, the function goes on from there to the same bits. The file stays there. Where foreign
-        code takes part, such as a scene of your own, a :class:`qmcjax.Checkpoint` with a label. Not inside
-        ``jax.jit``.
+        File that keeps finished work, written every 30 seconds and at the end. Calling the function again
+        resumes from it, with bit-identical results. The file is not deleted. Foreign code, such as your own
+        scene, needs a :class:`qmcjax.Checkpoint` with a label. Not inside ``jax.jit``.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
-        process, or of several that all make the same call. The image is the same bit by bit, whatever they
-        are, and whole in each process; so are derivatives. By default the one that JAX computes on.
+        process, or of several that all make the same call. Image and derivatives are bit-identical on any
+        devices, and complete in each process. By default the default device of JAX.
 
     Returns
     -------
@@ -75,15 +75,12 @@ def render(
 
     Raises
     ------
-    TypeError
-        If an argument is not what it is named for.
     ValueError
-        If a size is out of range, the sampler was made for another image or number of samples, it
-        has fewer dimensions than the scene needs, or the scene returns a value that is not finite (the
-        message names the pixel, the sample and the point). If ``checkpoint`` is damaged, or that of another
-        scene, sampler, size, dtype or label, or of other versions or flags of JAX, or lacks a label.
+        If the scene returns a value that is not finite: the message names the pixel, the sample and the
+        point. If ``checkpoint`` is damaged, lacks a label, or belongs to another scene, sampler, size, dtype,
+        label, version or flag of JAX.
     OSError
-        If ``checkpoint`` cannot be written at first. Later on that is a RuntimeWarning.
+        If ``checkpoint`` cannot be written at the start. Later failures are a RuntimeWarning.
 
     Examples
     --------
@@ -104,7 +101,7 @@ def rendered(
     progress: Callable[[float], None] | None,
     kept: checkpoints.Kept | None,
 ) -> Array:
-    """Render what was checked, from where an earlier run was stopped."""
+    """Render a checked task, resuming from its checkpoint."""
     image, finite = _everywhere(task, mesh, progress, kept)
     if not isinstance(finite, Tracer) and not finite:
         refuse(task, image)
@@ -117,12 +114,11 @@ def _everywhere(
     progress: Callable[[float], None] | None,
     kept: checkpoints.Kept | None,
 ) -> tuple[Array, Array]:
-    """Take all samples of all pixels, and tell whether the means are finite."""
+    """Take all samples of all pixels, and return the means and whether they are finite."""
     scene, sampler, width, height, spp, dtype = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
     with checks.precision(dtype):
-        # So many values are added pairwise before they go into the compensated sum: memory traffic is what
-        # counts.
+        # Values are added pairwise before the compensated sum: memory traffic dominates.
         batch = in_one_pass(scene, sampler, spp, dims)
         pair = devices.placed((scene, sampler), mesh)
         pixels, size = width * height, _accumulation.tile_size(width * height, mesh, task.traced)
@@ -135,7 +131,7 @@ def _everywhere(
                 state = jnp.asarray(kept.state["sum"]), jnp.asarray(kept.state["excess"])
         while finished < pixels:
             count = min(at_a_time, -(-(pixels - finished) // size))
-            # Those of a checkpoint may have another size, on other devices.
+            # Parts of a checkpoint may have another size, on other devices.
             count, of_tile = (count, size) if state is None else state[0].shape[:2]
             tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
             means = None
@@ -175,7 +171,7 @@ def _everywhere(
 
 
 def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> tuple[Array | None, int]:
-    """Return an image whose next pixels are those of a part, and how many it has then."""
+    """Return an image extended by the pixels of a part, and its number of pixels."""
     if len(part) == pixels:
         return part, pixels
     if len(part):
@@ -185,20 +181,20 @@ def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> 
     return image, finished + len(part)
 
 
-# The memory of what is replaced is that of what replaces it: an image is kept once.
+# Donated: the result reuses the memory of the argument.
 @partial(jax.jit, donate_argnums=0)
 def _written(image: Array, part: Array, begin: Array) -> Array:
     return jax.lax.dynamic_update_slice_in_dim(image, part, begin, 0)
 
 
 def _shaped(image: Array, width: int, height: int) -> tuple[Array, Array]:
-    """Return an image of its pixels, and whether all of it is finite."""
+    """Return the pixels as an image, and whether all are finite."""
     return image.reshape(height, width, *image.shape[1:]), jnp.isfinite(image).all()
 
 
 @partial(jax.jit, static_argnums=(1, 2), donate_argnums=0)
 def _in_place(image: Array, width: int, height: int) -> tuple[Array, Array]:
-    """Do the same in the memory of the pixels: row by row, or XLA would keep a byte a pixel meanwhile."""
+    """Do the same in place: row by row, or XLA would allocate one byte per pixel."""
     image = image.reshape(height, width, *image.shape[1:])
 
     def of_row(row: Array, finite: Array) -> Array:

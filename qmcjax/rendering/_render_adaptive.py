@@ -1,4 +1,4 @@
-"""From a scene and a sampler to an image, without the samples that it does not need."""
+"""From a scene and a sampler to an image, without unnecessary samples."""
 
 from collections.abc import Callable
 from typing import Any
@@ -33,52 +33,50 @@ def render_adaptive(
     """Average the samples of each pixel that the scene needs.
 
     Where ``scene.varies`` proves that the scene is constant in a pixel, one sample is taken; where it proves
-    that it does not depend on time, the lens or any other coordinate, that coordinate is not sampled, unless
-    ``scene.unrolled`` is 1, as of ray-traced scenes: another program would take long to compile. All other
-    samples are those of :func:`qmcjax.render`, and so are the means but for rounding. Scenes without
+    that the scene does not depend on a coordinate, such as time or the lens, that coordinate is not sampled,
+    unless ``scene.unrolled`` is 1, as for ray-traced scenes: another program would take long to compile. All
+    other samples are those of :func:`qmcjax.render`, and so are the means up to rounding. Scenes without
     ``varies`` are sampled everywhere.
 
     Parameters
     ----------
     scene : Scene
     sampler : Sampler
-        With ``tolerance`` made by :func:`qmcjax.samplers.randomized`.
+        Made by :func:`qmcjax.samplers.randomized` if there is a ``tolerance``.
     width, height : int
         In [1, 65536].
     spp : int
-        Samples per pixel, or the most of them.
+        Samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass.
     dtype : float32 or float64
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run.
     tolerance : float, optional
         Take passes in each pixel until the standard error of it and its neighbours is at most this, or until
-        it has ``spp`` samples. At least four passes are taken.
+        it has ``spp`` samples. At least four passes are taken. Positive.
     unbiased : bool
         With ``tolerance``: decide the number of passes of each pixel from four passes that are not part of
         the image. Otherwise a pixel whose first passes happen to agree stops early, and rare bright values
         are underestimated. ``counts`` has the samples of both. The error is then a prediction from four
-        passes: a few pixels stay above the tolerance.
+        passes: a few pixels remain above the tolerance.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels that are sampled, as for :func:`qmcjax.render`.
 
     Returns
     -------
     AdaptiveImage
-        ``image`` as that of :func:`qmcjax.render`, ``counts`` (samples taken in each pixel) and ``saving``
-        (the part of all samples that was not taken).
+        ``image`` as from :func:`qmcjax.render`, ``counts`` (samples taken in each pixel) and ``saving`` (the
+        fraction of samples saved).
 
     Raises
     ------
     TypeError
-        If an argument is not what it is named for, or scene or sampler are traced: where to stop is decided
-        on values.
+        If scene or sampler are traced: where to stop depends on values.
     ValueError
-        As :func:`qmcjax.render` does, or if ``tolerance`` is not positive, or ``spp`` no multiple of the
-        samples of a pass.
+        As for :func:`qmcjax.render`.
 
     Notes
     -----
-    Which pixels are constant is known before any sample is taken, so that this alone adds no bias.
+    Constant pixels are known before any sample is taken, so skipping samples adds no bias.
 
     Examples
     --------
@@ -91,7 +89,7 @@ def render_adaptive(
     wanted = task(scene, sampler, width, height, spp, dtype)
     if wanted.traced:
         raise TypeError(
-            "scene and sampler must be known, since render_adaptive decides on values: it is not for "
+            "scene and sampler must be known, since render_adaptive decides on values, not inside "
             "jax.jit, jax.vmap or jax.grad, got a tracer"
         )
     check_progress(progress, wanted)
@@ -108,7 +106,7 @@ def render_adaptive(
 
 
 def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
-    """Raise for what passes cannot be stopped by."""
+    """Raise unless passes can be stopped by this tolerance."""
     if not isinstance(unbiased, bool):
         raise TypeError(f"unbiased must be True or False, got {checks.shown(unbiased)}")
     if tolerance is None:

@@ -1,4 +1,4 @@
-"""Frames of an animation from the images of those before: a ring buffer (thesis, Sect. 3.1.3)."""
+"""Sliding means of the images of an animation: a ring buffer (thesis, Sect. 3.1.3)."""
 
 from __future__ import annotations
 
@@ -14,31 +14,23 @@ from qmcjax.core.parameters import known, require
 
 
 def sliding_means(images: Iterable[ArrayLike], count: int) -> Iterator[NDArray[np.float64]]:
-    """Yield the mean of the first images, and then one more for each new image: of the last ones.
+    """Yield the mean of the last ``count`` images, for each new image from number ``count`` on.
 
-    Where motion blur is a mean of images at consecutive times, each frame after the first takes one new image
-    in place of ``count``.
+    Where motion blur is a mean of images at consecutive times, each frame after the first needs one new image
+    instead of ``count``.
 
     Parameters
     ----------
     images : iterable of real ArrayLike
-        All of one shape. They may come from a generator: each is asked for when it is needed.
+        Finite, all of one shape. A generator is consumed lazily.
     count : int
-        How many images make a frame, in [1, 65536]; so many are kept.
+        Number of images per frame, in [1, 65536]; so many are kept.
 
     Yields
     ------
-    float64 array of NumPy, shape of the images
-        Each is the mean of ``count`` images in a row, the oldest added first: it does not depend on the
-        frames before. Where an image is subtracted from a running sum instead, rounding errors stay in it.
-
-    Raises
-    ------
-    TypeError
-        If ``images`` cannot be iterated over, or an image is none of real numbers.
-    ValueError
-        If ``count`` is out of range, an image has another shape than those before, or a value that is not
-        finite.
+    float64 ndarray, shape of the images
+        The mean of ``count`` consecutive images, the oldest added first: it does not depend on earlier
+        frames. A running sum would accumulate rounding errors.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Passes in each pixel until its error is small."""
+"""Passes in each pixel up to a tolerance."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -85,7 +85,7 @@ class _Moments:
     def variance(self) -> NDArray[np.float64]:
         """Return the variance of a pass: the largest among a pixel, its eight neighbours and all channels.
 
-        A few passes of a pixel may agree by chance, where an edge cuts off a corner; less so in all of them.
+        A few passes of one pixel may agree by chance, where an edge cuts off a corner; all nine rarely do.
         """
         of_pixel = (self.squares.T / np.maximum(self.count - 1, 1)).T.reshape(self.shape)
         padded = np.pad(of_pixel.reshape(*self.shape[:2], -1).max(axis=2), 1)

@@ -1,4 +1,4 @@
-"""What is rendered, and errors for what cannot be."""
+"""Checked arguments of a rendering."""
 
 import math
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
 
 _SEARCHED = 2**16
-"""Samples of a pixel that are looked through at a time for the one that is not finite."""
+"""Samples of a pixel searched at a time for a non-finite value."""
 
 
 class Task(NamedTuple):
@@ -57,7 +57,7 @@ def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> in
 
 
 def refuse(task: Task, image: Array | NDArray) -> None:
-    """Raise a ValueError that names the first sample whose point is not in [0, 1) or value not finite."""
+    """Raise a ValueError that names the first sample with a point outside [0, 1) or a non-finite value."""
     with checks.precision(task.dtype):
         flat = np.asarray(image).reshape(task.width * task.height, -1)
         pixel = int(np.argmin(np.isfinite(flat).all(axis=1)))
@@ -87,7 +87,7 @@ def refuse(task: Task, image: Array | NDArray) -> None:
 
 
 def check_progress(progress: Any, task: Task) -> None:
-    """Raise unless ``progress`` is None, or a function and there will be something to report."""
+    """Raise unless ``progress`` is None, or a function outside of ``jax.jit``."""
     if progress is None:
         return
     if not callable(progress):
@@ -98,7 +98,7 @@ def check_progress(progress: Any, task: Task) -> None:
 def opened(
     checkpoint: Any, function: str, task: Task, mesh: Mesh | None, **made_of: Any
 ) -> checkpoints.File | None:
-    """Return the checkpoint of a function's result, which depends on a task or on something else."""
+    """Return the checkpoint of a result that depends on a task and further arguments."""
     if checkpoint is None:
         return None
     _check_outside("checkpoint", checkpoint, task)

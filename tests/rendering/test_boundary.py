@@ -301,7 +301,7 @@ class WithoutParameters:
         (lambda: estimate(scenes.zone_plate()), "scene must have boundary.*ZonePlate"),
         (lambda: estimate(scenes.disc(), height=2.5), "height must be an integer.*2.5"),
         (lambda: estimate(None), "scene must be a scene .* got None"),
-        (lambda: estimate(WithoutParameters()), "scene must be a pytree, whose arrays are the parameters"),
+        (lambda: estimate(WithoutParameters()), "scene must be a pytree with arrays as parameters"),
     ],
 )
 def test_wrong_types_are_named(call, message):

@@ -8,7 +8,10 @@ Four nouns, each a pure function at random access and a JAX pytree:
 - a **scene** maps a point to a value (:mod:`qmcjax.scenes`);
 
 :func:`qmcjax.render` puts them together, :func:`qmcjax.integrate` averages a function over a sequence alone,
-:func:`qmcjax.recommend` says which sampler to take.
+:func:`qmcjax.recommend` recommends a sampler.
+
+Arguments known before tracing are checked: a TypeError for a wrong type, or a ValueError for a wrong value,
+names the argument, what it must be and what came. Docstrings list other errors only.
 """
 
 import importlib
@@ -60,7 +63,7 @@ else:
     _PACKAGES = ("orders", "samplers", "scenes", "sequences", "tracing")
 
     def __getattr__(name: str) -> typing.Any:
-        """Import a package, or what hands a name on, when it is asked for: few scripts need them all."""
+        """Import a package or name at its first use: few scripts need them all."""
         if name in _PACKAGES:
             return importlib.import_module(f"qmcjax.{name}")
         if name not in _LAZY:

@@ -1,4 +1,4 @@
-"""The mean of a function over the points of a sequence, none of which is kept."""
+"""The mean of a function over the points of a sequence, without storing them."""
 
 import math
 import operator
@@ -21,53 +21,48 @@ from qmcjax.sequences import BinarySequence, OwenDigits, Sequence, as_sequence, 
 __all__ = ["Estimate", "integrate"]
 
 _ROWS = 4096
-"""Points that are evaluated together: what they and their sums take fits a second-level cache."""
+"""Points evaluated together: they and their sums fit a second-level cache."""
 
 _BATCH = 8
-"""Blocks of cheap points whose values are added pairwise before they go into the compensated sum."""
+"""Blocks of cheap points: their values are added pairwise before the compensated sum."""
 
 _PARTS = 64
-"""Parts of many points, which devices share."""
+"""Parts of many points, distributed over devices."""
 
 _SEARCHED = 2**16
-"""Points among which the first whose value is not finite is looked for at a time."""
+"""Points searched at a time for the first non-finite value."""
 
 
 class Estimate(NamedTuple):
-    """An integral from independent replicates, and how sure it is.
+    """An integral from independent replicates, with its error.
 
-    In the structure of the values, in float64; complex numbers have errors for each part.
+    In the structure of the values, in float64; complex numbers have errors for real and imaginary part.
     """
 
     integral: Any
     """The mean of the replicates."""
 
     standard_error: Any
-    """Of the mean: see :func:`integrate` for counts, which may agree by chance."""
+    """Of the mean; see :func:`integrate` for counts."""
 
     replicates: int
-    """How many."""
+    """Number of replicates."""
 
     rounding: Any
-    """What rounding may add to the error, which no scatter shows: see :func:`integrate`."""
+    """Error by rounding, which the replicates do not show: see :func:`integrate`."""
 
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
-        """Return a confidence interval: Student's for the mean of normal variates, wider by ``rounding``.
+        """Return a confidence interval: Student's t interval of the mean, widened by ``rounding``.
 
         Parameters
         ----------
         level : float
-            In (0, 1): how often the interval holds the integral at least, if replicates are nearly normal.
+            Confidence level, in (0, 1), for replicates that are nearly normal.
 
         Returns
         -------
         low, high
             float64, in the structure of the values.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If ``level`` is no number in (0, 1).
         """
         from scipy.special import stdtrit
 
@@ -76,7 +71,7 @@ class Estimate(NamedTuple):
         if not 0 < level < 1:
             raise ValueError(f"level must be a number in (0, 1), got {level!r}")
         quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
-        with jax.enable_x64(True):  # or what is traced becomes float32 here
+        with jax.enable_x64(True):  # or traced values would become float32 here
             width = jax.tree.map(lambda s, r: quantile * s + r, self.standard_error, self.rounding)
             low, high = (jax.tree.map(each, self.integral, width) for each in (operator.sub, operator.add))
         return low, high
@@ -85,7 +80,7 @@ class Estimate(NamedTuple):
 @pytree
 @dataclass(frozen=True, eq=False, repr=False)
 class _Converted:
-    """A function without the tracers that it closes over, beside these."""
+    """A function, and separately the tracers that it closes over."""
 
     converted: Any
     function: Any
@@ -95,7 +90,7 @@ class _Converted:
 def _call(function: Any, points: Array) -> Any:
     if isinstance(function, _Converted):
         converted = plug_ins.unheld(function.converted)
-        # The program of a function is one for _ROWS points.
+        # The function was converted for _ROWS points.
         rows = len(points)
         blocks = jnp.pad(points, ((0, -rows % _ROWS), (0, 0)), mode="edge").reshape(
             -1, _ROWS, points.shape[1]
@@ -146,8 +141,8 @@ def integrate(
 ) -> Any:
     """Average a function over points of a sequence: quasi-Monte Carlo integration over the unit cube.
 
-    Points are made, evaluated and added up in blocks that stay in the processor's cache. Memory does not
-    depend on ``n``, nor does it for gradients.
+    Points are generated, evaluated and added up in blocks that stay in the cache. Memory does not depend on
+    ``n``, also for gradients.
 
     Parameters
     ----------
@@ -155,56 +150,55 @@ def integrate(
         From points, shape (rows, dims), to values, shape (rows, ...), row by row: numbers or bools, or a
         tuple, a dict or another pytree of them. The same function object compiles once. If it is a pytree,
         like a scene or ``jax.tree_util.Partial``, its arrays are parameters: new values compile nothing.
-        Gradients flow to them, and to what a function closes over.
+        Gradients flow to them, and to values that the function closes over.
     sequence : Sequence
-        Or any object with its protocol, see :func:`qmcjax.sequences.as_sequence`.
+        Or any object with its protocol, see :func:`qmcjax.sequences.as_sequence`. It must have ``start + n``
+        points.
     n : int
         Number of points, at least 1. A new n compiles anew.
     start : int
         Index of the first point. Digital sequences in base 2 have a faster program for multiples of 4096.
     replicates : int, optional
-        In [2, 65536]: integrate with so many randomised copies of the sequence, each over ``n`` points.
+        Number of randomised copies of the sequence, in [2, 65536], with ``n`` points each.
     key : jax.random.key, or int in [0, 2**32)
-        Of the replicates.
+        Randomises the replicates.
     dtype : float32 or float64
-        Of points and, without ``replicates``, of sums. Sums are compensated: they are as good as the values.
+        Dtype of points and, without ``replicates``, of sums. Sums are compensated: they are as accurate as
+        the values.
     mesh : jax.sharding.Mesh, optional
-        Devices that share the points if there are many, as for :func:`qmcjax.render`. Points are added up in
-        the same parts on any devices, so that the integral is the same bit by bit.
+        Devices that share the points if there are many, as for :func:`qmcjax.render`. The integral is
+        bit-identical on any devices.
 
     Returns
     -------
     Array, or pytree of them
-        In the structure of the function's values, shape (...); floating and complex ones in their own type,
+        In the structure of the function's values, shape (...); floating and complex ones in their type,
         others in ``dtype``. With ``replicates`` an :class:`Estimate`: their mean, its standard error, and an
         ``interval()``, in float64 whatever ``dtype`` is. They are NumPy arrays unless they are traced.
 
     Raises
     ------
-    TypeError
-        If an argument is not what it is named for.
     ValueError
-        If the points run beyond the sequence's last index, or ``function`` does not return a value a row, or
-        returns one that is not finite: the message names the point.
+        If ``function`` returns a value that is not finite: the message names the point.
 
     Notes
     -----
     Replicates are Owen-scrambled (:func:`qmcjax.sequences.owen`) if the sequence has digits to scramble, and
-    otherwise rotated (:func:`qmcjax.sequences.rotate`). They are independent, so their scatter shows the
-    standard error. Their points are in the middle of cells of side 2**-23 in float32 and 2**-32 in float64:
+    otherwise rotated (:func:`qmcjax.sequences.rotate`). They are independent, so their variance gives the
+    standard error. Their points are in the centres of cells of side 2**-23 in float32 and 2**-32 in float64:
     each replicate is unbiased up to the curvature of the function in a cell, and up to the rounding of its
     values. For the latter ``rounding`` is the epsilon of the values, or of ``dtype`` if that is larger, times
-    the mean magnitude of the values, plus half their range for jumps, which cells displace by half their
-    side. Magnitude and range are those of the first 4096 points of a replicate. What cancels within the
+    the mean magnitude of the values, plus half their range for jumps, since cells displace these by half
+    their side. Magnitude and range are those of the first 4096 points of a replicate. Cancellation within the
     function is not accounted for.
 
-    Intervals hold the integral as often as they say if the replicates' means are nearly normal. Means of
-    counts may take two values only, as for a jump along one axis, and few replicates then agree by chance.
-    So where most means have an equal one, the squared standard error grows by three times the square of
-    range / (n * replicates): intervals then hold the integral at least as often as they say, for up to 32
-    replicates and any probabilities of the two values. Nothing is done where a smooth part hides this: of
-    ``x + (x < 1/3)``, n = 256, an interval of 95 % holds the integral in 80 % with 4 replicates, in 93 % with
-    8. Nor where means are skewed: of ``-log x``, n = 256, it does in 90 %.
+    Intervals have their nominal coverage if the means of the replicates are nearly normal. Means of counts
+    may take two values only, as for a jump along one axis, and few replicates then agree by chance. So where
+    most means have an equal one, the squared standard error grows by three times the square of range / (n *
+    replicates): intervals then have at least their nominal coverage, for up to 32 replicates and any
+    probabilities of the two values. A smooth part hides this: for ``x + (x < 1/3)``, n = 256, the coverage of
+    a 95 % interval is 80 % with 4 replicates and 93 % with 8. Skewed means are not corrected either: for
+    ``-log x``, n = 256, it is 90 %.
 
     Examples
     --------
@@ -254,16 +248,15 @@ def integrate(
 def _randomised(sequence: Sequence, key: Array) -> Sequence:
     try:
         return owen(sequence, key)  # pyright: ignore[reportArgumentType]
-    except TypeError:  # it has no digits
+    except TypeError:  # no digits
         return rotate(sequence, key)
 
 
 def _prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
-    """Return a function as a pytree, for :func:`_call`, and what its values are like.
+    """Return a function as a pytree, for :func:`_call`, and the shapes of its values.
 
-    Or raise a ValueError unless it has a value a row.
-
-    What it closes over and derivatives may be wanted of becomes an argument of the program.
+    Raise a ValueError unless it has one value per row. Differentiable closed-over values become arguments of
+    the program.
     """
     function = plug_ins.held("function", function)
     points = jax.ShapeDtypeStruct((_ROWS, dims), dtype)
@@ -296,7 +289,7 @@ def _points(sequence: Sequence, index: Array, dtype: np.dtype, replicated: bool)
 
 
 def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
-    """Move randomised points, not rounded to nearest in float32, to the middle of cells: the mean of any."""
+    """Move randomised points, not rounded to nearest in float32, to the centre of their cells."""
     if dtype == jnp.float32:
         side = np.asarray(2.0**-23, points.dtype)
         return ((jnp.floor(points / side) + np.asarray(0.5, points.dtype)) * side).astype(dtype)
@@ -306,7 +299,7 @@ def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
 
 
 def _values(function: Any, points: Array, dtype: np.dtype, replicated: bool, wide: bool) -> Array:
-    with jax.enable_x64(wide):  # as the caller has it
+    with jax.enable_x64(wide):  # the precision of the caller
         values = _call(function, points)
     return _columns(values, np.dtype(np.float64) if replicated else dtype)
 
@@ -381,7 +374,7 @@ def _columns(values: Any, dtype: np.dtype) -> Array:
 
 
 def _of_columns(column: Array, like: Any, dtype: np.dtype) -> Any:
-    """Return the numbers of one row as values."""
+    """Return the numbers of one row in the structure of the values."""
     first = 0
 
     def next_part(shape: tuple[int, ...]) -> Array:
@@ -410,7 +403,7 @@ def _tree_sum(values: Array) -> Array:
 
 
 def _estimate(found: list[Array], some: Array, like: Any, n: int, dtype: np.dtype) -> Estimate:
-    """Return the mean of replicates, its standard error, and what that does not show."""
+    """Return the mean of replicates, its standard error, and the rounding error."""
     wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _wide(leaf.dtype)), like)
     means = jnp.stack(found)
     mean, spread = means.mean(axis=0), jnp.ptp(some, axis=0)
@@ -440,7 +433,7 @@ def _wide(dtype: Any) -> np.dtype:
 
 
 def _refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n: int, *how: Any) -> None:
-    """Raise a ValueError if known means are not finite, with the first point that is to blame."""
+    """Raise a ValueError that names the first point with a non-finite value, if there is one."""
     leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return
@@ -450,10 +443,10 @@ def _refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, 
         if bad.size:
             point = ", ".join(str(x) for x in points[bad[0]])
             raise ValueError(
-                f"function must return finite values, got one that is not at point {first + int(bad[0])}, "
+                f"function must return finite values, got NaN or infinity at point {first + int(bad[0])}, "
                 f"({point})"
             )
-    raise ValueError(f"function must return values whose sum is finite, got an overflow of {n} values")
+    raise ValueError(f"function must return values with a finite sum, got an overflow of {n} values")
 
 
 @jit("count", "dtype", "replicated", "wide")

@@ -1,4 +1,4 @@
-"""Which sampler to take: candidates, what a benchmark has measured of them, and the choice."""
+"""The choice of a sampler: candidates, their measured errors, and recommendations."""
 
 from qmcjax.choosing._candidates import CANDIDATES as CANDIDATES
 from qmcjax.choosing._candidates import Candidate as Candidate

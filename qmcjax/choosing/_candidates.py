@@ -1,4 +1,4 @@
-"""The samplers of the papers and ours, by name, made alike: what there is to choose from."""
+"""The candidates: samplers of the papers and ours, by name, with one signature."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from qmcjax import orders, samplers, sequences
 __all__ = ["CANDIDATES", "Candidate"]
 
 MOST = 250
-"""Dimensions that all candidates without a limit of their own have: those of the lattice."""
+"""Dimensions of all candidates without a smaller limit: those of the lattice."""
 
 
 @dataclass(frozen=True)
@@ -17,15 +17,15 @@ class Candidate:
     """A family of samplers."""
 
     make: Callable[[int, int, int, int, Any], samplers.Sampler]
-    """From dimensions, width, height, samples per pixel and key."""
+    """Makes a sampler from dimensions, width, height, samples per pixel and key."""
 
     most_dims: int = MOST
 
     powers_of_two: bool = False
-    """Whether the number of samples per pixel must be one."""
+    """Whether it has one sample per pixel only."""
 
     def takes(self, dims: int, spp: int) -> bool:
-        """Tell whether it can be made for so many dimensions and samples per pixel."""
+        """Return whether it exists for these dimensions and samples per pixel."""
         return dims <= self.most_dims and not (self.powers_of_two and spp & (spp - 1))
 
 
@@ -71,7 +71,7 @@ CANDIDATES: dict[str, Candidate] = {
         )
     ),
     "permutation": Candidate(_permutation, most_dims=2, powers_of_two=True),
-    # Optimised for what is left of errors after a filter.
+    # Optimised for small errors after a filter.
     "dither mask": Candidate(
         lambda dims, width, height, spp, key: samplers.dither(
             samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(dims), key)
@@ -80,7 +80,7 @@ CANDIDATES: dict[str, Candidate] = {
     "ranked (Heitz)": Candidate(
         lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4
     ),
-    # Along Morton's curve, and what it becomes if its permutations are optimised.
+    # Along Morton order, with random or optimised permutations.
     "Z0": Candidate(
         lambda dims, width, height, spp, key: samplers.z(
             width, height, spp, None, "plain", sequence=_owen(dims, key)
@@ -121,4 +121,4 @@ CANDIDATES: dict[str, Candidate] = {
         )
     ),
 }
-"""By the names that plots have for them. Each key gives another sampler, whose program is the same."""
+"""By their names in plots. Each key gives another sampler with the same program."""

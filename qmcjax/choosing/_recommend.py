@@ -1,4 +1,4 @@
-"""The choice of a sampler from what was measured."""
+"""The choice of a sampler from measured errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,24 +16,24 @@ from qmcjax.scenes import as_scene
 __all__ = ["Recommendation", "recommend"]
 
 USUAL = "(0,2), Owen"
-"""What one would take without a choice: points of their own in each pixel."""
+"""The default for comparison: independent points in each pixel."""
 
 
 @dataclass(frozen=True)
 class Recommendation:
-    """A sampler, why it, and how much more error others have; see :func:`recommend`."""
+    """A sampler, the reason, and the errors of the others relative to it; see :func:`recommend`."""
 
     name: str
-    """Of the sampler, as in plots."""
+    """Name of the sampler, as in plots."""
     dims: int
     spp: int
     reason: str
-    """A few sentences with numbers."""
+    """The reason, in a few sentences with numbers."""
     others: Mapping[str, ErrorRatio]
-    """Of all other samplers, the best first: how many times the error of this one they have."""
+    """Errors of all other samplers relative to this one, the best first."""
 
     def sampler(self, width: int, height: int, key: Array | int) -> Sampler:
-        """Make it.
+        """Make the sampler.
 
         Parameters
         ----------
@@ -49,63 +49,56 @@ class Recommendation:
         Raises
         ------
         ValueError
-            If an argument is out of range, or the sampler is a permutation net and the image needs more than
-            2**32 samples: then take one of the ``others``.
+            If the sampler is a permutation net and the image needs more than 2**32 samples: take one of the
+            ``others``.
         """
         width, height = checks.image_size(width, height)
         return CANDIDATES[self.name].make(self.dims, width, height, self.spp, checks.prng_key("key", key))
 
     @property
     def alternatives(self) -> tuple[str, ...]:
-        """Samplers that are not certainly worse by 2 % at each size that was measured."""
+        """Samplers that are not significantly worse by 2 % at each measured size."""
         return tuple(name for name, other in self.others.items() if not other.differs)
 
     @property
     def margin(self) -> ErrorRatio | None:
-        """How many times the error the best one has of those that differ; None where none does."""
+        """Error ratio of the best sampler that differs significantly; None if there is none."""
         return next((other for other in self.others.values() if other.differs), None)
 
 
 def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: bool = False) -> Recommendation:
-    """Choose the sampler of the least measured error for scenes of a kind, and say by how much it is best.
+    """Return the sampler with the least measured error for scenes of a kind, and its margin.
 
     Parameters
     ----------
     needs : Scene, tuple of str, or int
-        A scene, the names of its dimensions (``scene.needs``), or how many there are, in [2, 250]. What is
-        evaluated is the type of a scene at most, never the scene.
+        A scene, the names of its dimensions (``scene.needs``), or how many there are, in [2, 250]. The scene
+        is never evaluated.
     spp : int
         Samples per pixel, in [1, 2**31].
     smooth : bool, optional
-        Whether values have no jumps within pixels, in any dimension. By default as the type of the scene
-        says; where it does not, scenes of both kinds count.
+        Whether values have no jumps within pixels, in any dimension. By default known from the type of the
+        scene; otherwise scenes of both kinds count.
     filtered : bool
-        Whether what matters is the error after a Gaussian of 1.5 pixels, as to an eye at a distance or before
-        a denoiser, rather than the RMS error of pixels.
+        Minimise the error after a Gaussian filter of 1.5 pixels, as for viewing at a distance or before a
+        denoiser, rather than the RMS error of pixels.
 
     Returns
     -------
     Recommendation
 
-    Raises
-    ------
-    TypeError
-        If an argument has another type.
-    ValueError
-        If a number is out of range.
-
     Notes
     -----
-    The errors are those of images of 128 x 128 and of 100 x 76 pixels, of the scenes of this package that
-    are not ray-traced, each in root mean square over 8 keys, in levels of 2, of 3 and 4, and of 5 to 8
+    Errors were measured on images of 128 x 128 and of 100 x 76 pixels, of the scenes of this package that are
+    not ray-traced, each as root mean square over 8 keys, in levels of 2, of 3 and 4, and of 5 to 8
     dimensions, at 1, 4, 16 and 64 samples per pixel. Between these, logarithms of errors are interpolated
-    over that of the number of samples: numbers that are no powers of 2 may then be promised too much. Beyond,
-    the answer is that of the nearest that was measured, and ``reason`` says so. Intervals of geometric means
-    over scenes are Student's, and reach from the lowest to the highest end at both sizes. They hold the mean
-    of such scenes with these keys: eight other keys move those of samplers with one sequence over the whole
-    image by up to a third. For single scenes ``reason`` has the least and the largest ratio of those
-    measured. All pairs of samplers are compared together by Holm's procedure: in 95 of 100 answers, no
-    sampler is called worse that is not. Run times are not counted.
+    over the logarithm of the number of samples: this may be too optimistic for other numbers than powers of
+    two. Beyond, the nearest measurement counts, and ``reason`` says so. Intervals of geometric means over
+    scenes are Student's t intervals, from the lowest to the highest end at both sizes. They hold the mean of
+    such scenes with these keys: for samplers with one sequence over the whole image, eight other keys move
+    them by up to a third. For single scenes ``reason`` gives the least and the largest measured ratio. All
+    pairs of samplers are compared together by Holm's procedure: with 95 % confidence, every sampler called
+    worse is worse. Run times are not counted.
 
     Examples
     --------
@@ -153,7 +146,7 @@ def _reason(
     spp: int,
     filtered: bool,
 ) -> str:
-    """Return what was compared, and what came out."""
+    """Return the comparison and its result in words."""
     kind = "scenes" if edges is None else "scenes with edges" if edges else "smooth scenes"
     sizes = " and ".join(f"{width} x {height}" for width, height in SIZES)
     alike = [f'"{name}"' for name, other in others.items() if not other.differs]
@@ -174,7 +167,7 @@ def _reason(
 
 
 def _between(spp: int) -> str:
-    """Return in words where a number of samples lies that was not measured."""
+    """Return in words how a number of samples relates to the measured ones."""
     if spp in SPPS:
         return ""
     if spp > SPPS[-1]:

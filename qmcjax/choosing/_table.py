@@ -1,4 +1,4 @@
-"""What the benchmark has measured, and comparisons of two samplers in it."""
+"""Errors measured by the benchmark, and comparisons of samplers."""
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,28 +18,28 @@ __all__ = ["ErrorRatio", "Measured", "has_edges"]
 
 SPPS = (1, 4, 16, 64)
 LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
-"""By the most dimensions that scenes of a level have."""
+"""By the largest number of dimensions of a level."""
 
 MEASURES = ("RMS error", "filtered error")
 
 SIZES = ((128, 128), (100, 76))
-"""Widths and heights of the images: many samplers are at their best with powers of 2."""
+"""Widths and heights of the images: many samplers are best at powers of 2."""
 
 NEGLIGIBLE = 1.02
-"""Where errors may differ by less, there is no certain difference."""
+"""Smallest ratio of errors that counts as a difference."""
 
 
 class ErrorRatio(NamedTuple):
-    """How many times the error of another sampler has: the geometric mean over scenes and sizes."""
+    """Ratio of the errors of two samplers: the geometric mean over scenes and sizes."""
 
     ratio: float
     low: float
-    """Between this and ``high`` is the mean over such scenes, at each size, in 95 of 100 cases."""
+    """``low`` and ``high`` enclose the mean over such scenes, at each size, with 95 % confidence."""
     high: float
 
     @property
     def differs(self) -> bool:
-        """Whether the other has certainly more error, by 2 % at each size."""
+        """Whether the other error is significantly larger, by 2 % at each size."""
         return self.low > NEGLIGIBLE
 
     def __str__(self) -> str:
@@ -47,7 +47,7 @@ class ErrorRatio(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Of one scene at one size, and one sampler."""
+    """Errors of one sampler on one scene at one size."""
 
     scene: str
     edges: bool
@@ -67,7 +67,7 @@ class Measured:
 
     @staticmethod
     def of(edges: bool | None, level: int, spp: int, filtered: bool) -> "Measured":
-        """Return what the table has, between its numbers of samples interpolated over their logarithms."""
+        """Return errors from the table, interpolated over the logarithm of the number of samples."""
         chosen = [row for row in table() if row.level == level and edges in (None, row.edges)]
         at, known = np.log(spp), np.log(SPPS)
         errors = {
@@ -79,15 +79,15 @@ class Measured:
         return Measured(tuple(dict.fromkeys(row.scene for row in chosen)), errors)
 
     def ranked(self, names: Iterable[str]) -> list[str]:
-        """Return those of these names that were measured, the one of the least mean first."""
+        """Return the measured ones of these samplers by increasing mean error."""
         return sorted((name for name in names if name in self.errors), key=lambda n: self.errors[n].mean())
 
     def ratios(self, names: Sequence[str]) -> list[ErrorRatio]:
-        """Return how many times the error of the first of these samplers each has.
+        """Return the error of each of these samplers relative to the first.
 
-        The logarithms of the ratios of all scenes are taken as a sample of those of such scenes, at each
-        size. Scenes share their keys: what those have in common is no part of the scatter. Since the first is
-        chosen by the same errors, all pairs are compared together.
+        The logarithms of the ratios of all scenes are a sample from the population of such scenes, at each
+        size. Scenes share their keys: the variance does not include the common effect of the keys. Since the
+        first is chosen by the same errors, all pairs are compared together.
         """
         errors = np.stack([self.errors[name] for name in names], axis=1)
         of_all = errors.mean(axis=(0, 2))
@@ -97,7 +97,7 @@ class Measured:
 
 
 def has_edges(scene: Any) -> bool | None:
-    """Return whether the value of a scene jumps, or None if its type does not tell."""
+    """Return whether the value of a scene jumps, or None if its type is unknown."""
     if isinstance(scene, scenes.Genz):
         return scene.family == "discontinuous"
     if isinstance(scene, scenes.Gaussian | scenes.Product | scenes.Ramp | scenes.ZonePlate):
@@ -110,7 +110,7 @@ def has_edges(scene: Any) -> bool | None:
 
 @cache
 def table() -> tuple[Row, ...]:
-    """Read the table, of one size after the other; see ``analysis/tables/make_recommendations.py``."""
+    """Read the table, one size after the other; see ``analysis/tables/make_recommendations.py``."""
     source = resources.files("qmcjax.choosing") / "_data" / "recommendations.csv"
     with source.open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))

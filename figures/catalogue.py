@@ -201,7 +201,9 @@ CATALOGUE = {
     ),
     "z-2": Entry("figures.z.z_2", "The Morton order of 8 x 8 pixels"),
     "z-3": Entry(
-        "figures.z.z_3", "A soft shadow at one sample a pixel, with and without Morton order", our_scene=True
+        "figures.z.z_3",
+        "A soft shadow at one sample per pixel, with and without Morton order",
+        our_scene=True,
     ),
     "z-4": Entry("figures.z.z_4", "The accordion order, unfolded cut by cut"),
     "z-5": Entry("figures.z.z_5", "The permutations of a scrambled Morton order"),

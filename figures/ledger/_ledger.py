@@ -75,7 +75,7 @@ def findings(entries: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
 
 def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     if claim.test is not None:
-        return Finding(claim, "differs" if claim.contrary else "reproduced", claim.measured or "", {})
+        return Finding(claim, "differs" if claim.contrary else "by-test", claim.measured or "", {})
     if claim.figure is None or claim.key is None:
         return Finding(claim, "untested", "", {})
     numbers = entries.get(claim.figure, {}).get("numbers", {})

@@ -11,6 +11,7 @@ VERDICTS = {
     "reproduced": ("✓", "came out as the paper says"),
     "differs": ("✗", "came out otherwise"),
     "depends": ("◐", "holds in some cases only"),
+    "by-test": ("☑", "is shown by a test, which did not run here"),
     "untested": ("–", "has no test, and says why"),
     "missing": ("○", "its figure is not in this folder"),
 }

@@ -16,6 +16,9 @@ SCRIPTS = ("theme.js", "ledger.js", "zoom.js", "viewer.js", "wall.js", "tree.js"
 
 SLIDER = "spp-slider"
 
+HERO = "thesis-6.1"
+"""The picture that a visitor sees first."""
+
 WALL = """
 <section id="samples" aria-labelledby="samples-title">
 <h2 id="samples-title">One scene, all samplers, more samples</h2>
@@ -85,6 +88,7 @@ def page(
         dates=_dates(entries),
         told=_told(failed, assessed.outdated),
         nav=_nav(figures, catalogue),
+        hero=_figures.picture(folder, figures[HERO]) if HERO in figures else Markup(""),
         ledger=_ledger.section(assessed.findings),
         tour=_tour.section(folder, figures, catalogue),
         wall=_wall(folder, figures.get(SLIDER)),
@@ -105,10 +109,8 @@ def _state(figures: Collection[str], catalogue: Collection[str]) -> str:
 def _nav(figures: Collection[str], catalogue: Collection[str]) -> Markup:
     """Return links to the sections that are there."""
     made = {_figures.part_of(name) for name in figures}
-    places = {"Claims": "ledger"}
-    if any(name in catalogue for name, _, _ in _tour.STEPS):
-        places["New here?"] = "start"
-    places["Pick"] = "pick"
+    tour = any(name in catalogue for name, _, _ in _tour.STEPS)
+    places = ({"New here?": "start"} if tour else {}) | {"Claims": "ledger", "Pick": "pick"}
     places |= {
         short: f"part-{part}"
         for short, part in {"Hilbert": "hilbert", "Z": "z", "Thesis": "thesis", "Own": "own"}.items()

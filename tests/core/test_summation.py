@@ -69,7 +69,7 @@ def test_numbers_of_terms_may_not_be_mapped():
     def count(n):
         return summation.add_terms(lambda p, k: p, True, jnp.float32(1), state, jnp.uint32(0), n)
 
-    with pytest.raises(ValueError, match="the number of terms must be the same"):
+    with pytest.raises(ValueError, match="the number of terms must not be mapped"):
         jax.vmap(count)(jnp.arange(3, dtype=jnp.uint32))
 
 

@@ -157,12 +157,12 @@ def test_links_images_and_names_of_places_hold(folder):
 def test_counts_are_those_of_the_rows(folder):
     parsed = Parsed(written(folder))
     rows = [each["data-verdict"] for each in parsed.all("tr") if "data-verdict" in each]
-    assert rows == ["reproduced", "differs", "depends", "reproduced", "untested"]
+    assert rows == ["reproduced", "differs", "depends", "by-test", "untested"]
     assert "1 more are of figures that are not in this folder" in parsed.all("section")[1]["text"]
     bar = next(each for each in parsed.all("div", "bar"))["aria-label"]
-    assert bar == "2 reproduced, 1 differs, 1 depends, 1 untested"
+    assert bar == "1 reproduced, 1 differs, 1 depends, 1 by-test, 1 untested"
     chips = [" ".join(each["text"].split()) for each in parsed.all("button", "chip")]
-    assert chips == ["✓ 2 reproduced", "✗ 1 differs", "◐ 1 depends", "– 1 untested"]
+    assert chips == ["✓ 1 reproduced", "✗ 1 differs", "◐ 1 depends", "☑ 1 by-test", "– 1 untested"]
     cases = [each["text"] for each in parsed.all("span", "case")]
     assert cases == ["✓ 4 spp", "✗ <16>"] * 2, "in the ledger and under the figure"
     shown = next(each for each in parsed.all("code") if "title" in each)

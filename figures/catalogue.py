@@ -202,7 +202,7 @@ CATALOGUE = {
     "z-2": Entry("figures.z.z_2", "The Morton order of 8 x 8 pixels"),
     "z-3": Entry(
         "figures.z.z_3",
-        "A soft shadow at one sample per pixel, with and without Morton order",
+        "A soft shadow at one sample per pixel, along the Morton order or not",
         our_scene=True,
     ),
     "z-4": Entry("figures.z.z_4", "The accordion order, unfolded cut by cut"),

@@ -24,7 +24,7 @@ STEPS = (
     (
         "z-1",
         "The same amount of noise, arranged",
-        "At one sample per pixel no sampler is free of noise. But where neighbours err in opposite directions, "
+        "At one sample per pixel every sampler has noise. But where neighbours err in opposite directions, "
         "errors cancel to the eye: the spectrum is dark in its middle, which is called blue noise.",
     ),
     (

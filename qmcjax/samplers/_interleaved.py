@@ -59,7 +59,7 @@ class Interleaved(Sampler):
         if self.positions and own:
             parts.append(self.positions.points(of_positions, sample, own, dtype))
         if shared:
-            parts.append(self.sequence(first + sample, shared, dtype))
+            parts.append(self.sequence.coordinates(first + sample, shared, dtype))
         joined = jnp.concatenate(parts, axis=-1)
         order = [*own, *(j + self._on_screen for j in shared)]
         return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]

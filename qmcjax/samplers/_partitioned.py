@@ -74,7 +74,7 @@ class Partitioned(Sampler):
             index = plus(times(sample, self.order.length), state)
             return points_64(self.sequence, index, left, dtype)
         index = sample * word(self.order.length) + state
-        return self.sequence(index, left, dtype)
+        return self.sequence.coordinates(index, left, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless the sampler is made for this image and has enough indices."""

@@ -78,7 +78,7 @@ class Segments(Sampler):
             index = plus(times(before, self.order.length), block)
             return points_64(self.sequence, index, dims, dtype)
         index = before * word(self.order.length) + state * count + (sample - before)
-        return self.sequence(index, dims, dtype)
+        return self.sequence.coordinates(index, dims, dtype)
 
     def _iteration(self, sample: Array) -> tuple[Array, Array]:
         """Return the numbers of samples of a pixel before the iteration of a sample, and in it."""

@@ -16,6 +16,7 @@ VALUES = {
     "analysis.compare": dict(keys=[0], samplers=[{}], spps=[[4, 4], []], width=[16]),
     "analysis.filtered_error": dict(sigma=[0.0]),
     "analysis.interval_counts": dict(digits=[(1,), (1, -1), (20, 9)], points=[np.zeros((1, 65))]),
+    "analysis.neighbour_differences": dict(base=[1]),
     "analysis.optimize_scrambling": dict(measure=[lambda p: p, lambda p: jnp.sqrt(-jnp.sum(p))], steps=[0]),
     "analysis.pixel_means": dict(dims=[(0, 2)], dtype=[jnp.int32], spp=[0], width=[0]),
     "analysis.projection_t_values": dict(size=[3]),
@@ -64,6 +65,7 @@ VALUES = {
     "qmcjax.integrate": dict(
         dtype=[jnp.float16], function=[jnp.sum, lambda p: ()], key=[2], n=[0], replicates=[1]
     ),
+    "qmcjax.orders.peano": dict(height=[59050]),
     "qmcjax.orders.scrambled_morton": dict(alphabet=[65537, 16], key=[-1, 2**32], variant=["z"]),
     "qmcjax.render": dict(dtype=[jnp.float16], height=[-2], spp=[0], width=[0]),
     "qmcjax.render_passes": dict(passes=[1], tolerance=[0.0]),
@@ -137,6 +139,7 @@ VALUES = {
     "qmcjax.sequences.latin_hypercube": dict(dims=[0], key=[-1], n=[0, 2**32 + 1]),
     "qmcjax.sequences.lattice": dict(dims=[0, 251]),
     "qmcjax.sequences.lloyd": dict(dims=[4], iterations=[-1], n=[0]),
+    "qmcjax.sequences.net_by_frames": dict(log_side=[17], sequence=[sequences.van_der_corput()]),
     "qmcjax.sequences.net_by_net": dict(
         candidates=[0], n=[0], sequence=[sequences.digital(np.zeros((1, 32), np.uint32))]
     ),
@@ -146,6 +149,7 @@ VALUES = {
     "qmcjax.sequences.pmj02": dict(candidates=[2000], n=[2**25]),
     "qmcjax.sequences.poisson_disk": dict(radius=[0.0, float("nan")]),
     "qmcjax.sequences.rank1_lattice": dict(dims=[4], n=[0, 2**22 + 1]),
+    "qmcjax.sequences.record_net": dict(dims=[4], n=[17]),
     "qmcjax.sequences.replace_component": dict(q=[9]),
     "qmcjax.sequences.roberts": dict(dims=[0, 65]),
     "qmcjax.sequences.rotate": dict(offset_or_key=[[0.5], 0.5, [0.5, 1.0], [-0.25, 0.0], [np.nan, 0.0]]),
@@ -181,6 +185,13 @@ VALUES = {
     "tracing.sphere": dict(center=[[0, 0], [0, np.nan, 0], [1e39, 0, 0]], radius=[0.0, 1e-46, [1.0, 2.0]]),
     "tracing.sphere_light": dict(radius=[0, 1e-46]),
     "tracing.world": dict(lights=[[tracing.environment(1)] * 2]),
+    "trees.nodes_visited": dict(origin=[[0, 0]]),
+    "trees.optimal_subtrees": dict(leaves=[9], levels=[0]),
+    "trees.refitted": dict(times=[[1, 0]]),
+    "trees.surface_area": dict(low=[[0, 0]]),
+    "trees.surface_area_tree": dict(
+        high=[[[1e99, 1, 1]]], low=[[[0, 0]], np.zeros((0, 3)), [[0, 0, np.nan]]]
+    ),
 }
 """Out of range, of another shape, or not one of those that there are."""
 
@@ -209,18 +220,24 @@ TYPES = {
     "qmcjax.bridges.tabulate": dict(generator=[qmc.Sobol]),
     "qmcjax.bridges.write_points": dict(path=[3], points=[[[1]]]),
     "qmcjax.integrate": dict(function=[3], n=[9.0]),
+    "qmcjax.recommend": dict(filtered=["yes"]),
     "qmcjax.samplers.contiguous": dict(order=[(512, 512)]),
     "qmcjax.samplers.independent": dict(key=[None]),
+    "qmcjax.samplers.z": dict(sequence=[sequences.halton(2)]),
     "qmcjax.scenes.cornell_box": dict(ball=[None], blocks=["two"], mirror=[1]),
     "qmcjax.scenes.helicopter": dict(turns=["many"]),
     "qmcjax.scenes.interior": dict(bounces=[2.5]),
+    "qmcjax.sequences.direction_numbers": dict(sequence=[sequences.halton(2)]),
+    "qmcjax.sequences.function": dict(f=[3]),
     "qmcjax.sequences.kronecker": dict(steps=[2, [0.5, "x"], [0.5, True]]),
     "qmcjax.sequences.net_by_net": dict(key=["x"], sequence=[sequences.uniform(2, 0)]),
     "qmcjax.sequences.owen": dict(sequence=[sequences.rotate(sequences.halton(2), [0.5, 0.5])]),
     "qmcjax.sequences.owen_exact": dict(key=["seed"]),
     "qmcjax.sequences.pmj02": dict(key=[None]),
+    "qmcjax.sequences.read_direction_numbers": dict(path=[3]),
     "qmcjax.sequences.rotate": dict(offset_or_key=[[0, 1]], sequence=[np.zeros(3)]),
     "qmcjax.sequences.sobol_matrix": dict(initial=[[1.0, 3.0]]),
+    "qmcjax.sequences.tabulated": dict(points=[[[1]]]),
     "tracing.any_hit": dict(time=["now"]),
     "tracing.camera": dict(motion=[3], shutter=["a"]),
     "tracing.checker": dict(other=[tracing.checker(0, 1)]),
@@ -232,5 +249,7 @@ TYPES = {
     "tracing.sphere": dict(center=["abc"], material=["red"], motion=[3]),
     "tracing.stripes": dict(motion=[1]),
     "tracing.world": dict(objects=[[1]]),
+    "trees.optimal_subtrees": dict(tree=[3]),
+    "trees.surface_area_tree": dict(low=["a"]),
 }
 """Of another type."""

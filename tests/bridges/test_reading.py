@@ -102,8 +102,3 @@ def test_arrays_of_another_kind_are_refused(tmp_path):
     np.save(tmp_path / "a.npy", np.arange(4))
     with pytest.raises(ValueError, match="must hold floats"):
         read_points(tmp_path / "a.npy")
-
-
-def test_points_that_are_no_floats_are_refused():
-    with pytest.raises(TypeError, match=r"points must be floats .* got \[\[1\]\]"):
-        sequences.tabulated([[1]])

@@ -444,11 +444,6 @@ def test_bad_input_is_named(call, message):
         call()
 
 
-def test_a_sequence_of_other_bases_is_refused():
-    with pytest.raises(TypeError, match=r"sequence must be a sequence in base 2 .* got halton"):
-        samplers.z(8, 8, 1, 0, sequence=sequences.halton(2))
-
-
 SCREEN = 256
 
 

@@ -417,6 +417,7 @@ def test_bad_floats(measure, arguments, message):
 
 
 BAD_INTEGERS = [
+    (dict(points=np.zeros((2, 2)), side=4), "float64.*min_distance"),
     (dict(points=[[0], [1]], side=4, shear=1), "shear.*d=1"),
 ]
 

@@ -24,6 +24,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from scipy.stats import qmc
+from wrong import TYPES, VALUES
 
 import analysis
 import qmcjax
@@ -669,6 +670,23 @@ def failures(qualified, things):
 def test_what_is_right_nowhere():
     failed = [each for qualified in NAMES for each in failures(qualified, nowhere_right())]
     assert not failed, "\n".join([f"{len(failed)} calls", *failed])
+
+
+@pytest.mark.parametrize(("error", "table"), [(ValueError, VALUES), (TypeError, TYPES)])
+def test_what_is_out_of_range_is_named(error, table):
+    """Beside the ends of ranges, by an error that begins with the argument."""
+    failed = []
+    for qualified, name, wrong in (
+        (q, n, w) for q, of in table.items() for n, all in of.items() for w in all
+    ):
+        try:
+            result = target(qualified)(**{**right_call(qualified), name: wrong})
+            found = list(result) if isinstance(result, Iterator) else result
+        except (TypeError, ValueError) as raised:
+            found = raised
+        if type(found) is not error or not is_named(name, str(found)):
+            failed.append(f"{qualified}: {name}={qmcjax.core.checks.shown(wrong)}: {found!r:.150}")
+    assert not failed, "\n".join(failed)
 
 
 @pytest.mark.slow

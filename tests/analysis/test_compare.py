@@ -179,15 +179,15 @@ def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
 
 
 def test_time_is_that_of_a_compiled_program():
-    """Of makers that return a new object each time, too: each is traced anew, which takes 0.2 s here."""
+    """Of makers that return a new object each time, too: each is traced anew, which takes 0.1 s here."""
 
     def slow_to_trace(x, y, sample):
-        time.sleep(0.2)
+        time.sleep(0.1)
         return good(x, y, sample)
 
     made = {"new": lambda key: Plug(lambda x, y, s: slow_to_trace(x, y, s))}
     result = analysis.compare(made, {"disc": scenes.disc()}, [4], width=SIDE, height=SIDE, keys=2)
-    assert 0 < result.row("disc", "new", 4).seconds < 0.2
+    assert 0 < result.row("disc", "new", 4).seconds < 0.1
 
 
 def test_what_fails_is_left_out_with_the_reason():
@@ -278,17 +278,6 @@ def test_the_table_is_one_of_plain_values(comparison):
     ("error", "message", "change"),
     [
         (TypeError, "samplers must map names to samplers", {"samplers": [owen]}),
-        (ValueError, "samplers must be one or more", {"samplers": {}}),
-        (TypeError, r"samplers\['a'\] must be a function with parameters", {"samplers": {"a": lambda n: n}}),
-        (TypeError, r"samplers\['a'\] must be a sampler", {"samplers": {"a": lambda key: key}}),
-        (TypeError, r"scenes\['a'\] must be a scene", {"scenes": {"a": 3}}),
-        (TypeError, "must have a reference", {"scenes": {"a": scenes.function(jnp.ravel, ("x", "y"))}}),
-        (ValueError, "spps must be different", {"spps": [4, 4]}),
-        (ValueError, "spps must be one or more", {"spps": []}),
-        (TypeError, "spps must be", {"spps": 4}),
-        (ValueError, "keys must be", {"keys": 0}),
-        (ValueError, "width must be", {"width": 16}),
-        (TypeError, "progress must be", {"progress": 1}),
     ],
 )
 def test_bad_input_is_named(error, message, change):

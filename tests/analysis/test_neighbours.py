@@ -96,8 +96,3 @@ def test_radical_inverses_of_the_positions(base):
     np.testing.assert_allclose(across, expected, rtol=0, atol=1e-15)
     expected = [[float(abs(a - b)) for a, b in zip(*rows, strict=True)] for rows in pairwise(exact)]
     np.testing.assert_allclose(down, expected, rtol=0, atol=1e-15)
-
-
-def test_bad_base_is_named():
-    with pytest.raises(ValueError, match=r"base must be .* got 1"):
-        neighbour_differences(orders.raster(2, 2), 1)

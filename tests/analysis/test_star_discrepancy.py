@@ -329,15 +329,6 @@ def test_bad_points(measure, points, message):
         measure(points)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [(dict(regions=0), "regions.*0"), (dict(regions=2.5), "regions.*2.5"), (dict(key=-1), "key.*-1")],
-)
-def test_bad_arguments(arguments, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        star_discrepancy_bounds(np.full((2, 3), 0.5), **arguments)
-
-
 def test_infeasible(monkeypatch):
     """The error names the set, what is known about it, and the function to use instead."""
     points = sobol(5, 64)

@@ -313,21 +313,7 @@ def test_ranked_keys(spp):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: bake(3, TILE, 4), TypeError, "sampler must be a sampler"),
-        (lambda: bake(SAMPLER, 4, 4), TypeError, "tile must be two integers, columns and rows, got 4"),
-        (lambda: bake(SAMPLER, (4, 0), 4), ValueError, r"tile must be an integer in \[1, 65536\], got 0"),
-        (
-            lambda: bake(SAMPLER, TILE, 4, bits=12),
-            ValueError,
-            r"bits must be one of \(8, 16, 24, 32\), got 12",
-        ),
-        (lambda: bake(SAMPLER, TILE, 4, dims=(7,)), ValueError, "dims must be"),
         (lambda: bake(SAMPLER, (4096, 4096), 64), ValueError, "tile, spp and dims must make at most"),
-        (lambda: bake_mask([[1.0]]), ValueError, r"mask must be in \[0, 1\), got 1.0"),
-        (lambda: bake_mask([1]), TypeError, "mask must be floats"),
-        (lambda: bake_order(3), TypeError, "order must be"),
-        (lambda: bake_matrices(sequences.halton(2)), TypeError, "sequence must be a digital sequence"),
-        (lambda: bake_matrices(sequences.tabulated([[0.5]])), TypeError, "sequence must be a digital seq"),
         (lambda: bake_ranked(SAMPLER, 4), TypeError, "sampler must be one of samplers.ranked"),
         (
             lambda: bake(SAMPLER, (1, 1), 1).save("a.exr"),

@@ -233,25 +233,13 @@ def test_floats_with_more_digits_are_not_cut_off(tmp_path):
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: write_points("a.xyz", POINTS), ValueError, r"path must end in one of \.npy, .* got 'a.xyz'"),
-        (lambda: write_points("a.csv", [[1]]), TypeError, "points must be floats"),
-        (lambda: write_points("a.csv", [[np.nan]]), ValueError, "points: point 0, coordinate 0, must be fin"),
-        (lambda: write_points(3, POINTS), TypeError, "path must be a path"),
         (lambda: write_image("a.png", POINTS), TypeError, "transfer must be one of .* got None"),
-        (lambda: write_image("a.png", POINTS, transfer="x"), ValueError, "transfer must be one of"),
-        (lambda: write_image("a.png", POINTS, transfer="srgb", bits=12), ValueError, "bits must be 8 or 16"),
         (
             lambda: write_image("a.npy", POINTS, transfer="srgb"),
             ValueError,
             "transfer must be None except for",
         ),
-        (
-            lambda: write_image("a.npy", [[0.0, 1.0, np.inf]]),
-            ValueError,
-            "image must be finite, got inf in row 0, column 2",
-        ),
         (lambda: write_image("a.npy", [[1e300]]), ValueError, "image must be in the range of float32"),
-        (lambda: write_image("a.npy", [0.5]), ValueError, "image must have the shape"),
     ],
 )
 def test_wrong_arguments_are_named(call, error, message):

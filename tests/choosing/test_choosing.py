@@ -219,8 +219,6 @@ def test_errors(arguments, error, message):
 
 
 def test_errors_of_keywords_and_sizes():
-    with pytest.raises(TypeError, match="filtered must be True or False, got 'yes'"):
-        qj.recommend(2, 4, filtered="yes")
     with pytest.raises(ValueError, match="width must be"):
         qj.recommend(2, 4).sampler(0, 8, 1)
     with pytest.raises(TypeError, match="key must be"):

@@ -97,29 +97,3 @@ def test_spectra_are_radial_means(ax):
     plot.spectrum({"random": noise}, ax=ax)
     frequency, mean = analysis.radial_average(noise)
     np.testing.assert_allclose(ax.lines[0].get_xydata(), np.stack([frequency / 32, mean], axis=1))
-
-
-@pytest.mark.parametrize(
-    ("error", "message", "call"),
-    [
-        (ValueError, r"points must have shape \(n, 2\)", lambda: plot.points(np.zeros((3, 3)))),
-        (ValueError, r"points must be in \[0, 1\), got 0.0 to 1.0", lambda: plot.points([[0.0, 1.0]])),
-        (TypeError, "points must be numbers", lambda: plot.points("a")),
-        (TypeError, "ax must be matplotlib Axes", lambda: plot.points([[0.0, 0.5]], ax=Figure())),
-        (TypeError, "order must be an order", lambda: plot.order(3)),
-        (ValueError, "order must have at most", lambda: plot.order(orders.raster(2048, 1024))),
-        (ValueError, "image must be finite, got 1 other", lambda: plot.image([[np.nan]])),
-        (ValueError, "image must have shape", lambda: plot.image(np.zeros(3))),
-        (TypeError, "zoom must be an integer", lambda: plot.image([[0.0]], zoom=1.5)),
-        (ValueError, "limits must be", lambda: plot.image([[0.0]], limits=(1, 0))),
-        (ValueError, "transfer must be", lambda: plot.image([[0.0]], transfer="gamma")),
-        (ValueError, "reference must have", lambda: plot.difference(np.zeros((2, 2)), np.zeros((2, 3)))),
-        (ValueError, "scale must be positive", lambda: plot.difference([[0.0]], [[0.0]], scale=0.0)),
-        (ValueError, "spectra must have shape", lambda: plot.spectrum(np.zeros(3))),
-        (ValueError, r"errors\['a'\] must be 2 positive", lambda: plot.convergence([1, 2], {"a": [1, 0]})),
-        (TypeError, "errors must map", lambda: plot.convergence([1, 2], [1, 0])),
-    ],
-)
-def test_bad_input_is_named(error, message, call):
-    with pytest.raises(error, match=message):
-        call()

@@ -218,7 +218,6 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: samplers.contiguous(HILBERT, SOBOL, 0), "spp must be an integer .* got 0"),
         (
             lambda: samplers.contiguous(HILBERT, sequences.halton(2, "faure"), 257),
             "spp must be at most 256: .* got 257",
@@ -235,18 +234,9 @@ HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
             lambda: samplers.full_screen(sequences.hammersley_net(8), 17, 2),
             "m must be at least 10 .* got m=8",
         ),
-        (lambda: samplers.full_screen(sequences.hammersley_net(8), 0, 2), "width .* got 0"),
-        (
-            lambda: samplers.full_screen(sequences.uniform(2, 0), 2, 2),
-            "net must be invertible .* got uniform",
-        ),
         (
             lambda: samplers.full_screen(sequences.jittered(40, 2, 0), 16, 16),
             "side must be a multiple of 16 and dims 2 .* got side=40, dims=2",
-        ),
-        (
-            lambda: samplers.independent(SOBOL, 0, "scramble"),
-            r"randomize must be one of \('owen', 'shift', 'xor'\), got 'scramble'",
         ),
         (lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)), "dims must be .* got 2"),
         (lambda: samplers.independent(SOBOL, 0)(0, -1, 0), "y must be integers .* got -1"),

@@ -422,34 +422,6 @@ def test_the_plain_derivative_of_an_image_is_refused():
         jax.grad(lambda r: qj.render(scenes.disc((0.5, 0.5), r), sampler, 8, 8, 4).sum())(0.3)
 
 
-@pytest.mark.parametrize(
-    "make, message",
-    [
-        (lambda: scenes.step(angle=float("nan")), "angle must be finite, got nan"),
-        (lambda: scenes.step(offset=[1.0]), "offset must have shape .*got .*1"),
-        (lambda: scenes.staircase(offsets=[]), "offsets must have shape .n,., got .0,."),
-        (lambda: scenes.staircase(offsets=[1, float("inf")]), "offsets must be finite.*inf"),
-        (lambda: scenes.line(thickness=0.0), "thickness must be positive and finite, got 0"),
-        (lambda: scenes.disc(radius=-0.5), "radius must be positive and finite, got -0.5"),
-        (lambda: scenes.disc(centre=(1, 2, 3)), "centre must have shape .2,.*3"),
-        (
-            lambda: scenes.triangle([(0, 0), (0.1, 0.1), (0.3, 0.3)]),
-            "vertices must not be on a straight line",
-        ),
-        (lambda: scenes.triangle([(0, 0), (1, 1)]), "vertices must have shape .3, 2"),
-        (
-            lambda: scenes.flat_checkerboard(squares=float("inf")),
-            "squares must be positive and finite, got inf",
-        ),
-        (lambda: scenes.heaviside(1), "dims must be an integer in .* got 1"),
-        (lambda: scenes.heaviside(2, float("nan")), "threshold must be finite, got nan"),
-    ],
-)
-def test_bad_parameters(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
 @KINDS
 @pytest.mark.parametrize("method", ["reference", "reference_gradient"])
 def test_bad_resolutions(name, method):

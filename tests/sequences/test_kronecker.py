@@ -96,25 +96,6 @@ def test_steps_of_arrays_of_jax():
     assert np.array_equal(sequences.kronecker(steps).points(4), sequences.kronecker([0.5, 0.75]).points(4))
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: sequences.kronecker(2), TypeError, "steps must be numbers, one for each dimension, got 2"),
-        (lambda: sequences.kronecker([]), ValueError, "steps must be numbers, .* got none"),
-        (lambda: sequences.kronecker([0.5, "x"]), TypeError, "steps must be numbers, .* got 'x' among them"),
-        (lambda: sequences.kronecker([0.5, True]), TypeError, "steps must be .* got True among them"),
-        (lambda: sequences.kronecker([math.nan]), ValueError, "steps must be finite, got nan among them"),
-        (lambda: sequences.kronecker([math.inf]), ValueError, "steps must be finite, got inf among them"),
-        (lambda: sequences.kronecker([0.5, 3]), ValueError, "steps must not be integers, got 3 among them"),
-        (lambda: sequences.roberts(0), ValueError, r"dims must be an integer in \[1, 64\], got 0"),
-        (lambda: sequences.roberts(65), ValueError, r"dims must be an integer in \[1, 64\], got 65"),
-    ],
-)
-def test_errors(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
-
-
 def test_traced_steps_are_refused():
     with pytest.raises(TypeError, match="steps must be numbers"):
         jax.jit(lambda x: sequences.kronecker([x]).steps)(0.5)

@@ -176,15 +176,7 @@ def test_the_table_is_what_the_search_finds(m):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sequences.lattice(0), r"dims must be an integer in \[1, 250\], got 0"),
-        (lambda: sequences.lattice(251), "dims .* got 251"),
-        (lambda: sequences.korobov(0, 2, 0), "n .* got 0"),
-        (lambda: sequences.korobov(2**32 + 1, 2, 1), "n .* got 4294967297"),
-        (lambda: sequences.korobov(10, 0, 3), "dims .* got 0"),
         (lambda: sequences.korobov(10, 2, 10), r"a must be an integer in \[0, 9\], got 10"),
-        (lambda: sequences.rank1_lattice(10, 4), r"dims must be an integer in \[2, 3\], got 4"),
-        (lambda: sequences.rank1_lattice(0), "n .* got 0"),
-        (lambda: sequences.rank1_lattice(2**22 + 1), "n .* got 4194305"),
         (lambda: sequences.rank1_lattice(2**17, 3), "n .* got 131072"),
         (lambda: sequences.rank1_lattice(10_000, 3), "n must be at most 8192 or a power of two .* got 10000"),
         (lambda: sequences.korobov(10, 2, 3)(10), "index .* got 10"),

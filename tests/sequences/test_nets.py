@@ -153,9 +153,5 @@ def test_frames_of_what_is_no_02_sequence_are_refused():
     twice = sequences.digital(sequences.sobol(2).matrices[jnp.array([1, 1])])
     with pytest.raises(ValueError, match=r"sequence must put one of each 64 points .* not independent"):
         sequences.net_by_frames(twice, 3)
-    with pytest.raises(ValueError, match="sequence must have at least 2 dimensions to fill a raster, got 1"):
-        sequences.net_by_frames(sequences.van_der_corput(), 3)
     with pytest.raises(ValueError, match="log_side must be 3, as of the frames, got 4"):
         sequences.net_by_frames(sequences.sobol(2), 3).points_per_cell(4)
-    with pytest.raises(ValueError, match=r"log_side must be an integer in \[0, 16\], got 17"):
-        sequences.net_by_frames(sequences.sobol(2), 17)

@@ -179,11 +179,6 @@ def test_objects_equal_only_themselves():
     assert held[0] != held[2] and same != differs
 
 
-def test_functions_must_be_callable():
-    with pytest.raises(TypeError, match="f must be a function from indices to points, got 3"):
-        sequences.function(3, 2)
-
-
 @pytest.mark.parametrize(
     "index", [[0, 3], np.arange(4), np.arange(4, dtype=np.int8), jnp.arange(4), 3, np.int64(2)]
 )

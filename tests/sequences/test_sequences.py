@@ -203,23 +203,10 @@ SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: sequences.sobol(0), r"dims must be an integer in \[1, 21201\], got 0"),
-        (lambda: sequences.sobol(21202), "dims .* got 21202"),
-        (lambda: sequences.halton(1025), "dims .* got 1025"),
-        (lambda: sequences.van_der_corput(1), "base .* got 1"),
-        (lambda: sequences.van_der_corput(-3), "base .* got -3"),
-        (lambda: sequences.digital(np.zeros((2, 31), np.uint32)), r"matrices must be uint32 .* \(2, 31\)"),
-        (lambda: sequences.uniform(0, 1), "dims .* got 0"),
-        (lambda: sequences.uniform(2, 2**40), "key must be an integer .* got 1099511627776"),
-        (lambda: sequences.uniform(2, -1), "key must be an integer .* got -1"),
-        (lambda: sequences.jittered(0, 2, 0), "side .* got 0"),
         (
             lambda: sequences.jittered(65536, 3, 0),
             r"side\*\*dims must be at most 2\*\*32, got side=65536, dims=3",
         ),
-        (lambda: sequences.hammersley_net(33), "m .* got 33"),
-        (lambda: sequences.larcher_pillichshammer_net(-1), "m .* got -1"),
-        (lambda: sequences.permutation_net(0), "m .* got 0"),
         (lambda: SOBOL(-1), r"index must be integers in \[0, 4294967295\], got -1"),
         (lambda: SOBOL(2**32), "index must be integers .* got 4294967296"),
         (lambda: NET(32), r"index must be integers in \[0, 31\], got 32"),
@@ -236,18 +223,4 @@ SOBOL, NET = sequences.sobol(3), sequences.hammersley_net(5)
 )
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
-        call()
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (
-            lambda: sequences.owen(sequences.rotate(sequences.halton(2), [0.5, 0.5]), 0),
-            "sequence must be a sequence with digits, .* got rotate",
-        ),
-    ],
-)
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
         call()

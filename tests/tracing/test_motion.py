@@ -443,35 +443,9 @@ def changed(place, value):
         ),
         (lambda: CIRCLE.by_arc_length(0), ValueError, "segments must be an integer"),
         (
-            lambda: motion.linear_segments([0, 0], [[1], [2]]),
-            ValueError,
-            "times must be two or more, increasing",
-        ),
-        (lambda: motion.approximated(CIRCLE, 1.0, 1.0, 4), ValueError, "start must be before end"),
-        (lambda: motion.approximated(CIRCLE, 0.0, 1.0, 4, [1.0]), ValueError, "corners must be inside"),
-        (
             lambda: motion.approximated(CIRCLE, 0.0, 4.0, 1, [1.0]),
             ValueError,
             r"segments must be .*\[2, 65536\]",
-        ),
-        (lambda: motion.approximated(3, 0.0, 4.0, 1), TypeError, "curve must be callable, got 3"),
-        (lambda: motion.slerp([0, 0, 0, 2], [0, 0, 0, 1], 0.5), ValueError, "a must be of unit length"),
-        (
-            lambda: motion.rotation_spline([0, 1], [[0, 0, 0, 1]]),
-            ValueError,
-            r"keys must have shape \(2, 4\)",
-        ),
-        (lambda: motion.decompose(np.zeros((4, 4))), ValueError, "matrix must be finite, 4 x 4"),
-        (lambda: motion.decompose(np.diag([1, 1, 0, 1])), ValueError, "matrix must be regular"),
-        (
-            lambda: motion.rotation_box([[1, 2, 3]], [0, 0, 0], 0, 1),
-            ValueError,
-            "axis must be of a length above 0",
-        ),
-        (
-            lambda: motion.rotation_box([[1, 2]], [0, 0, 1], 0, 1),
-            ValueError,
-            r"points must have shape \(n, 3\)",
         ),
     ],
 )

@@ -291,11 +291,13 @@ def test_trees_where_they_pay():
         assert (item.shapes[0].tree is None) == isinstance(vertices, jax.core.Tracer)
         return tracing.nearest_hit(tracing.world([item]), origin, direction).distance
 
-    known = jax.value_and_grad(partial(distance, many))(origin)
-    traced, slopes = jax.value_and_grad(distance, argnums=(0, 1))(jnp.asarray(many, jnp.float32), origin)
+    of_many = jax.jit(partial(distance, many))
+    known = jax.jit(jax.value_and_grad(of_many))(origin)
+    both = jax.jit(jax.value_and_grad(distance, argnums=(0, 1)))
+    traced, slopes = both(jnp.asarray(many, jnp.float32), origin)
     assert np.isclose(known[0], traced) and np.allclose(known[1], slopes[1], rtol=1e-4)
     assert np.count_nonzero(np.abs(slopes[0]).sum(axis=(1, 2))) == 1
-    along = jax.jvp(partial(distance, many), (origin,), (jnp.asarray([0, 0, 1.0], jnp.float32),))
+    along = jax.jvp(of_many, (origin,), (jnp.asarray([0, 0, 1.0], jnp.float32),))
     assert np.isclose(along[1], known[1][2], rtol=1e-5)
 
 

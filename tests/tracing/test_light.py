@@ -328,7 +328,7 @@ def test_microfacets_are_the_textbooks(alpha):
     out, into = directions(1), directions(2)
     up = tuple(np.broadcast_to(np.float32(a), out[0].shape) for a in (0, 0, 1))
     surface = Surface(glossy=(jnp.float32(0.7),) * 3, roughness=jnp.float32(alpha))
-    value, density = reflection.evaluated(surface, up, out, into)
+    value, density = reflection.evaluate(surface, up, out, into)
     truth = ggx(alpha, 0.7, *(np.stack(w, axis=-1).astype(np.float64) for w in (out, into)))
     np.testing.assert_allclose(value[0], truth[0], rtol=2e-3, atol=1e-6)
     np.testing.assert_allclose(density, truth[1], rtol=2e-3, atol=1e-6)
@@ -348,13 +348,13 @@ def test_directions_have_their_density(surface, tilt):
     u = sequences.owen(sequences.sobol(3), 3).points(n).T
     out = tuple(jnp.full(n, a, jnp.float32) for a in (tilt, 0, np.sqrt(1 - tilt**2)))
     up = tuple(jnp.full(n, a, jnp.float32) for a in (0, 0, 1))
-    way = reflection.sampled(given, up, out, *u)
-    value, density = reflection.evaluated(given, up, out, way)
+    way = reflection.sample_direction(given, up, out, *u)
+    value, density = reflection.evaluate(given, up, out, way)
     np.testing.assert_allclose(sum(a * a for a in way), 1, rtol=1e-5)
     by_sampling = np.where(density > 0, value[0] / np.where(density > 0, density, 1), 0).mean()
     z, angle = u[0], 2 * np.pi * u[1]
     r = np.sqrt(1 - z * z)
-    value, density = reflection.evaluated(given, up, out, (r * np.cos(angle), r * np.sin(angle), z))
+    value, density = reflection.evaluate(given, up, out, (r * np.cos(angle), r * np.sin(angle), z))
     assert by_sampling == pytest.approx(2 * np.pi * float(value[0].mean()), rel=0.01)
     # Directions below the surface find nothing: what is above has the rest.
     assert 2 * np.pi * float(density.mean()) == pytest.approx((np.asarray(way[2]) > 0).mean(), rel=0.01)
@@ -623,9 +623,9 @@ def test_light_that_is_sampled_arrives_and_is_found_with_its_density(light):
     def arriving(u, v):
         sample = illuminated(world, Choice(None, u, v), point, normal)
         every = jnp.ones(u.shape, bool)
-        hit = along(point, jnp.where(jnp.isfinite(sample.distance), sample.distance, 1), sample.way)
+        hit = along(point, jnp.where(jnp.isfinite(sample.distance), sample.distance, 1), sample.direction)
         one = jax.tree.map(lambda leaf: leaf[None], world.lights[0])
-        density = one.density(jnp.zeros(u.shape, jnp.int32), point, normal, sample.way, hit)
+        density = one.density(jnp.zeros(u.shape, jnp.int32), point, normal, sample.direction, hit)
         return visible(world, sample, point, jnp.zeros(u.shape), every), sample.density, density
 
     seen, sampled, density = arriving(u, v)

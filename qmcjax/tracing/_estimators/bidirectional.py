@@ -14,7 +14,7 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
 from qmcjax.tracing._estimators.varies import Seen
 from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
-from qmcjax.tracing._light.interaction import Met, any_of, emission, met
+from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
 from qmcjax.tracing._light.light_paths import (
     Emission,
     Vertex,
@@ -29,7 +29,7 @@ from qmcjax.tracing._light.light_paths import (
     square,
     squared,
 )
-from qmcjax.tracing._light.reflection import evaluated
+from qmcjax.tracing._light.reflection import evaluate
 from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
 from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, plus, times
 from qmcjax.tracing._world.camera import Camera, Sight
@@ -50,7 +50,7 @@ class _Path(NamedTuple):
     """The state of camera paths on their way to the next surface."""
 
     origin: Vector
-    way: Vector
+    direction: Vector
     """Unit vectors; zero where paths have ended."""
     normal: Vector
     """Normal of the surface that the path comes from."""
@@ -79,17 +79,17 @@ class _Surface(NamedTuple):
     is left out.
     """
 
-    at: Met
+    at: SurfaceInteraction
     scale: Array
     open: Array
     """1 where light paths may end here and be connected to the previous surface, else 0."""
     others: tuple[Array, ...]
 
-    def ratio(self, way: Vector) -> Array:
+    def ratio(self, direction: Vector) -> Array:
         """Return the squared ratio over r^2 for the largest possible J, towards a light."""
         if not self.others:
             return self.open
-        return self.open + square(back(self.at, way)) * self.others[-1]
+        return self.open + square(back(self.at, direction)) * self.others[-1]
 
 
 @pytree
@@ -156,15 +156,15 @@ class Bidirectional(Estimator):
 
 def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | None, surfaces: int) -> _Path:
     """Follow paths to the next surface, add the light there, and scatter them."""
-    at = met(world, path.origin, path.way, time)
+    at = interact(world, path.origin, path.direction, time)
     emitted, chosen = emission(world, at, path.origin, path.normal)
     by_others = square(chosen / path.density)
     if light is not None:
-        by_light = square(begun_at(world, at.found) * path.scale * path.inverse) * path.ratio
+        by_light = square(begun_at(world, at.hit) * path.scale * path.inverse) * path.ratio
         by_others = by_others + jnp.where(chosen > 0, by_light, 0)
     weight = 1 / (1 + by_others)
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
-    apart, mirror = squared(at.found.point, path.origin), is_mirror(at)
+    apart, mirror = squared(at.hit.point, path.origin), is_mirror(at)
     is_open = (~mirror & ~path.closed).astype(time.dtype)
     others = tuple(cut(square(path.scale / apart) * part) for part in path.others)
     surface = _Surface(at, apart * path.inverse, is_open, others)
@@ -174,19 +174,21 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | 
     if light is not None:
         gained = _joined(world, surface, time, path.throughput, light, surfaces - draw.number)
         radiance = plus(radiance, gained)
-    way, factor, density = scattered(at, draw.turn)
+    direction, factor, density = scattered(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
-    goes_on = at.found.hit & (density > 0) & any_of(throughput) & ~last
-    way, throughput = (each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (way, throughput))
+    goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~last
+    direction, throughput = (
+        each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (direction, throughput)
+    )
     density = jnp.where(goes_on, density, 1)
     inverse = jnp.where(mirror, 1, 1 / density)
-    ratio = surface.ratio(way)
+    ratio = surface.ratio(direction)
     if others:
         # With each surface the light path may be one longer: ending it here is another strategy then.
-        returns = square(back(at, way))
+        returns = square(back(at, direction))
         others = (is_open, *(is_open + returns * part for part in others[:-1]))
-    ways = density, inverse, surface.scale, mirror, ratio, others
-    return _Path(at.found.point, way, at.normal, *ways, throughput, radiance)
+    ratios = density, inverse, surface.scale, mirror, ratio, others
+    return _Path(at.hit.point, direction, at.normal, *ratios, throughput, radiance)
 
 
 def _lit(
@@ -196,8 +198,8 @@ def _lit(
     at = surface.at
     if not world.lights:
         return each(jnp.zeros_like, at.normal)
-    light = illuminated(world, choice, at.found.point, at.normal)
-    reflectance, density = evaluated(at.surface, at.normal, at.seen, light.way)
+    light = illuminated(world, choice, at.hit.point, at.normal)
+    reflectance, density = evaluate(at.surface, at.normal, at.outgoing, light.direction)
     others = jnp.where(last, 0, square(density / jnp.where(light.density > 0, light.density, 1)))
     if joins:
         # A point light is chosen with certainty, that is by area; by angle with the squared distance.
@@ -206,9 +208,9 @@ def _lit(
         )
         start = begun(world, choice.number(world, time))
         ratio = square(start * surface.scale / jnp.where(likely > 0, likely, 1))
-        others = others + ratio * surface.ratio(light.way)
+        others = others + ratio * surface.ratio(light.direction)
     gained = each(lambda t, r, a: t * r * a / (1 + others), throughput, reflectance, light.arriving)
-    lit = visible(world, light, at.found.point, time, at.found.hit & any_of(gained))
+    lit = visible(world, light, at.hit.point, time, at.hit.valid & any_of(gained))
     return each(lambda a: jnp.where(lit, a, 0), gained)
 
 
@@ -224,27 +226,25 @@ def _joined(
 
     def join(radiance: Vector, one: tuple[Vertex, Array, Array, Array]) -> tuple[Vector, None]:
         vertex, number, opened, others = one
-        apart = squared(vertex.at.found.point, at.found.point)
-        way = times(1 / jnp.sqrt(apart), minus(vertex.at.found.point, at.found.point))
-        from_here = each(jnp.negative, way)
-        here, density = evaluated(at.surface, at.normal, at.seen, way)
-        there, its = evaluated(vertex.at.surface, vertex.at.normal, vertex.at.seen, from_here)
+        apart = squared(vertex.at.hit.point, at.hit.point)
+        direction = times(1 / jnp.sqrt(apart), minus(vertex.at.hit.point, at.hit.point))
+        from_here = each(jnp.negative, direction)
+        here, density = evaluate(at.surface, at.normal, at.outgoing, direction)
+        there, its = evaluate(vertex.at.surface, vertex.at.normal, vertex.at.outgoing, from_here)
         returns = square(back(vertex.at, from_here))
         ends = number == room
         by_camera = vertex.near + returns * (vertex.far + jnp.where(ends, 0, vertex.hit))
         ratios = square(density * vertex.scale / apart) * by_camera
         if count > 1:
-            by_light = opened + square(back(at, way)) * others
+            by_light = opened + square(back(at, direction)) * others
             ratios = ratios + square(its * surface.scale / apart) * by_light
         # No camera path finds mirrors that are the last of so many surfaces.
         counts = jnp.where(ends, vertex.first, number < room) & ~vertex.mirror & ~is_mirror(at)
         weight = jnp.where(counts, 1 / (apart * (1 + ratios)), 0)
         gained = each(lambda *factors: prod(factors) * weight, throughput, here, there, vertex.throughput)
-        slope = abs(dot(vertex.at.normal, way))
-        sample = Sample(way, jnp.sqrt(apart), gained, density, slope)
-        lit = visible(
-            world, sample, at.found.point, time, at.found.hit & vertex.at.found.hit & any_of(gained)
-        )
+        slope = abs(dot(vertex.at.normal, direction))
+        sample = Sample(direction, jnp.sqrt(apart), gained, density, slope)
+        lit = visible(world, sample, at.hit.point, time, at.hit.valid & vertex.at.hit.valid & any_of(gained))
         return each(lambda r, g: r + jnp.where(lit, g, 0), radiance, gained), None
 
     numbers = jnp.arange(1, count + 1)

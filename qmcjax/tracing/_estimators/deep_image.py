@@ -12,7 +12,7 @@ from qmcjax.core.bits import below_one
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._estimators.estimator import Estimator
 from qmcjax.tracing._estimators.rasterized import rasterized
-from qmcjax.tracing._search.intersection import found, frames, in_dtype
+from qmcjax.tracing._search.intersection import frames, in_dtype, intersect
 from qmcjax.tracing._shapes.vectors import components, each, plus, stacked
 
 _FAR = 1e30
@@ -166,9 +166,9 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
     x, y = (points[:, column[name]] for name in "xy")
     time = scene.camera.times(points[:, column["time"]] if "time" in column else jnp.zeros_like(x))
     sight = scene.camera.rays(x, y, time, ())
-    at = found(world, sight.origin, sight.direction, time)
-    inside = each(lambda p, d: jnp.where(at.hit, p, d), at.inside, sight.direction)
-    distance = jnp.where(at.hit, at.distance, jnp.inf)
+    at = intersect(world, sight.origin, sight.direction, time)
+    inside = each(lambda p, d: jnp.where(at.valid, p, d), at.inside, sight.direction)
+    distance = jnp.where(at.valid, at.distance, jnp.inf)
     return DeepImage(scene(points), distance, stacked(inside), time, at.number)
 
 

@@ -13,8 +13,8 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
 from qmcjax.tracing._estimators.varies import Seen
 from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
-from qmcjax.tracing._light.interaction import Met, any_of, emission, met
-from qmcjax.tracing._light.reflection import evaluated, reflected
+from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
+from qmcjax.tracing._light.reflection import evaluate, reflected
 from qmcjax.tracing._shapes.vectors import Vector, each
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.world import World
@@ -38,7 +38,7 @@ class DirectLight(Estimator):
 
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         time, one = sight.time, jnp.ones_like(sight.time)
-        last = met(world, sight.origin, sight.direction, time, sight.number)
+        last = interact(world, sight.origin, sight.direction, time, sight.number)
         seen, _ = emission(world, last, sight.origin, last.normal)
         state = last, (one, one, one), seen
         if last.surface.mirror is not None:
@@ -48,27 +48,27 @@ class DirectLight(Estimator):
         return each(lambda emitted, t, light: emitted + t * light, seen, throughput, lit)
 
 
-def _mirrored(world: World, time: Array, last: Met, throughput: Vector, seen: Vector) -> Any:
+def _mirrored(world: World, time: Array, last: SurfaceInteraction, throughput: Vector, seen: Vector) -> Any:
     """Follow rays from mirrors to their next hit."""
     mirror = last.surface.mirror
     assert mirror is not None
-    on = last.found.hit & any_of(mirror)
-    way = each(lambda a: jnp.where(on, a, 0), reflected(last.normal, last.seen))
+    on = last.hit.valid & any_of(mirror)
+    direction = each(lambda a: jnp.where(on, a, 0), reflected(last.normal, last.outgoing))
     throughput = each(lambda t, m: jnp.where(on, t * m, t), throughput, mirror)
-    following = met(world, last.found.point, way, time)
-    emitted, _ = emission(world, following, last.found.point, last.normal)
+    following = interact(world, last.hit.point, direction, time)
+    emitted, _ = emission(world, following, last.hit.point, last.normal)
     seen = each(lambda e, t, new: jnp.where(on, e + t * new, e), seen, throughput, emitted)
     return jax.tree.map(partial(jnp.where, on), following, last), throughput, seen
 
 
-def _lit(world: World, choice: Choice, at: Met, time: Array) -> Vector:
+def _lit(world: World, choice: Choice, at: SurfaceInteraction, time: Array) -> Vector:
     """Return the light of lights that surfaces scatter back along their rays."""
     if not world.lights:
         return each(jnp.zeros_like, at.normal)
-    light = illuminated(world, choice, at.found.point, at.normal)
-    reflectance, _ = evaluated(at.surface, at.normal, at.seen, light.way)
+    light = illuminated(world, choice, at.hit.point, at.normal)
+    reflectance, _ = evaluate(at.surface, at.normal, at.outgoing, light.direction)
     scattered = each(lambda r, a: r * a, reflectance, light.arriving)
-    lit = visible(world, light, at.found.point, time, at.found.hit & any_of(scattered))
+    lit = visible(world, light, at.hit.point, time, at.hit.valid & any_of(scattered))
     return each(lambda a: jnp.where(lit, a, 0), scattered)
 
 

@@ -13,8 +13,8 @@ from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
 from qmcjax.tracing._estimators.varies import Seen
 from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
-from qmcjax.tracing._light.interaction import Met, any_of, emission, met
-from qmcjax.tracing._light.reflection import evaluated
+from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
+from qmcjax.tracing._light.reflection import evaluate
 from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
 from qmcjax.tracing._shapes.vectors import Vector, each
 from qmcjax.tracing._world.camera import Camera, Sight
@@ -35,7 +35,7 @@ class _Path(NamedTuple):
     """The state of paths on their way to the next surface."""
 
     origin: Vector
-    way: Vector
+    direction: Vector
     """Unit vectors; zero where paths have ended."""
     normal: Vector
     """Normal of the surface that the path comes from."""
@@ -104,15 +104,15 @@ class PathTracing(Estimator):
 
 def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
     """Follow paths to the next surface, add the light there, and scatter them."""
-    at = met(world, path.origin, path.way, time)
+    at = interact(world, path.origin, path.direction, time)
     emitted, density = emission(world, at, path.origin, path.normal)
     weight = _weight(path.density, density)
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
     lit = _lit(world, at, time, path.throughput, draw)
     radiance = each(lambda r, light: r + light, radiance, lit)
-    way, factor, density = scattered(at, draw.turn)
+    direction, factor, density = scattered(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
-    goes_on = at.found.hit & (density > 0) & any_of(throughput) & ~draw.last
+    goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~draw.last
     if draw.roulette is not None:
         largest = jnp.maximum(jnp.maximum(*throughput[:2]), throughput[2])
         survival = jax.lax.stop_gradient(jnp.where(draw.roulette < 0, 1, jnp.clip(largest, 0, 1)))
@@ -123,18 +123,18 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
         return each(lambda a: jnp.where(goes_on, a, 0), vector)
 
     density = jnp.where(goes_on, density, 1)
-    return _Path(at.found.point, alive(way), at.normal, density, alive(throughput), radiance)
+    return _Path(at.hit.point, alive(direction), at.normal, density, alive(throughput), radiance)
 
 
-def _lit(world: World, at: Met, time: Array, throughput: Vector, draw: _Draws) -> Vector:
+def _lit(world: World, at: SurfaceInteraction, time: Array, throughput: Vector, draw: _Draws) -> Vector:
     """Return the light of lights, weighted by how likely the next direction finds it."""
     if not world.lights:
         return each(jnp.zeros_like, at.normal)
-    light = illuminated(world, draw.choice, at.found.point, at.normal)
-    reflectance, density = evaluated(at.surface, at.normal, at.seen, light.way)
+    light = illuminated(world, draw.choice, at.hit.point, at.normal)
+    reflectance, density = evaluate(at.surface, at.normal, at.outgoing, light.direction)
     weight = jnp.where(draw.last, 1, _weight(light.density, density))
     gained = each(lambda t, r, a: t * r * a * weight, throughput, reflectance, light.arriving)
-    lit = visible(world, light, at.found.point, time, at.found.hit & any_of(gained))
+    lit = visible(world, light, at.hit.point, time, at.hit.valid & any_of(gained))
     return each(lambda a: jnp.where(lit, a, 0), gained)
 
 

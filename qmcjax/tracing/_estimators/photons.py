@@ -16,7 +16,7 @@ from qmcjax.core.parameters import known, numbers, require
 from qmcjax.core.plug_ins import unheld
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._intervals.visible import visible_intervals
-from qmcjax.tracing._light.interaction import any_of, met
+from qmcjax.tracing._light.interaction import any_of, interact
 from qmcjax.tracing._light.light_paths import Emission, emission_needs, emitters, is_mirror, started
 from qmcjax.tracing._light.scattering import Turn, scattered
 from qmcjax.tracing._search.intersection import in_dtype
@@ -129,7 +129,7 @@ class _Flying(NamedTuple):
     number: NDArray
     """Index of the point that the photon is made of."""
     origin: NDArray
-    way: NDArray
+    direction: NDArray
     energy: NDArray
     start: NDArray
     end: NDArray
@@ -245,12 +245,12 @@ def _flown(
     opened, closed = times
     number = np.arange(len(points))
     emission = Emission.of({name: jnp.asarray(value) for name, value in coordinates.items()})
-    origin, way, power = (np.asarray(a) for a in _started(world, emission))
+    origin, direction, power = (np.asarray(a) for a in _started(world, emission))
     energy = power * ((closed - opened) / len(points)).astype(points.dtype)
     start, end = np.full_like(points[:, 0], opened), np.full_like(points[:, 0], closed)
     if intervals is None:
         start = end = opened + (closed - opened) * coordinates["time"]
-    flying, changes, kept = _Flying(number, origin, way, energy, start, end), _changes(world), []
+    flying, changes, kept = _Flying(number, origin, direction, energy, start, end), _changes(world), []
     for bounce in range(bounces + 1):
         if intervals is not None:
             flying = _parted(world, flying, intervals, (float(opened), float(closed)))
@@ -261,7 +261,7 @@ def _flown(
             turn = Turn.of(
                 {name: value[flying.number] for name, value in coordinates.items()}, f"scatter{bounce + 1}"
             )
-        found = _in_rows(_arrived, world, (flying.origin, flying.way, time, turn))
+        found = _in_rows(_arrived, world, (flying.origin, flying.direction, time, turn))
         shape = found[1]
         at_once = (shape >= 0) & changes[shape]
         flying = flying._replace(
@@ -270,7 +270,7 @@ def _flown(
         kept.append((found[0], *flying[2:], shape, found[2]))
         if turn is None:
             break
-        flying = flying._replace(origin=found[0], way=found[3], energy=flying.energy * found[4])
+        flying = flying._replace(origin=found[0], direction=found[3], energy=flying.energy * found[4])
         flying = _Flying(*(a[flying.energy.any(axis=1)] for a in flying))
     parts = [tuple(a[row[-1]] for a in row[:-1]) for row in kept]
     whole = (np.concatenate(column) for column in zip(*parts, strict=True))
@@ -284,10 +284,10 @@ def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, flo
     if not len(lasting.start):
         return flying
 
-    def seen(world: World, origin: Any, way: Any) -> Any:
-        return visible_intervals(world, origin, way, count, shutter=shutter)[:3]
+    def seen(world: World, origin: Any, direction: Any) -> Any:
+        return visible_intervals(world, origin, direction, count, shutter=shutter)[:3]
 
-    start, end, shape = _in_rows(seen, world, (lasting.origin, lasting.way))
+    start, end, shape = _in_rows(seen, world, (lasting.origin, lasting.direction))
     start, end = np.maximum(start, lasting.start[:, None]), np.minimum(end, lasting.end[:, None])
     ray, piece = np.nonzero((shape >= 0) & (end > start))
     start, end = start[ray, piece], end[ray, piece]
@@ -295,7 +295,7 @@ def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, flo
     pieces = _Flying(
         lasting.number[ray],
         lasting.origin[ray],
-        lasting.way[ray],
+        lasting.direction[ray],
         lasting.energy[ray] * part[:, None],
         start,
         end,
@@ -316,21 +316,23 @@ def _started(world: World, emission: Emission) -> tuple[jax.Array, jax.Array, ja
     """Return the origins and directions of photons, and the power of each."""
     world = in_dtype(world, emission.way_u.dtype)
     start, extent, _ = started(world, emission, jnp.zeros_like(emission.way_u))
-    return stacked(start.point), stacked(start.way), stacked(each(lambda r: r * extent, start.radiance))
+    return stacked(start.point), stacked(start.direction), stacked(each(lambda r: r * extent, start.radiance))
 
 
 @jit()
-def _arrived(world: World, origin: jax.Array, way: jax.Array, time: jax.Array, turn: Turn | None) -> Any:
+def _arrived(
+    world: World, origin: jax.Array, direction: jax.Array, time: jax.Array, turn: Turn | None
+) -> Any:
     """Return the hits of photons, their primitives, whether they are stored, and how they scatter."""
     world = in_dtype(world, origin.dtype)
-    at = met(world, components(origin), components(way), time)
-    point, kept = stacked(at.found.point), at.found.hit & ~is_mirror(at)
+    at = interact(world, components(origin), components(direction), time)
+    point, kept = stacked(at.hit.point), at.hit.valid & ~is_mirror(at)
     if turn is None:
-        return point, at.found.number, kept
+        return point, at.hit.number, kept
     on, factor, density = scattered(at, turn)
-    goes_on = at.found.hit & (density > 0) & any_of(factor)
+    goes_on = at.hit.valid & (density > 0) & any_of(factor)
     on, factor = (stacked(each(lambda a: jnp.where(goes_on, a, 0), v)) for v in (on, factor))
-    return point, at.found.number, kept, on, factor
+    return point, at.hit.number, kept, on, factor
 
 
 def _changes(world: World) -> NDArray[np.bool_]:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.tracing._search.intersection import Found
+from qmcjax.tracing._search.intersection import Intersection
 from qmcjax.tracing._search.search import search
 from qmcjax.tracing._shapes.shape_batches import rounding
 from qmcjax.tracing._shapes.vectors import Vector, dot, each, largest, times
@@ -67,33 +67,35 @@ def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Ar
     size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
     loose = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
     limit = sample.distance - jnp.minimum(loose, 0.5 * sample.distance)
-    way = each(lambda a: jnp.where(wanted, a, 0), sample.way)
+    direction = each(lambda a: jnp.where(wanted, a, 0), sample.direction)
     limit = jnp.where(wanted, limit, 0)
-    blocked = search(*jax.lax.stop_gradient((world, point, way, time, limit)), True)[1] >= 0
+    blocked = search(*jax.lax.stop_gradient((world, point, direction, time, limit)), True)[1] >= 0
     return wanted & ~blocked
 
 
-def shining(world: World, at: Found, origin: Vector, normal: Vector, way: Vector) -> tuple[Vector, Array]:
+def shining(
+    world: World, at: Intersection, origin: Vector, normal: Vector, direction: Vector
+) -> tuple[Vector, Array]:
     """Return the radiance of lights that rays hit, and the density of sampling them as lights.
 
     ``normal`` is that of the surfaces at the origins of rays.
     """
-    zero = jnp.zeros_like(way[0])
+    zero = jnp.zeros_like(direction[0])
     radiance, density = (zero, zero, zero), zero
     first = world.count - sum(light.object() is not None for light in world.lights)
     number = 0
     for light in world.lights:
         if isinstance(light, Environment):
-            here = ~at.hit
+            here = ~at.valid
         elif light.object() is None:
             continue
         else:
-            here = (at.number == first + number) & (dot(way, at.normal) < 0)
+            here = (at.number == first + number) & (dot(direction, at.normal) < 0)
             number += 1
         one, row = jax.tree.map(lambda leaf: leaf[None], light), jnp.zeros_like(at.number)
         emitted = one.emitted(row)
         radiance = each(lambda new, old, here=here: old + jnp.where(here, new, 0), emitted, radiance)
-        likely = one.density(row, origin, normal, way, at.point)
+        likely = one.density(row, origin, normal, direction, at.point)
         density = jnp.where(here, density + likely / len(world.lights), density)
     return radiance, density
 

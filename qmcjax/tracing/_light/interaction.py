@@ -10,7 +10,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import unheld
 from qmcjax.tracing._light.illumination import shining
-from qmcjax.tracing._search.intersection import Found, coordinates, found
+from qmcjax.tracing._search.intersection import Intersection, coordinates, intersect
 from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.vectors import Vector, dot, each, plus
 from qmcjax.tracing._world.materials import Surface
@@ -20,26 +20,28 @@ DEFAULT = 0.5
 """Reflectance of objects without a material."""
 
 
-class Met(NamedTuple):
+class SurfaceInteraction(NamedTuple):
     """Surface interactions, components of shape (n,)."""
 
-    found: Found
+    hit: Intersection
     normal: Vector
     """Unit vectors on the side of the ray."""
-    seen: Vector
+    outgoing: Vector
     """Outgoing direction: unit vectors back along the ray."""
     surface: Surface
 
 
-def met(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Met:
-    """Return the surface interactions of rays of unit direction; see :func:`found`."""
-    at = found(world, origin, direction, time, known)
+def interact(
+    world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None
+) -> SurfaceInteraction:
+    """Return the surface interactions of rays of unit direction; see :func:`intersect`."""
+    at = intersect(world, origin, direction, time, known)
     back = dot(at.normal, direction) > 0
     normal = each(lambda n: jnp.where(back, -n, n), at.normal)
-    return Met(at, normal, each(jnp.negative, direction), surface(world, at, time))
+    return SurfaceInteraction(at, normal, each(jnp.negative, direction), surface(world, at, time))
 
 
-def surface(world: World, at: Found, time: Array) -> Surface:
+def surface(world: World, at: Intersection, time: Array) -> Surface:
     """Return the surface at each hit; all its values are 0 where nothing, or a light, is hit."""
     textured = [_textured(item.material) for item, _ in world.numbered()]
     number = at.number
@@ -47,7 +49,7 @@ def surface(world: World, at: Found, time: Array) -> Surface:
     starts = [start for _, start in world.numbered()]
     which = sum((number >= start).astype(jnp.int32) for start in starts) if starts else jnp.zeros_like(number)
     # Rays without a hit have 0.
-    which = jnp.where(at.hit, which, 0)
+    which = jnp.where(at.valid, which, 0)
     given = [_at(item.material, u, v, time) for item in world.objects]
 
     def field(name: str) -> Any:
@@ -65,13 +67,13 @@ def surface(world: World, at: Found, time: Array) -> Surface:
     return Surface(*(field(name) for name in Surface._fields))
 
 
-def emission(world: World, at: Met, origin: Vector, normal: Vector) -> tuple[Vector, Array]:
+def emission(world: World, at: SurfaceInteraction, origin: Vector, normal: Vector) -> tuple[Vector, Array]:
     """Return the emitted radiance, and the density of sampling it as a light.
 
     ``origin`` and ``normal`` are those of the surfaces at the origins of rays.
     """
-    way = each(jnp.negative, at.seen)
-    radiance, density = shining(world, at.found, origin, normal, way)
+    direction = each(jnp.negative, at.outgoing)
+    radiance, density = shining(world, at.hit, origin, normal, direction)
     if at.surface.emission is not None:
         radiance = plus(radiance, at.surface.emission)
     return radiance, density

@@ -21,10 +21,10 @@ import numpy as np
 from jax import Array
 
 from qmcjax.tracing._light.illumination import by_kind, chosen
-from qmcjax.tracing._light.interaction import Met, any_of, met
-from qmcjax.tracing._light.reflection import evaluated
+from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, interact
+from qmcjax.tracing._light.reflection import evaluate
 from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
-from qmcjax.tracing._search.intersection import Found
+from qmcjax.tracing._search.intersection import Intersection
 from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, times
 from qmcjax.tracing._world.lights import Source, Start
 from qmcjax.tracing._world.world import World
@@ -57,7 +57,7 @@ class Vertex(NamedTuple):
     density of the direction back to the previous vertex.
     """
 
-    at: Met
+    at: SurfaceInteraction
     throughput: Vector
     scale: Array
     near: Array
@@ -93,7 +93,7 @@ def begun(world: World, number: Array) -> Array:
     return jnp.stack(densities)[number] / max(len(emitters(world)), 1)
 
 
-def begun_at(world: World, at: Found) -> Array:
+def begun_at(world: World, at: Intersection) -> Array:
     """Return the same for the lights that rays hit; 0 without a hit."""
     places = [place for place, light in enumerate(world.lights) if light.object() is not None]
     if not places:
@@ -103,15 +103,15 @@ def begun_at(world: World, at: Found) -> Array:
     return jnp.where(number >= 0, begun(world, light), 0)
 
 
-def back(at: Met, way: Vector) -> Array:
+def back(at: SurfaceInteraction, direction: Vector) -> Array:
     """Return the density of scattering light from an incoming direction back along the path."""
-    density = evaluated(at.surface, at.normal, way, at.seen)[1]
+    density = evaluate(at.surface, at.normal, direction, at.outgoing)[1]
     return density if at.surface.mirror is None else jnp.where(any_of(at.surface.mirror), 1, density)
 
 
-def is_mirror(at: Met) -> Array:
+def is_mirror(at: SurfaceInteraction) -> Array:
     """Return where surfaces are mirrors."""
-    return jnp.zeros_like(at.found.hit) if at.surface.mirror is None else any_of(at.surface.mirror)
+    return jnp.zeros_like(at.hit.valid) if at.surface.mirror is None else any_of(at.surface.mirror)
 
 
 def squared(a: Vector, b: Vector) -> Array:
@@ -164,11 +164,11 @@ def _first(world: World, time: Array, emission: Emission) -> Vertex:
     lights, zero = emitters(world), jnp.zeros_like(time)
     number = chosen(emission.light, len(lights), zero)
     start, extent, visible = started(world, emission, zero)
-    at = met(world, start.point, start.way, time)
+    at = interact(world, start.point, start.direction, time)
     # Density of hitting that point of the light from the surface: by area, with the light's cosine.
     likely = zero
     for batch, row, here in by_kind(lights, number):
-        found = batch.density(row, at.found.point, at.normal, at.seen, start.point)
+        found = batch.density(row, at.hit.point, at.normal, at.outgoing, start.point)
         found = found if batch.coordinates else zero + 1
         likely = jnp.where(here, found / len(world.lights), likely)
     mirror = is_mirror(at)
@@ -176,22 +176,24 @@ def _first(world: World, time: Array, emission: Emission) -> Vertex:
     # Reflections of point lights in mirrors would be found only away from the first camera vertices.
     power = jnp.where(mirror & (visible == 0), 0, extent)
     # For point lights the squared distance is part of the scale.
-    scale = jnp.where(visible == 0, extent * squared(at.found.point, start.point), extent)
+    scale = jnp.where(visible == 0, extent * squared(at.hit.point, start.point), extent)
     return Vertex(at, times(power, start.radiance), scale, near, zero, visible, mirror, ~mirror)
 
 
 def _next(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:
     """Return the next surfaces of light paths."""
-    way, factor, density = scattered(last.at, turn)
+    direction, factor, density = scattered(last.at, turn)
     throughput = each(lambda t, f: t * f, last.throughput, factor)
-    goes_on = last.at.found.hit & (density > 0) & any_of(throughput)
-    way, throughput = (each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (way, throughput))
+    goes_on = last.at.hit.valid & (density > 0) & any_of(throughput)
+    direction, throughput = (
+        each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (direction, throughput)
+    )
     density = jnp.where(last.mirror | ~goes_on, 1, density)
-    at = met(world, last.at.found.point, way, time)
-    apart = squared(at.found.point, last.at.found.point)
+    at = interact(world, last.at.hit.point, direction, time)
+    apart = squared(at.hit.point, last.at.hit.point)
     mirror = is_mirror(at)
     near = (~mirror & ~last.mirror).astype(time.dtype)
     ratio = square(last.scale / apart)
-    returns = square(back(last.at, way))
+    returns = square(back(last.at, direction))
     far, hit = cut(ratio * (last.near + returns * last.far)), cut(ratio * returns * last.hit)
     return Vertex(at, throughput, apart / density, near, far, hit, mirror, last.first)

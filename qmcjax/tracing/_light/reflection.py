@@ -21,14 +21,13 @@ from qmcjax.tracing._world import maps
 from qmcjax.tracing._world.materials import Surface
 
 
-def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tuple[Vector, Array]:
-    """Return reflectances times the cosine, and the density of :func:`sampled`.
+def evaluate(surface: Surface, normal: Vector, outgoing: Vector, incoming: Vector) -> tuple[Vector, Array]:
+    """Return reflectances times the cosine, and the density of :func:`sample_direction`.
 
-    ``normal`` is on the side of ``seen``, the outgoing direction (unit vectors back along the ray); ``way``
-    is the incoming direction (unit vectors towards the light). Both results are 0 below the surface. The
-    density is per solid angle, without mirrors.
+    ``outgoing`` are unit vectors back along the ray, on the side of ``normal``; ``incoming`` are unit vectors
+    towards the light. Both results are 0 below the surface. The density is per solid angle, without mirrors.
     """
-    cosine = dot(normal, way)
+    cosine = dot(normal, incoming)
     above = cosine > 0
     cosine = jnp.where(above, cosine, 0)
     zero = jnp.zeros_like(cosine)
@@ -39,7 +38,7 @@ def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tu
         value = times(cosine / np.pi, surface.diffuse)
         density = (1 - rough) * cosine / np.pi
     if surface.glossy is not None:
-        out, into = _local(normal, seen), _local(normal, way)
+        out, into = _local(normal, outgoing), _local(normal, incoming)
         distribution, fresnel, masked, _ = _facets(surface.roughness, out, into)
         gloss = each(lambda c: (c + (1 - c) * fresnel) * distribution * masked, surface.glossy)
         lit = jnp.any(jnp.stack(jnp.broadcast_arrays(*surface.glossy)) > 0, axis=0) & above
@@ -49,14 +48,14 @@ def evaluated(surface: Surface, normal: Vector, seen: Vector, way: Vector) -> tu
     return value, density
 
 
-def sampled(surface: Surface, normal: Vector, seen: Vector, u: Any, v: Any, lobe: Any) -> Vector:
+def sample_direction(surface: Surface, normal: Vector, outgoing: Vector, u: Any, v: Any, lobe: Any) -> Vector:
     """Return incoming directions, unit vectors; those below the surface contribute nothing."""
     local = None
     surface = jax.lax.stop_gradient(surface)
     if surface.diffuse is not None:
         local, _ = maps.hemisphere(u, v)
     if surface.glossy is not None:
-        rough = _visible(surface.roughness, _local(normal, seen), u, v)
+        rough = _visible(surface.roughness, _local(normal, outgoing), u, v)
         if local is None:
             local = rough
         else:
@@ -67,9 +66,9 @@ def sampled(surface: Surface, normal: Vector, seen: Vector, u: Any, v: Any, lobe
     return unit(maps.around(local, normal))
 
 
-def reflected(normal: Vector, seen: Vector) -> Vector:
+def reflected(normal: Vector, outgoing: Vector) -> Vector:
     """Return the mirrored directions."""
-    return minus(times(2 * dot(normal, seen), normal), seen)
+    return minus(times(2 * dot(normal, outgoing), normal), outgoing)
 
 
 def _chance(surface: Surface) -> Array:

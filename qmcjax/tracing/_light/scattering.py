@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.tracing._light.interaction import Met, any_of, mixed, scatters
-from qmcjax.tracing._light.reflection import evaluated, reflected, sampled
+from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, mixed, scatters
+from qmcjax.tracing._light.reflection import evaluate, reflected, sample_direction
 from qmcjax.tracing._shapes.vectors import Vector, each
 from qmcjax.tracing._world.world import World
 
@@ -30,18 +30,20 @@ def turned_by(world: World, name: str) -> tuple[str, ...]:
     return tuple(f"{name}_{part}" for part in parts)
 
 
-def scattered(at: Met, turn: Turn) -> tuple[Vector, Vector, Array]:
+def scattered(at: SurfaceInteraction, turn: Turn) -> tuple[Vector, Vector, Array]:
     """Return the next directions, reflectance over density, and the density; 0 without a direction."""
     zero = jnp.zeros_like(at.normal[0])
-    way, factor, density = (zero, zero, zero), (zero, zero, zero), zero
+    direction, factor, density = (zero, zero, zero), (zero, zero, zero), zero
     if turn.u is not None:
-        way = sampled(at.surface, at.normal, at.seen, turn.u, turn.v, 0.5 if turn.lobe is None else turn.lobe)
-        reflectance, density = evaluated(at.surface, at.normal, at.seen, way)
+        direction = sample_direction(
+            at.surface, at.normal, at.outgoing, turn.u, turn.v, 0.5 if turn.lobe is None else turn.lobe
+        )
+        reflectance, density = evaluate(at.surface, at.normal, at.outgoing, direction)
         factor = each(lambda r: r / jnp.where(density > 0, density, 1), reflectance)
     if at.surface.mirror is not None:
         on = any_of(at.surface.mirror)
-        mirrored = reflected(at.normal, at.seen)
-        way = each(lambda m, a: jnp.where(on, m, a), mirrored, way)
+        mirrored = reflected(at.normal, at.outgoing)
+        direction = each(lambda m, a: jnp.where(on, m, a), mirrored, direction)
         factor = each(lambda m, a: jnp.where(on, m, a), at.surface.mirror, factor)
         density = jnp.where(on, jnp.inf, density)
-    return way, factor, density
+    return direction, factor, density

@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats
 from qmcjax.core.pytrees import jit
-from qmcjax.tracing._search.intersection import found, in_dtype
+from qmcjax.tracing._search.intersection import in_dtype, intersect
 from qmcjax.tracing._search.search import search
 from qmcjax.tracing._shapes.vectors import components, scaled, stacked
 from qmcjax.tracing._world.world import World
@@ -145,15 +145,15 @@ def _check_lengths(direction: Any, dtype: np.dtype) -> None:
 
 @jit()
 def _any(world: World, origin: Array, direction: Array, time: Array, limit: Array) -> Array:
-    scale, (way,) = scaled(components(direction))
-    rays = components(origin), way, time, limit / scale
+    scale, (vector,) = scaled(components(direction))
+    rays = components(origin), vector, time, limit / scale
     return search(in_dtype(world, origin.dtype), *jax.lax.stop_gradient(rays), True)[1] >= 0
 
 
 @jit()
 def _nearest(world: World, origin: Array, direction: Array, time: Array) -> Hit:
-    scale, (way,) = scaled(components(direction))
-    at = found(in_dtype(world, origin.dtype), components(origin), way, time)
-    distance = jnp.where(at.hit, at.distance * scale, jnp.inf)
-    point = jnp.where(at.hit[:, None], stacked(at.point), origin)
+    scale, (vector,) = scaled(components(direction))
+    at = intersect(in_dtype(world, origin.dtype), components(origin), vector, time)
+    distance = jnp.where(at.valid, at.distance * scale, jnp.inf)
+    point = jnp.where(at.valid[:, None], stacked(at.point), origin)
     return Hit(distance, at.number, stacked(at.normal), point)

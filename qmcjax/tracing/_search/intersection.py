@@ -21,10 +21,10 @@ UNKNOWN = -2
 """Replaces the number of a primitive that has to be searched."""
 
 
-class Found(NamedTuple):
+class Intersection(NamedTuple):
     """Hits, components of shape (n,)."""
 
-    hit: Array
+    valid: Array
     """Whether anything is hit; if not, the numbers below are only finite."""
     number: Array
     """int32: number of the primitive, -1 without a hit."""
@@ -49,36 +49,37 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
     return World(tuple(objects), cast(world.lights, dtype))
 
 
-def found(world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None) -> Found:
+def intersect(
+    world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None
+) -> Intersection:
     """Return the nearest hits of rays. The choice of the primitive has no derivative; all else has.
 
     ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where they have to be searched.
     """
-    start, way = origin, direction
-    fixed = jax.lax.stop_gradient((world, start, way, time))
+    fixed = jax.lax.stop_gradient((world, origin, direction, time))
     distance, number = _first(*fixed) if known is None else _confirmed(*fixed, known)
     hit = number >= 0
     # Rays without a hit, also those with NaN, continue with harmless numbers, to keep derivatives finite.
-    start, way = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (start, way))
+    origin, direction = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (origin, direction))
     at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
     frame = frames(world, number, time)
     if frame is not None:
-        start, way = frame.inside(minus(start, frame.translation)), frame.inside(way)
+        origin, direction = frame.inside(minus(origin, frame.translation)), frame.inside(direction)
     surface = partial(_surface, picked(world.batches(), number), at)
     # A Newton step: the value is 0 up to rounding, and its derivatives are those of the distance.
-    value, gradient = surface(along(start, distance, way))
-    slope = dot(gradient, way)
+    value, gradient = surface(along(origin, distance, direction))
+    slope = dot(gradient, direction)
     step = value / jnp.where(slope == 0, 1, slope)
     distance = distance - (step - jax.lax.stop_gradient(step))
     # Shortest way to the surface: no farther from it than its coordinates are rounded.
-    inside = along(start, distance, way)
+    inside = along(origin, distance, direction)
     value, gradient = surface(inside)
     squared = dot(gradient, gradient)
     inside = minus(inside, times(value / jnp.where(squared == 0, 1, squared), gradient))
     point = inside
     if frame is not None:
         point, gradient = plus(frame.outside(inside), frame.translation), frame.normal(gradient)
-    return Found(hit, number, distance, point, unit(gradient), inside)
+    return Intersection(hit, number, distance, point, unit(gradient), inside)
 
 
 def _first(world: World, origin: Vector, direction: Vector, time: Array) -> tuple[Array, Array]:
@@ -97,10 +98,10 @@ def _confirmed(
     for here, shape in picked(world.batches(), known):
         distance = jnp.where(here, shape.distance(EACH, shape.prepare(rays)), distance)
     lost = (known == UNKNOWN) | ((known >= 0) & (distance == jnp.inf))
-    way = each(lambda a: jnp.where(lost, a, 0), direction)
+    direction = each(lambda a: jnp.where(lost, a, 0), direction)
     others = jax.lax.cond(
         jnp.any(lost),
-        lambda: _first(world, origin, way, time),
+        lambda: _first(world, origin, direction, time),
         lambda: (distance, jnp.full_like(known, -1)),
     )
     return jnp.where(lost, others[0], distance), jnp.where(lost, others[1], known)

@@ -33,7 +33,7 @@ from qmcjax.tracing._world import maps
 class Sample(NamedTuple):
     """Samples of light that may reach points, components of shape (n,)."""
 
-    way: Vector
+    direction: Vector
     """Incoming direction: unit vectors towards the light."""
     distance: Array
     """Inf for environments."""
@@ -49,7 +49,7 @@ class Start(NamedTuple):
     """Emitted rays, components of shape (n,)."""
 
     point: Vector
-    way: Vector
+    direction: Vector
     """Unit vectors."""
     radiance: Vector
     """Intensity for point lights."""
@@ -101,20 +101,20 @@ class PointLight(Source):
     smooth: ClassVar[tuple[str, ...]] = ("intensity",)
 
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
-        way = minus(row(self.position, number), point)
-        squared = dot(way, way)
+        direction = minus(row(self.position, number), point)
+        squared = dot(direction, direction)
         # A light at the point itself contributes nothing.
         inverse = jnp.where(squared > 0, 1 / jnp.where(squared > 0, squared, 1), 0)
         one = jnp.ones_like(squared)
         intensity = row(self.intensity, number)
-        return Sample(unit(way), jnp.sqrt(squared), times(inverse, intensity), one * np.inf, one)
+        return Sample(unit(direction), jnp.sqrt(squared), times(inverse, intensity), one * np.inf, one)
 
     def emitted(self, number: Array) -> Vector:
         return each(jnp.zeros_like, row(self.intensity, number))
 
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
-        way = maps.cone(way_u, way_v, 2)
-        return Start(row(self.position, number), unit(way), row(self.intensity, number))
+        direction = maps.cone(way_u, way_v, 2)
+        return Start(row(self.position, number), unit(direction), row(self.intensity, number))
 
     def extent(self) -> Array:
         return jnp.full(self.position.shape[:-1], 4 * np.pi, self.position.dtype)
@@ -146,14 +146,16 @@ class RectangleLight(Source):
         edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
         place = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
         across, area = self._across(number)
-        way = minus(place, point)
-        squared = dot(way, way)
+        direction = minus(place, point)
+        squared = dot(direction, direction)
         squared = jnp.where(squared > 0, squared, jnp.inf)
-        cosine = jnp.maximum(-dot(unit(way), across) / length(across), 0)
+        cosine = jnp.maximum(-dot(unit(direction), across) / length(across), 0)
         seen = cosine > 0
         factor = jnp.where(seen, cosine * area / squared, 0)
         density = jnp.where(seen, squared / (jnp.where(seen, cosine, 1) * area), 0)
-        return Sample(unit(way), length(way), times(factor, row(self.radiance, number)), density, cosine)
+        return Sample(
+            unit(direction), length(direction), times(factor, row(self.radiance, number)), density, cosine
+        )
 
     def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
         across = cross(row(self.edge_u, number), row(self.edge_v, number))
@@ -169,8 +171,8 @@ class RectangleLight(Source):
         edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
         point = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
         local, _ = maps.hemisphere(way_u, way_v)
-        way = maps.around(local, unit(self._across(number)[0]))
-        return Start(point, unit(way), row(self.radiance, number))
+        direction = maps.around(local, unit(self._across(number)[0]))
+        return Start(point, unit(direction), row(self.radiance, number))
 
     def extent(self) -> Array:
         return np.pi * self._across(...)[1]
@@ -203,7 +205,7 @@ class SphereLight(Source):
         between, squared, lost, outside = self._cone(number, point)
         axis = unit(between)
         local = maps.cone(u, v, lost)
-        way = unit(maps.around(local, axis))
+        direction = unit(maps.around(local, axis))
         # Squared distance of the ray from the centre; then the first of its two crossings.
         aside = squared * (local[0] * local[0] + local[1] * local[1])
         chord = self.radius[number] * self.radius[number] - aside
@@ -212,7 +214,7 @@ class SphereLight(Source):
         angle = 2 * np.pi * lost
         arriving = times(jnp.where(outside, angle, 0), row(self.radiance, number))
         density = jnp.where(outside, 1 / jnp.where(outside, angle, 1), 0)
-        return Sample(way, distance, arriving, density, chord / self.radius[number])
+        return Sample(direction, distance, arriving, density, chord / self.radius[number])
 
     def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
         _, _, lost, outside = self._cone(number, point)
@@ -242,10 +244,10 @@ class Environment(Light):
 
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
         local, cosine = maps.hemisphere(u, v)
-        way = unit(maps.around(local, normal))
+        direction = unit(maps.around(local, normal))
         one = jnp.ones_like(cosine)
         arriving = times(np.pi / cosine, row(self.radiance, number))
-        return Sample(way, one * np.inf, arriving, cosine / np.pi, one)
+        return Sample(direction, one * np.inf, arriving, cosine / np.pi, one)
 
     def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
         return jnp.maximum(dot(normal, way), 0) / np.pi

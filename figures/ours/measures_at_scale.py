@@ -75,8 +75,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3)
     _peers(peers, measured["against peers"])
-    for row, entry in enumerate(measured["gradients"].values()):
-        gradients.barh(row, entry["ratio"], color="C0")
+    for k, entry in enumerate(measured["gradients"].values()):
+        gradients.barh(k, entry["ratio"], color="C0")
     gradients.axvline(measure_cost.ASKED_RATIO, color="black")
     gradients.set_yticks(range(len(measured["gradients"])), list(measured["gradients"]))
     gradients.set(title="with gradient / value (lower is better)", xlabel="ratio")

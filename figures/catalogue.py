@@ -140,40 +140,26 @@ CATALOGUE = {
     "spp-slider": Entry(
         "figures.ours.spp_slider", "One scene with eight samplers, from 1 to 256 samples per pixel"
     ),
-    "scenes-sheet": Entry("figures.ours.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.ours.skipping", "Constant pixels need no samples", timed=True),
     "passes": Entry("figures.ours.passes", "Adaptive passes until each pixel's error is small"),
     "edges": Entry("figures.ours.edges", "Boundary-sampled derivatives"),
-    "skipping-traced": Entry("figures.ours.skipping_traced", "Work skipped in ray-traced scenes", timed=True),
     "stability": Entry("figures.ours.stability", "Float32 limits of points, sums and images"),
     "ray-stability": Entry("figures.ours.ray_stability", "Float32 limits of ray tracing"),
     "measures": Entry("figures.ours.measures", "Every measure of every sequence"),
     "generators": Entry(
         "figures.ours.generators", "Generators of points: t, projections, discrepancy, convergence"
     ),
-    "measure-speed": Entry(
-        "figures.ours.measure_speed", "Speed of the measures, beside peers and with gradients", timed=True
-    ),
     "roofline": Entry("figures.ours.roofline", "Roofline on an H100"),
     "scaling": Entry("figures.ours.scaling", "Time and memory of larger images", timed=True),
     "measures-at-scale": Entry(
-        "figures.ours.measures_at_scale", "Time and memory of measures, up to 2^24 points", timed=True
+        "figures.ours.measures_at_scale", "Measures of points: time, memory, peers and gradients", timed=True
     ),
     "optimized-orders": Entry(
         "figures.ours.optimized_orders",
         "Optimised orders beside the samplers of the papers",
         timed=True,
     ),
-    "optimized-dimensions": Entry(
-        "figures.ours.optimized_dimensions",
-        "Optimised orders in 4 and 8 dimensions and in traced scenes",
-        timed=True,
-    ),
     "scramblings": Entry("figures.ours.scramblings", "Scramblings of Sobol's sequence: errors and distances"),
-    "quadruples": Entry(
-        "figures.ours.quadruples",
-        "Pairs and quadruples of coordinates: Sobol's, and searched matrices over F_3",
-    ),
     "discrepancy-records": Entry(
         "figures.ours.discrepancy_records", "Star discrepancy of searched sets beside published values"
     ),
@@ -254,14 +240,11 @@ LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 NO_DRAFT = {
     "benchmark": "it has one or two points a line",
     "generators": "it has two points a line",
-    "measure-speed": "it times each measure once",
     "measures-at-scale": "its counts are too small to have a slope",
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
-    "optimized-dimensions": "it has one scene at one count",
     "path-speed": "its images are too small to outweigh the calls",
     "ray-speed": "it has one mesh, and too few rays to outweigh the calls",
     "scaling": "it has two points a line",
-    "skipping-traced": "it has one scene at one count",
     "thesis-3.2.1": "it times one scene, for milliseconds",
     "z-table-1": "it has three counts of fourteen, in milliseconds",
 }

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures._rc import BLACK, BLUE, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from figures.shared import point_plots, text_tables
 from qmcjax import sequences
 
@@ -32,6 +32,7 @@ GENERATORS = {
     "random": Generator(lambda m: sequences.uniform(DIMS, 1), BLACK, "."),
     "Halton": Generator(lambda m: sequences.halton(DIMS), GREY, "s"),
     "Faure, base 11": Generator(lambda m: sequences.faure(DIMS), GREY, "x"),
+    "quad-optimized": Generator(lambda m: sequences.quad_optimized(DIMS), GREEN, "d"),
     "lattice sequence": Generator(lambda m: sequences.lattice(DIMS), PURPLE, "v"),
     "Roberts' R8": Generator(lambda m: sequences.roberts(DIMS), PURPLE, "P"),
     "Sobol'": Generator(lambda m: sequences.sobol(DIMS), SKY, "o"),
@@ -172,7 +173,8 @@ def _note(size: Size, convergence: dict[str, dict[str, dict[str, float]]]) -> st
         f"The table is of the first {2**size.m} points, not scrambled, the worst pair that of the largest "
         f"star discrepancy. Errors are root mean squares over {size.keys} keys: Owen scramblings, "
         "Cranley-Patterson rotations of the lattice and of R8. t is counted in base 2, in which Halton's, "
-        "Faure's and R8's points are no nets: Faure's have t = 0 in base 11, for powers of 11. Cascaded "
+        "Faure's, quad-optimized and R8's points are no nets: Faure's have t = 0 in base 11, for powers of "
+        "11, and quad-optimized ones small t of pairs and quadruples in base 3, for powers of 3. Cascaded "
         "Sobol' points are another net for each number of points, all others are sequences. SZ's are "
         f"made for powers of 4 and 16. Least error at {most} points: {found}."
     )

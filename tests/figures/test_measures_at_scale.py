@@ -24,7 +24,7 @@ from analysis._star_cells import cell_bounds
 from analysis._star_plane import plane_star_discrepancy
 from analysis._star_plane_rows import many_star_discrepancy
 from figures.ours import measures_at_scale
-from figures.shared import measure_scaling
+from figures.shared import measure_cost
 from qmcjax import sequences
 
 RANDOM = np.random.default_rng(17)
@@ -252,7 +252,9 @@ def test_the_figure_says_what_takes_more(monkeypatch):
         "c": rows | {"bytes": [None] * 4},
         "d": rows | {"n": [2, 4, 8, 16], "bytes": [own] * 4},
     }
-    monkeypatch.setattr(measures_at_scale.own_process, "measured", lambda module, quality: some)
+    peer = {"n": 4, "asked": 2.0, "ratio": dict.fromkeys(measure_cost.FAMILIES, 3.0)}
+    some = {"scaling": some, "against peers": {"a / b": peer}, "gradients": {"a": {"ratio": 3.0}}}
+    monkeypatch.setattr(measures_at_scale.own_process, "measured", lambda *_: some)
     _, numbers = measures_at_scale.make("draft", lambda fraction: None)
     assert (
         "1 of 2 measures take at most 3 times the points' memory at their largest n; more take b (4.0"
@@ -262,4 +264,4 @@ def test_the_figure_says_what_takes_more(monkeypatch):
     assert [row["exponent"] for row in table] == pytest.approx([1.0] * 4)
     assert [row[measures_at_scale.MEMORY] for row in table] == [1.0, 4.0, None, None]
     assert table[0]["expected"] == r"n \log^2 n" and measures_at_scale._grows(1.5, 0) == "$n^{1.5}$"
-    assert all(measure.draft <= measure.paper for measure in measure_scaling.MEASURES.values())
+    assert all(measure.draft <= measure.paper for measure in measure_cost.MEASURES.values())

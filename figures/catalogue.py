@@ -140,6 +140,7 @@ CATALOGUE = {
     "spp-slider": Entry(
         "figures.ours.spp_slider", "One scene with eight samplers, from 1 to 256 samples per pixel"
     ),
+    "scenes-sheet": Entry("figures.ours.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.ours.skipping", "Constant pixels need no samples", timed=True),
     "passes": Entry("figures.ours.passes", "Adaptive passes until each pixel's error is small"),
     "edges": Entry("figures.ours.edges", "Boundary-sampled derivatives"),
@@ -157,6 +158,11 @@ CATALOGUE = {
     "optimized-orders": Entry(
         "figures.ours.optimized_orders",
         "Optimised orders beside the samplers of the papers",
+        timed=True,
+    ),
+    "optimized-dimensions": Entry(
+        "figures.ours.optimized_dimensions",
+        "Optimised orders in 4 and 8 dimensions and in traced scenes",
         timed=True,
     ),
     "scramblings": Entry("figures.ours.scramblings", "Scramblings of Sobol's sequence: errors and distances"),
@@ -242,6 +248,7 @@ NO_DRAFT = {
     "generators": "it has two points a line",
     "measures-at-scale": "its counts are too small to have a slope",
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
+    "optimized-dimensions": "it has one scene at one count",
     "path-speed": "its images are too small to outweigh the calls",
     "ray-speed": "it has one mesh, and too few rays to outweigh the calls",
     "scaling": "it has two points a line",

@@ -119,7 +119,10 @@ def style(name: str, among: Iterable[str] = ()) -> Style:
     """
     if not isinstance(name, str):
         raise TypeError(f"name must be the name of a sampler, got {name!r}")
-    among = list(among) if isinstance(among, Iterable) else [among]
+    try:
+        among = list(among)
+    except TypeError:
+        among = [among]
     if not all(isinstance(other, str) for other in among):
         raise TypeError(f"among must be names of samplers, got {among!r}")
     known = _SAME.get(name, name)

@@ -211,7 +211,7 @@ def test_what_cannot_be_is_refused():
         "passes": "samples_per_pass unset",
         "size": "width, height must be the order's 8 x 8, got 8 x 4",
         "count": "spp must be at most 4 samples in the block of a pixel, got 8",
-        "nothing": "film must be given",
+        "nothing": "film must be a parameter of the plugin",
         "film": "TypeError: film must be the sensor's film, got 3",
         "sampler": "TypeError: sampler must be made by qmcjax.bridges.mitsuba.held, got 3",
         "key": "key must be an integer",

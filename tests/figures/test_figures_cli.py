@@ -736,5 +736,6 @@ def test_catalogue_names_figures_of_this_package():
 @pytest.mark.parametrize("name", NO_DRAFT)
 def test_figures_without_a_draft_run(name):
     """At the size of a draft, which shows nothing of them but that they run."""
-    png, *_ = worker._draw(Task(name, CATALOGUE[name].module, "draft"), lambda fraction: None)
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):  # as in a run
+        png, *_ = worker._draw(Task(name, CATALOGUE[name].module, "draft"), lambda fraction: None)
     assert png.startswith(b"\x89PNG")

@@ -121,10 +121,11 @@ def style(name: str, among: Iterable[str] = ()) -> Style:
         raise TypeError(f"name must be the name of a sampler, got {name!r}")
     try:
         among = list(among)
+        strange = [other for other in among if not isinstance(other, str)]
     except TypeError:
-        among = [among]
-    if not all(isinstance(other, str) for other in among):
-        raise TypeError(f"among must be names of samplers, got {among!r}")
+        strange = [among]
+    if strange:
+        raise TypeError(f"among must be names of samplers, got {strange!r}")
     known = _SAME.get(name, name)
     if known in SAMPLERS:
         return SAMPLERS[known]

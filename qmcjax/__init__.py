@@ -23,7 +23,7 @@ if typing.TYPE_CHECKING:
     from qmcjax import scenes as scenes
     from qmcjax import sequences as sequences
     from qmcjax import tracing as tracing
-    from qmcjax._integrate import Estimate as Estimate
+    from qmcjax._estimate import Estimate as Estimate
     from qmcjax._integrate import integrate as integrate
     from qmcjax.choosing import ErrorRatio as ErrorRatio
     from qmcjax.choosing import Recommendation as Recommendation
@@ -42,7 +42,8 @@ if typing.TYPE_CHECKING:
     from qmcjax.rendering import sliding_means as sliding_means
 else:
     _HOMES = {
-        "qmcjax._integrate": ("Estimate", "integrate"),
+        "qmcjax._estimate": ("Estimate",),
+        "qmcjax._integrate": ("integrate",),
         "qmcjax.choosing": ("ErrorRatio", "Recommendation", "recommend"),
         "qmcjax.core.checkpoints": ("Checkpoint",),
         "qmcjax.core.pytrees": ("pytree",),

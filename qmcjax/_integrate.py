@@ -1,10 +1,8 @@
 """The mean of a function over the points of a sequence, without storing them."""
 
-import math
-import operator
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple, overload
+from typing import Any, overload
 
 import jax
 import jax.numpy as jnp
@@ -14,6 +12,7 @@ from jax.core import Tracer
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
+from qmcjax._estimate import Estimate, columns, estimate, of_columns
 from qmcjax.core import checks, devices, parts, plug_ins, summation
 from qmcjax.core.pytrees import is_traced, jit, pytree
 from qmcjax.sequences import BinarySequence, OwenDigits, Sequence, as_sequence, owen, rotate
@@ -31,50 +30,6 @@ _PARTS = 64
 
 _SEARCHED = 2**16
 """Points searched at a time for the first non-finite value."""
-
-
-class Estimate(NamedTuple):
-    """An integral from independent replicates, with its error.
-
-    In the structure of the values, in float64; complex numbers have errors for real and imaginary part.
-    """
-
-    integral: Any
-    """The mean of the replicates."""
-
-    standard_error: Any
-    """Of the mean; see :func:`integrate` for counts."""
-
-    replicates: int
-    """Number of replicates."""
-
-    rounding: Any
-    """Error by rounding, which the replicates do not show: see :func:`integrate`."""
-
-    def interval(self, level: float = 0.95) -> tuple[Any, Any]:
-        """Return a confidence interval: Student's t interval of the mean, widened by ``rounding``.
-
-        Parameters
-        ----------
-        level : float
-            Confidence level, in (0, 1), for replicates that are nearly normal.
-
-        Returns
-        -------
-        low, high
-            float64, in the structure of the values.
-        """
-        from scipy.special import stdtrit
-
-        if isinstance(level, bool) or not isinstance(level, float | int | np.floating):
-            raise TypeError(f"level must be a number in (0, 1), got {checks.shown(level)}")
-        if not 0 < level < 1:
-            raise ValueError(f"level must be a number in (0, 1), got {level!r}")
-        quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
-        with jax.enable_x64(True):  # or traced values would become float32 here
-            width = jax.tree.map(lambda s, r: quantile * s + r, self.standard_error, self.rounding)
-            low, high = (jax.tree.map(each, self.integral, width) for each in (operator.sub, operator.add))
-        return low, high
 
 
 @pytree
@@ -242,7 +197,7 @@ def integrate(
         if not replicated:
             return found[0]
         _, some = _some(function, copies[0], jnp.uint32(start), min(n, _ROWS), dtype, replicated, wide)
-        return _estimate(found, jax.lax.stop_gradient(some), like, n, dtype)
+        return estimate(found, jax.lax.stop_gradient(some), like, n, dtype)
 
 
 def _randomised(sequence: Sequence, key: Array) -> Sequence:
@@ -301,7 +256,7 @@ def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
 def _values(function: Any, points: Array, dtype: np.dtype, replicated: bool, wide: bool) -> Array:
     with jax.enable_x64(wide):  # the precision of the caller
         values = _call(function, points)
-    return _columns(values, np.dtype(np.float64) if replicated else dtype)
+    return columns(values, np.dtype(np.float64) if replicated else dtype)
 
 
 @jit("n", "dtype", "aligned", "mesh", "traced", "replicated", "wide")
@@ -361,35 +316,7 @@ def _mean(
     if replicated:
         return mean
     like = jax.eval_shape(_call, function, jax.ShapeDtypeStruct((_ROWS, sequence.dims), dtype))
-    return _of_columns(mean, like, dtype)
-
-
-def _columns(values: Any, dtype: np.dtype) -> Array:
-    """Return all numbers of a row side by side, real and imaginary parts, in one floating type."""
-    leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
-    parts = [p for leaf in leaves for p in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))]
-    wide = any(part.dtype == jnp.float64 for part in parts)
-    common = np.dtype(np.float64) if wide else dtype
-    return jnp.concatenate([part.astype(common).reshape(part.shape[0], -1) for part in parts], axis=1)
-
-
-def _of_columns(column: Array, like: Any, dtype: np.dtype) -> Any:
-    """Return the numbers of one row in the structure of the values."""
-    first = 0
-
-    def next_part(shape: tuple[int, ...]) -> Array:
-        nonlocal first
-        first, begin = first + math.prod(shape), first
-        return column[begin:first].reshape(shape)
-
-    def value(leaf: Any) -> Array:
-        shape = leaf.shape[1:]
-        if jnp.issubdtype(leaf.dtype, jnp.complexfloating):
-            real, imaginary = next_part(shape), next_part(shape)
-            return jax.lax.complex(real, imaginary).astype(leaf.dtype)
-        return next_part(shape).astype(leaf.dtype if jnp.issubdtype(leaf.dtype, jnp.floating) else dtype)
-
-    return jax.tree.map(value, like)
+    return of_columns(mean, like, dtype)
 
 
 def _tree_sum(values: Array) -> Array:
@@ -400,36 +327,6 @@ def _tree_sum(values: Array) -> Array:
         middle = values.shape[0] // 2
         values = values[:middle] + values[middle:]
     return values[0]
-
-
-def _estimate(found: list[Array], some: Array, like: Any, n: int, dtype: np.dtype) -> Estimate:
-    """Return the mean of replicates, its standard error, and the rounding error."""
-    wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _wide(leaf.dtype)), like)
-    means = jnp.stack(found)
-    mean, spread = means.mean(axis=0), jnp.ptp(some, axis=0)
-    magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
-
-    def values(columns: Array) -> Any:
-        made = _of_columns(columns, wide, np.dtype(np.float64))
-        return made if isinstance(columns, Tracer) else jax.tree.map(np.asarray, made)
-
-    def rounding(leaf: Any, magnitude: Array) -> Array:
-        types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
-        return magnitude * max(float(jnp.finfo(each).eps) for each in types)
-
-    gaps = jnp.median(jnp.diff(jnp.sort(means, axis=0), axis=0), axis=0)
-    equal = jax.lax.stop_gradient(gaps) <= 4 * np.finfo(np.float64).eps * magnitude
-    unseen = jnp.where(equal, 3 * jnp.square(spread / (n * len(found))), 0)
-    return Estimate(
-        values(mean),
-        values(jnp.sqrt(jnp.var(means, axis=0, ddof=1) / len(found) + unseen)),
-        len(found),
-        jax.tree.map(rounding, like, values(magnitude + spread / 2)),
-    )
-
-
-def _wide(dtype: Any) -> np.dtype:
-    return np.dtype(np.complex128 if jnp.issubdtype(dtype, jnp.complexfloating) else np.float64)
 
 
 def _refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n: int, *how: Any) -> None:

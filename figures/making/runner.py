@@ -12,7 +12,7 @@ from multiprocessing.context import SpawnContext, SpawnProcess
 from figures.making.memory import resident
 from figures.making.worker import Failed, Message, Progress, Task, serve
 
-MEMORY = 900_000_000
+MEMORY = 500_000_000
 """Bytes: a worker that holds more after a task makes room for a new one."""
 
 

@@ -1,7 +1,6 @@
 """Images of traced scenes by one compiled program a scene, whatever the sampler, size and count."""
 
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -26,12 +25,6 @@ SAMPLES = 2**16
 @jit()
 def _values(scene: Any, points: Array) -> Array:
     return scene(points)
-
-
-def compile_all(wanted: Iterable[Any]) -> None:
-    """Compile scenes side by side, two at a time: XLA leaves the interpreter to others meanwhile."""
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(lambda scene: _values(scene, jnp.zeros((POINTS, len(scene.needs)))), wanted))
 
 
 @jit("dims")

@@ -49,7 +49,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     side, keys = SIDE[quality], KEYS[quality]
     compared = {name: getattr(scenes, name)() for name in CROPS}
     compared["interior"] = scenes.interior(BOUNCES[quality])
-    scene_images.compile_all(compared.values())
     panels, measured, origins = [], {}, ""
     handed_out: dict[str, list[NDArray]] = {}
     for done, (title, scene) in enumerate(compared.items(), start=1):

@@ -44,7 +44,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "interior": scenes.interior(BOUNCES[quality]),
         "caustic": scenes.caustic(),
     }
-    scene_images.compile_all(compared.values())
     figure = Figure(figsize=(11, 8.5), layout="constrained")
     figure.suptitle("Convergence on rendered scenes (Z paper, Fig. 11)")
     measured: dict[str, dict[str, dict[str, dict[str, float]]]] = {}

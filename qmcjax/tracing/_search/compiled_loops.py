@@ -11,7 +11,7 @@ from qmcjax.tracing._search import compiled_tests as tests
 from qmcjax.tracing._search import compiled_triangles as triangles
 from qmcjax.tracing._search.compiled_nodes import DEPTH
 from qmcjax.tracing._search.lanes import WIDTH, bits, larger, load, lowest, smaller, store
-from qmcjax.tracing._search.numba import compiled, inlined
+from qmcjax.tracing._search.numba_decorators import compiled, inlined
 
 STACK = DEPTH * WIDTH
 """Size of the stack: all but one of the children of each node on a path."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from qmcjax.tracing._search.compiled_triangles import BLOCK
 from qmcjax.tracing._search.lanes import WIDTH
-from qmcjax.tracing._search.numba import compiled
+from qmcjax.tracing._search.numba_decorators import compiled
 
 NODE = 7
 """Rows of a node."""

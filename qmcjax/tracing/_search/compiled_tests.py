@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from qmcjax.tracing._search.numba import inlined
+from qmcjax.tracing._search.numba_decorators import inlined
 
 PLANE, RECTANGLE, DISC, BOX, SPHERE, CYLINDER, TRIANGLE, MOVING = range(8)
 """Kinds of primitives; triangles move if their vertices do."""

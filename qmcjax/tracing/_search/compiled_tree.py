@@ -4,7 +4,7 @@ import numpy as np
 
 from qmcjax.tracing._search import compiled_tests as tests
 from qmcjax.tracing._search.compiled_nodes import grow, surface, widened
-from qmcjax.tracing._search.numba import compiled
+from qmcjax.tracing._search.numba_decorators import compiled
 
 _BINS = 8
 

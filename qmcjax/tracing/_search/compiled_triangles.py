@@ -5,7 +5,7 @@ A block of eight triangles is 9 rows: the coordinates of their first corners, th
 
 from qmcjax.tracing._search.compiled_tests import cross, dot, largest, length, minus, power, times, vector
 from qmcjax.tracing._search.lanes import larger, load, smaller
-from qmcjax.tracing._search.numba import inlined
+from qmcjax.tracing._search.numba_decorators import inlined
 
 BLOCK = 9
 """Rows of a block."""

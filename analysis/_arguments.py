@@ -7,13 +7,15 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["FLOATS", "array", "error", "points", "positive", "real", "shaped"]
+__all__ = ["FLOATS", "array", "error", "points", "positive", "real", "real_array", "root", "shaped"]
 
 FLOATS = (np.float16, np.float32, np.float64)
 """Types of coordinates that float64 holds exactly."""
@@ -88,21 +90,33 @@ def points(
     return given
 
 
-def error(image: Any, reference: Any) -> NDArray[np.float64]:
-    """Return the error of an image, shape (height, width, channels), or raise."""
-    given, exact = (
-        array(name, value, "an array of real numbers").astype(np.float64)
-        for name, value in (("image", image), ("reference", reference))
-    )
+def real_array(name: str, value: Any) -> Any:
+    """Return real numbers as float64, or if JAX traces them in their own dtype, as floats."""
+    wanted = "an array of real numbers"
+    if not isinstance(value, Tracer):
+        return array(name, value, wanted).astype(np.float64)
+    if not (jnp.issubdtype(value.dtype, np.integer) or jnp.issubdtype(value.dtype, np.floating)):
+        raise TypeError(f"{name} must be {wanted}, got {value.dtype} {value.shape}")
+    return value if jnp.issubdtype(value.dtype, np.floating) else value.astype(float)
+
+
+def error(image: Any, reference: Any) -> Any:
+    """Return the error of an image, shape (height, width, channels), traced if one of both is, or raise."""
+    given, exact = real_array("image", image), real_array("reference", reference)
     if given.shape != exact.shape:
         raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
     if given.ndim not in (2, 3) or given.size == 0:
         raise ValueError(f"image must have shape (height, width) or (height, width, 3), got {given.shape}")
     for name, values in (("image", given), ("reference", exact)):
+        if isinstance(values, Tracer):
+            continue
         infinite = ~np.isfinite(values)
         if infinite.any():
             at = tuple(int(k) for k in np.argwhere(infinite)[0])
             raise ValueError(f"{name} must be finite, got {values[at]} at {at}")
+    if traced := [values for values in (given, exact) if isinstance(values, Tracer)]:
+        dtype = jnp.result_type(*traced)
+        given, exact = jnp.asarray(given, dtype), jnp.asarray(exact, dtype)
     return (given - exact).reshape(*given.shape[:2], -1)
 
 
@@ -119,3 +133,9 @@ def real(name: str, value: Any, wanted: str, holds: Callable[[float], bool]) -> 
 def positive(name: str, value: Any) -> float:
     """Return a positive finite number as a float."""
     return real(name, value, "positive and finite", lambda x: 0 < x < math.inf)
+
+
+def root(square: Array) -> Array:
+    """Return the square root of a traced number; its derivative at 0 is set to 0."""
+    positive = square > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)

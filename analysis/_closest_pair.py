@@ -9,14 +9,17 @@ Bars as thin as the closest pair allows have few points in such a window, howeve
 or aligned. A first bound on the closest pair comes from comparing each point with the next.
 """
 
+from __future__ import annotations
+
 import itertools
 import math
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["squared_closest_pair"]
+__all__ = ["closest_pair"]
 
 _SLACK = 1 + 2.0**-20
 """Bars are wider than needed by this factor: more than all rounding errors."""
@@ -33,8 +36,8 @@ _CROWDED = 256
 Floats = NDArray[np.float64]
 
 
-def squared_closest_pair(columns: Floats, bound: float) -> float | None:
-    """Return the square of the smallest distance of two points, or None if the windows are crowded.
+def closest_pair(columns: Floats, bound: float) -> tuple[float, Floats] | None:
+    """Return the square of the smallest distance, and two points at it; None if the windows are crowded.
 
     Parameters
     ----------
@@ -45,31 +48,48 @@ def squared_closest_pair(columns: Floats, bound: float) -> float | None:
 
     Returns
     -------
-    float or None
+    float
         Each square is a sum of d rounded squares of rounded differences.
+    float64 array, shape (2, d)
     """
     low = columns.min(axis=1)
     extent = columns.max(axis=1) - low
-    side, best = 2 * bound * _SLACK, (bound * _SLACK) ** 2
+    side = 2 * bound * _SLACK
+    best = _Closest((bound * _SLACK) ** 2)
     unshifted, *shifted = itertools.product((0.0, 0.5), repeat=len(columns) - 1)
     while True:
         bars = _sort(columns, low, extent, side, unshifted)
-        best = _compare_with_next(bars, best)
-        if best == 0:
-            return 0.0
+        _compare_with_next(bars, best)
+        if best.square == 0:
+            return 0.0, best.pair
         crowd = _crowd(bars, best)
-        thinner = max(2 * math.sqrt(best) * _SLACK, extent.max() * _THINNEST)
+        thinner = max(2 * math.sqrt(best.square) * _SLACK, extent.max() * _THINNEST)
         if crowd <= 8 or thinner > side / 2:
             break
         side = thinner
         del bars  # Frees the memory for the next tiling.
     if crowd > _CROWDED:
         return None
-    best = _compare_with_windows(bars, best)
+    _compare_with_windows(bars, best)
     del bars
     for shift in shifted:
-        best = _compare_with_windows(_sort(columns, low, extent, side, shift), best)
-    return best
+        _compare_with_windows(_sort(columns, low, extent, side, shift), best)
+    return best.square, best.pair
+
+
+@dataclass
+class _Closest:
+    """The closest pair so far."""
+
+    square: float
+    pair: Floats = field(default_factory=lambda: np.empty((2, 0)))
+
+    def compare(self, squares: Floats, columns: Floats, first: NDArray[np.int64] | int, step: int) -> None:
+        """Take the smallest of the squared distances of points to those ``step`` behind."""
+        k = int(squares.argmin())
+        if squares[k] < self.square:
+            at = int(first[k]) if isinstance(first, np.ndarray) else first + k
+            self.square, self.pair = float(squares[k]), columns[:, [at, at + step]].T
 
 
 class _Bars(NamedTuple):
@@ -81,9 +101,9 @@ class _Bars(NamedTuple):
 
     scale: float
 
-    def window(self, best: float) -> int:
+    def window(self, best: _Closest) -> int:
         """Return the largest difference of keys in one bar for pairs that may be closer than the best."""
-        return math.floor(math.sqrt(best) * self.scale * _SLACK) + 1
+        return math.floor(math.sqrt(best.square) * self.scale * _SLACK) + 1
 
 
 def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tuple[float, ...]) -> _Bars:
@@ -120,7 +140,7 @@ def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tupl
     return _Bars(columns, keys, scale)
 
 
-def _crowd(bars: _Bars, best: float) -> float:
+def _crowd(bars: _Bars, best: _Closest) -> float:
     """Estimate the mean number of followers in the window."""
     keys = bars.keys
     sample = np.arange(0, len(keys), max(1, len(keys) // 4096))
@@ -128,15 +148,14 @@ def _crowd(bars: _Bars, best: float) -> float:
     return float(np.mean(last - sample))
 
 
-def _compare_with_next(bars: _Bars, best: float) -> float:
+def _compare_with_next(bars: _Bars, best: _Closest) -> None:
     n = len(bars.keys)
     room = _room()
     for start in range(0, n - 1, _BLOCK):
-        best = min(best, _closest_followers(bars, start, min(start + _BLOCK, n - 1), 1, room))
-    return best
+        _compare_with_followers(bars, start, min(start + _BLOCK, n - 1), 1, room, best)
 
 
-def _compare_with_windows(bars: _Bars, best: float) -> float:
+def _compare_with_windows(bars: _Bars, best: _Closest) -> None:
     """Compare points with the followers in their windows: all points first, then those with followers."""
     keys = bars.keys
     n = len(keys)
@@ -148,27 +167,28 @@ def _compare_with_windows(bars: _Bars, best: float) -> float:
             if np.count_nonzero(inside) < (stop - start) // 4:
                 point = start + np.flatnonzero(inside)
                 break
-            best = min(best, _closest_followers(bars, start, stop, step, room))
+            _compare_with_followers(bars, start, stop, step, room, best)
             step += 1
         while len(point):
             difference = bars.columns[:, point + step] - bars.columns[:, point]
-            best = min(best, float(np.square(difference).sum(axis=0).min()))
+            best.compare(np.square(difference).sum(axis=0), bars.columns, point, step)
             step += 1
             point = point[: np.searchsorted(point, n - step)]
             point = point[keys[point + step] - keys[point] <= bars.window(best)]
-    return best
 
 
 def _room() -> Floats:
     return np.empty((2, _BLOCK))
 
 
-def _closest_followers(bars: _Bars, start: int, stop: int, step: int, room: Floats) -> float:
-    """Return the smallest squared distance of the points to the one a given number of steps behind."""
+def _compare_with_followers(
+    bars: _Bars, start: int, stop: int, step: int, room: Floats, best: _Closest
+) -> None:
+    """Compare points with the ones a given number of steps behind."""
     square, term = room[:, : stop - start]
     square.fill(0)
     for column in bars.columns:
         np.subtract(column[start + step : stop + step], column[start:stop], out=term)
         term *= term
         square += term
-    return float(square.min())
+    best.compare(square, bars.columns, start, step)

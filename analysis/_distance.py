@@ -10,14 +10,25 @@ import math
 from typing import Any
 
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
 from analysis import _arguments
-from analysis._closest_pair import squared_closest_pair
+from analysis._callbacks import Attained, called_back
+from analysis._closest_pair import closest_pair
 from qmcjax.core import checks
 
-__all__ = ["checked_tiling", "min_distance", "packing_distance", "squared_min_distance", "tree", "unfold"]
+__all__ = [
+    "checked_tiling",
+    "directions",
+    "min_distance",
+    "packing_distance",
+    "squared_min_distance",
+    "tree",
+    "unfold",
+]
 
 _MARGIN = 1 + 2.0**-40
 """Radius of the search for exact minima: more than the tree's rounding errors."""
@@ -30,7 +41,7 @@ _INTEGERS = 2.0**53
 """Smaller sums of squares of integers are exact in float64."""
 
 
-def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> float:
+def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> float | Array:
     """Return the smallest distance of two points, Eq. 5.5 of [1]_.
 
     Parameters
@@ -51,6 +62,8 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         The minimum is over pairs i < j: distances of a point to its own copies do not count. Squares are
         computed: distances below 1e-154 may become 0. The error is a few units in the last place for 64
         points or more in at most three dimensions without a shear; otherwise at most d 2^-51, absolute.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: of equally close
+        pairs one has a derivative; that of two equal points is set to 0.
 
     Notes
     -----
@@ -67,13 +80,59 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     0.25
     """
     array, torus, shear = checked_tiling(points, torus, shear)
-    square = _sorted_squared_distance(array, 1, torus, shear)
-    if square is not None:
-        return math.sqrt(square)
+    if isinstance(array, Tracer):
+        return called_back(
+            lambda known: min_distance(known, torus, shear),
+            lambda known: _attained(checked_tiling(known, torus, shear)[0], torus, shear),
+            array,
+            (),
+            2,
+        )
+    found = _sorted_closest_pair(array, 1, torus, shear)
+    if found is not None:
+        return math.sqrt(found[0])
     if _has_duplicates(array):
         return 0.0
     unfolded, periods = unfold(array, 1, torus, shear)
     return _nearest(tree(unfolded, periods), len(array))
+
+
+def _attained(points: NDArray[np.float64], torus: bool, shear: float) -> Attained:
+    """Return the minimum distance, a closest pair and the derivatives with respect to its points."""
+    found = _sorted_closest_pair(points, 1, torus, shear) if shear == 0 else None
+    if found[0] == 0 if found else _has_duplicates(points):
+        return 0.0, np.zeros(2, np.int64), np.zeros((2, points.shape[1]))
+    if found:
+        distance = math.sqrt(found[0])
+        # Copies lie exactly one period before their points.
+        pair = np.array([np.flatnonzero((points == p + (p < 0)).all(axis=1))[0] for p in found[1]])
+    else:
+        unfolded, periods = unfold(points, 1, torus, shear)
+        distances, index = tree(unfolded, periods).query(points, k=2)
+        first = int(np.asarray(distances)[:, 1].argmin())
+        distance = float(np.asarray(distances)[first, 1])
+        pair = np.array([first, np.asarray(index)[first, 1] % len(points)])
+    away = directions(points[pair[:1]], points[pair[1:]], torus, shear)[0]
+    return distance, pair, np.stack([away, -away])
+
+
+def directions(
+    ends: NDArray[np.float64], starts: NDArray[np.float64], torus: bool, shear: float
+) -> NDArray[np.float64]:
+    """Return unit vectors to points, shape (m, d), from the nearest copies of others; 0 from equal ones."""
+    difference = ends - starts
+    if torus:
+        rows = np.rint(difference[:, 1:2]) + [-1, 0, 1] if shear else np.zeros((1, 1))
+        along = difference[:, :1] - shear * rows
+        along = along - np.rint(along)
+        if shear:
+            across = difference[:, 1:2] - rows
+            nearest = np.hypot(along, across).argmin(axis=1)[:, None]
+            difference = np.hstack([np.take_along_axis(part, nearest, 1) for part in (along, across)])
+        else:
+            difference = difference - np.rint(difference)
+    length = np.linalg.norm(difference, axis=1, keepdims=True)
+    return difference / np.where(length > 0, length, 1)
 
 
 def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear: int = 0) -> int:
@@ -116,9 +175,9 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     torus = checks.flag("torus", torus)
     shear = checks.integer("shear", shear, -side, side)
     _check_tiling(array.shape[1], torus, shear)
-    square = _sorted_squared_distance(array.astype(np.float64), side, torus, shear)
-    if square is not None and square < _INTEGERS:
-        return int(square)
+    found = _sorted_closest_pair(array.astype(np.float64), side, torus, shear)
+    if found is not None and found[0] < _INTEGERS:
+        return int(found[0])
     if _has_duplicates(array):
         return 0
     unfolded, periods = unfold(array, side, torus, shear)
@@ -131,9 +190,10 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     return int((delta * delta).sum(axis=1).min())
 
 
-def checked_tiling(points: Any, torus: Any, shear: Any) -> tuple[NDArray[np.float64], bool, float]:
-    """Return points as float64, torus and shear in [-1/2, 1/2]; raise unless they fit together."""
-    array = _arguments.points(points, least=2).astype(np.float64, copy=False)
+def checked_tiling(points: Any, torus: Any, shear: Any) -> tuple[Any, bool, float]:
+    """Return points as float64 or traced, torus and shear in [-1/2, 1/2]; raise unless they fit together."""
+    array = _arguments.points(points, least=2, traced=True)
+    array = array if isinstance(array, Tracer) else array.astype(np.float64, copy=False)
     torus = checks.flag("torus", torus)
     shear = _arguments.real("shear", shear, "a finite number", math.isfinite)
     _check_tiling(array.shape[1], torus, shear)
@@ -148,10 +208,10 @@ def packing_distance(n: int, dims: int) -> float:
     return (1 / n, math.sqrt(2 / (math.sqrt(3) * n)), math.cbrt(math.sqrt(2) / n))[dims - 1]
 
 
-def _sorted_squared_distance(
+def _sorted_closest_pair(
     points: NDArray[np.float64], side: int, torus: bool, shear: float
-) -> float | None:
-    """Return the square of the minimum distance, or None where sorting does not apply.
+) -> tuple[float, NDArray[np.float64]] | None:
+    """Return the square of the minimum distance and two points or copies; None where sorting does not apply.
 
     A copy is translated by minus one period. A pair that wraps around is found as the copy of the point
     near the far side, and the other point or a copy of it: one-sided copies suffice, and their coordinates
@@ -175,7 +235,7 @@ def _sorted_squared_distance(
                 parts.append(copies)
     columns = np.empty((dims, sum(part.shape[1] for part in parts)))
     np.concatenate(parts, axis=1, out=columns)
-    return squared_closest_pair(columns, bound)
+    return closest_pair(columns, bound)
 
 
 def _check_tiling(dims: int, torus: bool, shear: float) -> None:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._spectra import error_spectrum, radial_average
 
-__all__ = ["filtered_error", "low_frequency_power"]
+__all__ = ["filtered_error", "low_frequency_power", "weighted_rms"]
 
 _WIDE = 0.4
 """About 1 / sqrt(2 pi): the Gaussian that is its own transform."""
@@ -17,7 +22,7 @@ _TERMS = 8
 """Both sums have fewer terms than this on each side: further terms are below 1e-60."""
 
 
-def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float:
+def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float | Array:
     """Return the root mean square of an image's error after a Gaussian filter.
 
     Parameters
@@ -30,7 +35,8 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     Returns
     -------
     float
-        At most the root mean square error.
+        At most the root mean square error. If JAX traces an image (``jit``, ``grad``, ``vmap``), an Array of
+        its dtype, differentiable; the gradient is set to 0 where the error is 0.
 
     Notes
     -----
@@ -48,9 +54,19 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     error = _arguments.error(image, reference)
     sigma = _arguments.positive("sigma", sigma)
     height, width = error.shape[:2]
-    transfer = _transfer(height, sigma)[:, None] * _transfer(width, sigma)
-    power = np.square(np.abs(np.fft.fft2(error, axes=(0, 1)))).sum(axis=2)
-    return float(np.sqrt(np.sum(np.square(transfer) * power) / (height * width * error.size)))
+    return weighted_rms(error, _transfer(height, sigma)[:, None] * _transfer(width, sigma))
+
+
+def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float | Array:
+    """Return the root mean square of an error, shape (height, width, channels), with its waves weighted."""
+    traced = isinstance(error, Tracer)
+    xp: Any = jnp if traced else np
+    power = xp.square(xp.abs(xp.fft.fft2(error, axes=(0, 1)))).sum(axis=2)
+    size = weights.size * error.size
+    mean = xp.sum(np.square(weights).astype(power.dtype) * power) / size
+    if not traced:
+        return float(np.sqrt(mean))
+    return _arguments.root(mean).astype(error.dtype)
 
 
 def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
@@ -71,7 +87,7 @@ def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
         return copies / copies[0]
 
 
-def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
+def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float | Array:
     """Return the mean radial power of an image's error below a frequency: 1 for white noise.
 
     Parameters
@@ -84,6 +100,7 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
     Returns
     -------
     float
+        If JAX traces an image, an Array of its dtype, differentiable.
 
     References
     ----------
@@ -94,4 +111,5 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
     below = frequency < cutoff * max(np.shape(image)[:2])
     if not below.any():
         raise ValueError(f"cutoff must be above one cycle per image, got {cutoff!r} for {np.shape(image)}")
-    return float(power[below].mean())
+    mean = power[below].mean()
+    return mean if isinstance(mean, Tracer) else float(mean)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
+from analysis._filtered import weighted_rms
 
 __all__ = ["perceived_error"]
 
 
-def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 2000.0) -> float:
+def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 2000.0) -> float | Array:
     """Return the root mean square of an image's error, weighted by the contrast sensitivity of the eye.
 
     Parameters
@@ -24,7 +26,8 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     Returns
     -------
     float
-        At most the root mean square error, its limit as ``distance`` goes to 0.
+        At most the root mean square error, its limit as ``distance`` goes to 0. If JAX traces an image, an
+        Array of its dtype, differentiable; the gradient is set to 0 where the error is 0.
 
     Notes
     -----
@@ -49,9 +52,7 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     distance = _arguments.positive("distance", distance)
     height, width = error.shape[:2]
     per_pixel = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.fftfreq(width)[None, :])
-    weight = _sensitivity(per_pixel * distance * np.tan(np.radians(1)))
-    power = np.square(np.abs(np.fft.fft2(error, axes=(0, 1)))).sum(axis=2)
-    return float(np.sqrt(np.sum(np.square(weight) * power) / (height * width * error.size)))
+    return weighted_rms(error, _sensitivity(per_pixel * distance * np.tan(np.radians(1))))
 
 
 def _sensitivity(frequency: NDArray[np.float64]) -> NDArray[np.float64]:

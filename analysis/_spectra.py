@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, TypeAlias
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
@@ -14,7 +18,11 @@ from qmcjax.core import checks
 __all__ = ["error_spectrum", "mean_spectrum", "radial_anisotropy", "radial_average"]
 
 
-def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+Curve: TypeAlias = NDArray[np.float64] | Array
+"""Known, or an Array of the input's dtype where JAX traces that."""
+
+
+def error_spectrum(image: ArrayLike, reference: ArrayLike) -> Curve:
     """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.
 
     The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
@@ -29,11 +37,12 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     -------
     float64 array, shape (height, width)
         In the layout of ``numpy.fft.fft2``: element [0, 0] is the mean, which is removed, hence 0.
+        If JAX traces an image (``jit``, ``grad``, ``vmap``), of its dtype, and differentiable.
 
     Raises
     ------
     ValueError
-        If the error is constant.
+        If the error is constant. Where JAX traces it, the spectrum is 0 then.
 
     Examples
     --------
@@ -42,15 +51,20 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
      [0. 0.]]
     """
     channels = _arguments.error(image, reference)
-    if (channels == channels[0, 0]).all():
+    traced = isinstance(channels, Tracer)
+    if not traced and (channels == channels[0, 0]).all():
         raise ValueError(f"image must differ from reference by more than a constant, got {channels[0, 0]}")
+    xp: Any = jnp if traced else np
     channels = channels - channels.mean(axis=(0, 1))
-    power = np.square(np.abs(np.fft.fft2(channels, axes=(0, 1)))).sum(axis=2)
+    power = xp.square(xp.abs(xp.fft.fft2(channels, axes=(0, 1)))).sum(axis=2)
+    total = xp.square(channels).sum()
+    if traced:
+        return (power.at[0, 0].set(0) / jnp.where(total > 0, total, jnp.inf)).astype(channels.dtype)
     power[0, 0] = 0.0
-    return power / np.square(channels).sum()
+    return power / total
 
 
-def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
     """Return the mean power in annuli of width 1 around the mean, which is left out.
 
     Parameters
@@ -64,7 +78,7 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
         1, 2, ... up to the Nyquist frequency: cycles per longer side of the image. Annulus k contains
         frequencies in [k - 1/2, k + 1/2); the corners beyond the last are left out.
     power : float64 array, of the same shape
-        The mean of each annulus.
+        The mean of each annulus. If JAX traces the spectrum, of its dtype, and differentiable.
 
     Notes
     -----
@@ -79,13 +93,13 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     """
     array = _checked(spectrum)
     annulus = _annuli(*array.shape)
-    count = np.bincount(annulus.ravel())
-    total = np.bincount(annulus.ravel(), weights=array.ravel())
     frequency = np.arange(1, max(array.shape) // 2 + 1)
-    return frequency.astype(np.float64), total[frequency] / count[frequency]
+    count = np.bincount(annulus.ravel())[frequency]
+    total = _sums(annulus, array)[frequency]
+    return frequency.astype(np.float64), total / count.astype(total.dtype)
 
 
-def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
     """Return the variation of the power along annuli of width 1: variance / mean^2, in decibels.
 
     The power of one realisation of isotropic noise is exponentially distributed at each frequency, with an
@@ -102,7 +116,8 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
         The annuli of :func:`radial_average`.
     anisotropy : float64 array, of the same shape
         10 log10(s^2 / mean^2), where s^2 is the sum of squared deviations divided by their number less 1:
-        -inf if all are equal, NaN for annuli with a single value or zeros only.
+        -inf if all are equal, NaN for annuli with a single value or zeros only. If JAX traces the spectrum,
+        of its dtype, and differentiable; gradients of these elements are 0.
 
     Notes
     -----
@@ -121,15 +136,20 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     [1.] [-3.522]
     """
     array = _checked(spectrum)
-    annulus = _annuli(*array.shape).ravel()
+    annulus = _annuli(*array.shape)
     frequency, mean = radial_average(array)
     wanted = (annulus >= 1) & (annulus <= len(frequency))
     place = annulus[wanted] - 1
-    squares = np.square(array.ravel()[wanted] - mean[place])
+    squares = _sums(place, (array[wanted] - mean[place]) ** 2)
     count = np.bincount(place)
+    if isinstance(squares, Tracer):
+        variance = squares / (count - 1).astype(squares.dtype)
+        spread = variance > 0
+        ratio = jnp.where(spread, variance, 1) / jnp.square(jnp.where(spread, mean, 1))
+        limit = jnp.where((variance == 0) & (mean != 0), -jnp.inf, jnp.nan)
+        return frequency, jnp.where(spread, 10 * jnp.log10(ratio), limit)
     with np.errstate(divide="ignore", invalid="ignore"):
-        variance = np.bincount(place, weights=squares) / (count - 1)
-        return frequency, 10 * np.log10(variance / np.square(mean))
+        return frequency, 10 * np.log10(squares / (count - 1) / np.square(mean))
 
 
 def mean_spectrum(
@@ -179,13 +199,20 @@ def mean_spectrum(
     return mean, np.sqrt(squares / (count - 1) / count)
 
 
-def _checked(spectrum: ArrayLike) -> NDArray[np.float64]:
-    array = _arguments.array("spectrum", spectrum, "an array of real numbers").astype(np.float64)
+def _checked(spectrum: ArrayLike) -> Any:
+    array = _arguments.real_array("spectrum", spectrum)
     if array.ndim != 2 or array.size < 2:
         raise ValueError(f"spectrum must have shape (height, width), more than one value, got {array.shape}")
-    if not np.isfinite(array).all():
+    if not isinstance(array, Tracer) and not np.isfinite(array).all():
         raise ValueError(f"spectrum must be finite, got {array[~np.isfinite(array)][0]}")
     return array
+
+
+def _sums(place: NDArray[np.int64], values: Any) -> Any:
+    """Return the sums of the values in each place."""
+    if isinstance(values, Tracer):
+        return jax.ops.segment_sum(values.ravel(), place.ravel(), int(place.max()) + 1)
+    return np.bincount(place.ravel(), weights=values.ravel())
 
 
 def _annuli(height: int, width: int) -> NDArray[np.int64]:

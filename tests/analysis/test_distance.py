@@ -232,7 +232,7 @@ def test_crowded_windows_are_left_to_the_tree(monkeypatch):
     points = np.random.default_rng(3).random((500, 3))
     sorted_distance = min_distance(points)
     monkeypatch.setattr(closest_pair, "_CROWDED", -1)
-    assert closest_pair.squared_closest_pair(np.ascontiguousarray(points.T), 0.5) is None
+    assert closest_pair.closest_pair(np.ascontiguousarray(points.T), 0.5) is None
     assert min_distance(points) == pytest.approx(sorted_distance, rel=1e-14)
 
 

@@ -1,0 +1,71 @@
+"""Measures that NumPy computes, as functions of JAX: values by callbacks, derivatives where they are attained.
+
+The supremum that defines such a measure is attained at a pair, a box or a ball of a few points. Where it is
+attained only there, the measure has the derivative of that pair, box or ball; at ties that of one of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+__all__ = ["Attained", "called_back"]
+
+Floats = NDArray[np.float64]
+Attained = tuple[float | Floats, NDArray[np.integer], Floats]
+"""A value of shape S, the indices of the m points that determine it, S + (m,), and its derivatives with
+respect to their coordinates, S + (m, d)."""
+
+
+def called_back(
+    value: Callable[[NDArray], Any],
+    attained: Callable[[NDArray], Attained],
+    points: Array,
+    shape: tuple[int, ...],
+    most: int,
+) -> Array:
+    """Return a measure of traced points, shape (n, d).
+
+    Parameters
+    ----------
+    value : Callable
+        From known points to the measure.
+    attained : Callable
+        From known points to the measure and its derivatives.
+    points : traced Array, shape (n, d)
+    shape : tuple of int
+        Of the measure.
+    most : int
+        Number m of points with a derivative.
+    """
+    dtype = jax.dtypes.canonicalize_dtype(np.float64)
+    outlines = (
+        jax.ShapeDtypeStruct(shape, dtype),
+        jax.ShapeDtypeStruct((*shape, most), np.int32),
+        jax.ShapeDtypeStruct((*shape, most, points.shape[1]), dtype),
+    )
+
+    def call(function: Callable[[NDArray], Any], wanted: Any, known: Array) -> Any:
+        def host(given: Any) -> Any:
+            found = function(np.asarray(given))
+            return jax.tree.map(lambda array, outline: np.asarray(array, outline.dtype), found, wanted)
+
+        return jax.pure_callback(host, wanted, known, vmap_method="sequential")
+
+    @jax.custom_jvp
+    def measure(known: Array) -> Array:
+        return call(value, outlines[0], known)
+
+    @measure.defjvp
+    def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+        result, index, slopes = call(attained, outlines, *primals)
+        (moves,) = tangents
+        return result, jnp.sum(slopes * moves[index], axis=(-2, -1)).astype(dtype)
+
+    return measure(points)

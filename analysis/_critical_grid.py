@@ -6,12 +6,37 @@ dimension, at a coordinate of the points or at 1. The share minus the volume dec
 enters: its supremum over closed boxes is the maximum over boxes that end at coordinates of points.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CriticalGrid", "contained", "critical_grid", "local_discrepancy", "rounding"]
+from analysis._callbacks import Attained
+
+__all__ = [
+    "CriticalGrid",
+    "LocalDiscrepancy",
+    "attained_by_box",
+    "contained",
+    "critical_grid",
+    "local_discrepancy",
+    "of_corner",
+    "rounding",
+]
+
+
+class LocalDiscrepancy(float):
+    """The local discrepancy of one box: a float with the box's ends; of several, ``max`` keeps the box."""
+
+    ends: NDArray[np.float64]
+    is_open: bool
+
+    def __new__(cls, value: float, ends: NDArray[np.float64], is_open: bool) -> LocalDiscrepancy:
+        self = super().__new__(cls, value)
+        self.ends, self.is_open = ends, is_open
+        return self
 
 
 @dataclass(frozen=True)
@@ -65,6 +90,30 @@ def local_discrepancy(grid: CriticalGrid, corners: NDArray[np.signedinteger]) ->
     axis = np.arange(grid.dims)
     opened, closed = grid.opened[axis, corners], grid.closed[axis, corners]
     return np.maximum(opened.prod(axis=1) - share, share - closed.prod(axis=1))
+
+
+def of_corner(grid: CriticalGrid, corner: NDArray[np.signedinteger], value: float) -> LocalDiscrepancy:
+    """Return the local discrepancy of a corner, shape (d,), known before, with its box."""
+    axis = np.arange(grid.dims)
+    share = np.count_nonzero(contained(grid, corner[None])) / grid.n
+    opened, closed = grid.opened[axis, corner], grid.closed[axis, corner]
+    is_open = bool(opened.prod() - share >= share - closed.prod())
+    return LocalDiscrepancy(value, opened if is_open else closed, is_open)
+
+
+def attained_by_box(points: NDArray[np.float64], found: float) -> Attained:
+    """Return a local discrepancy and its derivatives: of the volume, by the points where its box ends.
+
+    It has none where the box ends at 1, nor without a box.
+    """
+    dims = points.shape[1]
+    index, slopes = np.zeros(dims, np.int64), np.zeros((dims, dims))
+    if isinstance(found, LocalDiscrepancy):
+        for j, end in enumerate(found.ends):
+            at = points[:, j] == end
+            index[j] = at.argmax()
+            slopes[j, j] = at.any() * np.delete(found.ends, j).prod() * (1 if found.is_open else -1)
+    return float(found), index, slopes
 
 
 def rounding(dims: int) -> float:

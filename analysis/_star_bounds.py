@@ -1,14 +1,18 @@
 """Certified bounds of the star discrepancy in any dimension."""
 
+from typing import cast
+
 import jax
 import numpy as np
 from jax import Array
-from numpy.typing import ArrayLike
+from jax.core import Tracer
+from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._critical_grid import critical_grid, rounding
+from analysis._callbacks import Attained, Floats, called_back
+from analysis._critical_grid import attained_by_box, critical_grid, rounding
 from analysis._star_cells import cell_bounds
-from analysis._star_discrepancy import star_discrepancy
+from analysis._star_discrepancy import star_discrepancy, worst_box
 from analysis._star_regions import refine
 from analysis._threshold_accepting import threshold_accepting
 from qmcjax.core import checks
@@ -24,7 +28,7 @@ _MANY = 2**18
 
 def star_discrepancy_bounds(
     points: ArrayLike, key: Array | int = 0, regions: int | None = None
-) -> tuple[float, float]:
+) -> tuple[float | Array, float | Array]:
     """Return a lower and an upper bound of the star discrepancy, proved for every input.
 
     Parameters
@@ -41,7 +45,8 @@ def star_discrepancy_bounds(
     -------
     lower, upper : float
         They differ by rounding errors, (d + 2) 2^-50, if the regions suffice, and always in one
-        and two dimensions.
+        and two dimensions. If JAX traces the points (``jit``, ``grad``, ``vmap``), Arrays: the lower one has
+        the derivative of its box; so does the upper one if the regions suffice, otherwise 0.
 
     Notes
     -----
@@ -87,17 +92,49 @@ def star_discrepancy_bounds(
     >>> print(round(lower, 9), round(upper, 9))
     0.875 0.875
     """
-    array = _arguments.points(points, vector=True).astype(np.float64, copy=False)
-    dims = array.shape[1]
+    given = _arguments.points(points, vector=True, traced=True)
     if regions is None:
-        regions = max(1, min(2**18, _COMPARISONS // array.size))
+        regions = max(1, min(2**18, _COMPARISONS // given.size))
     regions = checks.integer("regions", regions, 1, checks.INDEX_LIMIT - 1)
-    generator = np.random.default_rng(np.asarray(jax.random.key_data(checks.prng_key("key", key))))
+    if isinstance(key, Tracer):
+        raise TypeError(f"key must be known and not traced by JAX, got {key}")
+    with jax.ensure_compile_time_eval():
+        seed = np.asarray(jax.random.key_data(checks.prng_key("key", key)))
+    if isinstance(given, Tracer):
+        bounds = called_back(
+            lambda known: np.array(_bounds(known, seed, regions)),
+            lambda known: _attained(known, seed, regions),
+            given,
+            (2,),
+            given.shape[1],
+        )
+        return bounds[0], bounds[1]
+    return _bounds(given, seed, regions)
+
+
+def _bounds(points: Floats, seed: NDArray[np.uint32], regions: int) -> tuple[float, float]:
+    lower, upper = _search(points, seed, regions)
+    margin = rounding(points.shape[1])
+    return max(0.0, lower - margin), min(1.0, upper + margin)
+
+
+def _attained(points: Floats, seed: NDArray[np.uint32], regions: int) -> Attained:
+    lower, upper = _search(points, seed, regions)
+    dims = points.shape[1]
+    margin = rounding(dims)
+    _, index, slopes = attained_by_box(points, worst_box(points) if dims <= 2 else lower)
+    values = np.array([max(0.0, lower - margin), min(1.0, upper + margin)])
+    return values, np.stack([index] * 2), np.stack([slopes, slopes * (lower == upper)])
+
+
+def _search(points: Floats, seed: NDArray[np.uint32], regions: int) -> tuple[float, float]:
+    """Return the bounds to rounding errors, the lower one with its box if it has one."""
+    array = points.astype(np.float64, copy=False)
+    n, dims = array.shape
     if dims <= 2:
-        lower = upper = star_discrepancy(array)
-    elif dims == 3 and len(array) > _MANY:
-        lower, upper = cell_bounds(array)
-    else:
-        grid = critical_grid(array)
-        lower, upper = refine(grid, threshold_accepting(grid, generator), regions)
-    return max(0.0, lower - rounding(dims)), min(1.0, upper + rounding(dims))
+        lower = star_discrepancy(array)
+        return cast(float, lower), cast(float, lower)
+    if dims == 3 and n > _MANY:
+        return cell_bounds(array)
+    grid = critical_grid(array)
+    return refine(grid, threshold_accepting(grid, np.random.default_rng(seed)), regions)

@@ -1,17 +1,22 @@
 """The star discrepancy of point sets, exact."""
 
+from typing import Any, cast
+
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._critical_grid import critical_grid
+from analysis._callbacks import called_back
+from analysis._critical_grid import LocalDiscrepancy, attained_by_box, critical_grid
 from analysis._loops import COMPILED
 from analysis._star_plane import plane_star_discrepancy
 from analysis._star_plane_rows import many_star_discrepancy
 from analysis._star_regions import refine
 from analysis._star_space import space_star_discrepancy
 
-__all__ = ["star_discrepancy"]
+__all__ = ["star_discrepancy", "worst_box"]
 
 _REGIONS = 2**22
 """Regions that are examined before the computation gives up."""
@@ -26,7 +31,7 @@ _MANY = 2**17
 """Number of points in the plane from which on compiled loops are faster, including their compilation."""
 
 
-def star_discrepancy(points: ArrayLike) -> float:
+def star_discrepancy(points: ArrayLike) -> float | Array:
     """Return the largest difference between a box's volume and its share of the points.
 
     The supremum is over the boxes anchored at the origin, [0, q) for q in [0, 1]^d. A closed box is the
@@ -42,6 +47,8 @@ def star_discrepancy(points: ArrayLike) -> float:
     -------
     float
         Exact up to rounding errors: at most 2^-51 in one and two dimensions, (d + 2) 2^-51 in more.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: the derivative is
+        that of the volume of a worst box, of one of them at ties. `soft_star_discrepancy` smooths over boxes.
 
     Raises
     ------
@@ -71,13 +78,25 @@ def star_discrepancy(points: ArrayLike) -> float:
     >>> star_discrepancy([[0.5, 0.5]])
     0.75
     """
-    array = _arguments.points(points, vector=True).astype(np.float64, copy=False)
+    given = _arguments.points(points, vector=True, traced=True)
+    if isinstance(given, Tracer):
+        dims = given.shape[1]
+        return called_back(
+            star_discrepancy, lambda known: attained_by_box(known, worst_box(known)), given, (), dims
+        )
+    array = given.astype(np.float64, copy=False)
+    many = array.shape[1] == 2 and len(array) >= _MANY and COMPILED
+    return many_star_discrepancy(array) if many else float(worst_box(array))
+
+
+def worst_box(points: NDArray[Any]) -> LocalDiscrepancy:
+    """Return the star discrepancy and a box where it is attained."""
+    array = points.astype(np.float64, copy=False)
     n, dims = array.shape
     if dims == 1:
         return _line_star_discrepancy(array[:, 0])
     if dims == 2:
-        many = n >= _MANY and COMPILED
-        return many_star_discrepancy(array) if many else plane_star_discrepancy(array)
+        return plane_star_discrepancy(array)
     grid = critical_grid(array)
     regions = max(1, min(_REGIONS, _COMPARISONS // (n * dims)))
     lower, upper = 0.0, 1.0
@@ -93,10 +112,10 @@ def star_discrepancy(points: ArrayLike) -> float:
             f"points: the star discrepancy of n={n} points in d={dims} dimensions is infeasible, it is only "
             f"known to be in [{lower:.6g}, {upper:.6g}] after {regions} regions; use star_discrepancy_bounds"
         )
-    return lower
+    return cast(LocalDiscrepancy, lower)
 
 
-def _line_star_discrepancy(points: NDArray[np.float64]) -> float:
+def _line_star_discrepancy(points: NDArray[np.float64]) -> LocalDiscrepancy:
     """Return the maximum over open intervals that end at a point or 1, and closed ones that end at a point.
 
     Of equal points, those in the wrong order give smaller values.
@@ -104,4 +123,7 @@ def _line_star_discrepancy(points: NDArray[np.float64]) -> float:
     n = len(points)
     ordered = np.sort(points)
     share = np.arange(n + 1) / n
-    return float(max((ordered - share[:-1]).max(), (share[1:] - ordered).max()))
+    return max(
+        LocalDiscrepancy(values.max(), ordered[[values.argmax()]], is_open)
+        for values, is_open in ((ordered - share[:-1], True), (share[1:] - ordered, False))
+    )

@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis._critical_grid import LocalDiscrepancy
+
 __all__ = ["plane_star_discrepancy"]
 
 _MARGIN = 1e-14
@@ -16,8 +18,8 @@ _BATCH = 32
 Floats = NDArray[np.float64]
 
 
-def plane_star_discrepancy(points: Floats) -> float:
-    """Return the star discrepancy of points in the unit square.
+def plane_star_discrepancy(points: Floats) -> LocalDiscrepancy:
+    """Return the star discrepancy of points in the unit square, and a box where it is attained.
 
     Row i and column j of the grid stand for the boxes with the points of ranks below i in x and
     below j in y: an open box that ends at the next coordinates, and a closed one that ends at the
@@ -48,7 +50,7 @@ def plane_star_discrepancy(points: Floats) -> float:
     x_rank = np.append(np.argsort(by_x)[by_y], beyond).reshape(shape)
     edges = side * np.arange(tiles + 1)
 
-    best = 0.0
+    floor = 0.0
     bounds = np.empty((tiles, tiles))
     counts = np.empty((tiles, tiles), np.int64)
     peaks = np.empty((tiles, 4, tiles))
@@ -59,11 +61,13 @@ def plane_star_discrepancy(points: Floats) -> float:
         for k, row in enumerate((0, -1)):
             peaks[i, k] = (x_open[i, row] * y_open - share).max(axis=1)
             peaks[i, 2 + k] = (share - x_closed[i, row] * y_closed).max(axis=1)
-        best = max(best, float(peaks[i, ::2].max()))
+        floor = max(floor, float(peaks[i, ::2].max()))
         entered = _below(y_rank[i, :, None], edges) / n
         ends = x_open[i, :, None], x_closed[i, :, None]
         bounds[i] = _row_bounds(peaks[i], *ends, entered[:, :-1], entered[:, 1:]).max(axis=0)
 
+    # Only evaluated tiles know the box.
+    best = LocalDiscrepancy(floor - _MARGIN, np.ones(2), True)
     order = np.flatnonzero(bounds + _MARGIN > best)
     order = order[np.argsort(-bounds.ravel()[order])]
     start, batch = 0, 1
@@ -76,10 +80,15 @@ def plane_star_discrepancy(points: Floats) -> float:
         # Points below the tile's first row, those that entered before its first column, and those inside.
         count = (counts[i, j] + _below(x_rank[j].T, side * i)).T[tile] + before[row, tile][:, None]
         count += _inside(y_rank[i] - edges[j][:, None], side * tile + row)
+        if not len(row):
+            continue
         share = count / n
-        opened = x_open[i[tile], row][:, None] * y_open[j[tile]] - share
-        closed = share - x_closed[i[tile], row][:, None] * y_closed[j[tile]]
-        best = max(best, float(opened.max(initial=0.0)), float(closed.max(initial=0.0)))
+        for x, y, sign in ((x_open, y_open, 1), (x_closed, y_closed, -1)):
+            x, y = x[i[tile], row], y[j[tile]]
+            values = sign * (x[:, None] * y - share)
+            k, column = np.unravel_index(values.argmax(), values.shape)
+            if values[k, column] > best:
+                best = LocalDiscrepancy(values[k, column], np.array([x[k], y[k, column]]), sign > 0)
     return best
 
 

@@ -32,7 +32,7 @@ region's worst box.
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._critical_grid import CriticalGrid, contained, local_discrepancy
+from analysis._critical_grid import CriticalGrid, LocalDiscrepancy, contained, local_discrepancy, of_corner
 
 __all__ = ["climb", "refine", "region_bounds"]
 
@@ -59,7 +59,7 @@ def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float
     Returns
     -------
     tuple of two floats
-        The lower bound is a local discrepancy, or ``lower``. Both to ``rounding(grid.dims)``.
+        The lower bound is a :class:`LocalDiscrepancy`, or ``lower``. Both to ``rounding(grid.dims)``.
     """
     low = np.zeros((1, grid.dims), grid.ranks.dtype)
     (low, high, upper), lower = _examine(grid, low, grid.sizes[None], lower)
@@ -82,10 +82,10 @@ def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float
     return lower, max(lower, float(upper.max(initial=0.0)))
 
 
-def climb(grid: CriticalGrid, corners: Corners) -> float:
+def climb(grid: CriticalGrid, corners: Corners) -> LocalDiscrepancy:
     """Return the largest local maximum reached from the corners: no change of one coordinate exceeds it."""
     values = local_discrepancy(grid, corners)
-    best = float(values.max())
+    best, corner = float(values.max()), corners[values.argmax()]
     while len(corners):
         low = np.repeat(corners, grid.dims, axis=0)
         high = low.copy()
@@ -97,8 +97,9 @@ def climb(grid: CriticalGrid, corners: Corners) -> float:
         reached = reached.max(axis=1)
         better = reached > values
         corners, values = found[steepest][better], reached[better]
-        best = max(best, float(values.max(initial=0.0)))
-    return best
+        if values.max(initial=0.0) > best:
+            best, corner = float(values.max()), corners[values.argmax()]
+    return of_corner(grid, corner, best)
 
 
 def _examine(

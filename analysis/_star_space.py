@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis._critical_grid import LocalDiscrepancy
+
 __all__ = ["space_star_discrepancy"]
 
 _MARGIN = 2.0**-19
@@ -208,12 +210,18 @@ def _evaluate(
     entered = _before((ranks[1, 0][x][:, None] < columns[:-1]) & (ranks[2, 0][x] < layers[0])[:, None])
     count = corners[x, y, z] + below + entered
     in_rows, in_columns = _singles(in_rows[:, :-1]), _singles(in_columns[:, :-1])
-    area_opened = np.outer(opened[0, x], opened[1, y])
-    area_closed = np.outer(closed[0, x], closed[1, y])
+    boxes = [
+        ((ends[0, x], ends[1, y], ends[2, z]), np.outer(ends[0, x], ends[1, y]), sign)
+        for ends, sign in ((opened, 1), (closed, -1))
+    ]
     for k in chosen:
         share = (count + in_rows[:k].T @ in_columns[:k]) / n
-        largest = (area_opened * ends_opened[k] - share).max(), (share - area_closed * ends_closed[k]).max()
-        best = max(best, *map(float, largest))
+        for (along_x, along_y, along_z), area, sign in boxes:
+            values = sign * (area * along_z[k] - share)
+            row, column = np.unravel_index(values.argmax(), values.shape)
+            if values[row, column] > best:
+                ends = np.array([along_x[row], along_y[column], along_z[k]])
+                best = LocalDiscrepancy(values[row, column], ends, sign > 0)
     return best, len(chosen)
 
 

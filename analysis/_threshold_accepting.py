@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._critical_grid import CriticalGrid, local_discrepancy
+from analysis._critical_grid import CriticalGrid, LocalDiscrepancy, local_discrepancy
 from analysis._star_regions import climb
 
 __all__ = ["threshold_accepting"]
@@ -16,7 +16,7 @@ _CLIMBERS = 16
 """Chains whose best boxes are improved in the end."""
 
 
-def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> float:
+def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> LocalDiscrepancy:
     """Return a large local discrepancy: a lower bound of the star discrepancy, to ``rounding(grid.dims)``.
 
     Chains move from box to box and accept a loss up to a threshold that decreases to zero [1]_. As there,
@@ -33,7 +33,7 @@ def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> f
 
     Returns
     -------
-    float
+    LocalDiscrepancy
 
     References
     ----------

@@ -20,10 +20,14 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import nnls
 from scipy.spatial import Delaunay, KDTree
 
 from analysis import _arguments
+from analysis._callbacks import Attained, called_back
 from qmcjax.core import checks
 
 __all__ = ["dispersion"]
@@ -43,7 +47,7 @@ _COUNTED = 2**16
 Floats = NDArray[np.float64]
 
 
-def dispersion(points: ArrayLike, torus: bool = True) -> float:
+def dispersion(points: ArrayLike, torus: bool = True) -> float | Array:
     """Return the largest distance of a point in the unit cube to the nearest of the given points.
 
     It is also known as the covering radius.
@@ -59,6 +63,8 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     -------
     float
         Euclidean; exact up to rounding errors, which never make it larger by more than 2^-50.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: of several largest
+        empty balls one has a derivative, by the points on its sphere.
 
     Raises
     ------
@@ -83,11 +89,58 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     >>> print(round(dispersion([[0.5, 0.5]], torus=False), 9))
     0.707106781
     """
-    array = _arguments.points(points, most_dims=3).astype(np.float64, copy=False)
+    given = _arguments.points(points, most_dims=3, traced=True)
     torus = checks.flag("torus", torus)
+    if isinstance(given, Tracer):
+        return called_back(
+            lambda known: dispersion(known, torus),
+            lambda known: _attained(known.astype(np.float64), torus),
+            given,
+            (),
+            given.shape[1] + 1,
+        )
+    return _ball(given.astype(np.float64, copy=False), torus)[0]
+
+
+def _attained(points: Floats, torus: bool) -> Attained:
+    """Return the dispersion, points on the sphere of a largest empty ball, and the derivatives.
+
+    At its centre c the largest radius R is stationary in c: the directions u_k from c to points on the sphere
+    have weights w_k >= 0 of sum 1 with sum w_k u_k = 0, and dR = sum w_k u_k . dp_k. A copy moves with its
+    point, a reflected one in the opposite direction along the reflected axes.
+    """
+    radius, centre = _ball(points, torus)
+    dims = points.shape[1]
+    near = radius * (1 + _ROUNDING) + _ROUNDING
+    index, signs, ends = np.arange(len(points)), np.ones_like(points), points
+    for axis in range(dims):
+        parts = []
+        for sign in (-1, 0, 1):
+            moved, flipped = ends.copy(), signs.copy()
+            if sign and not torus:
+                moved[:, axis], flipped[:, axis] = 1 + sign - ends[:, axis], -1
+            else:
+                moved[:, axis] += sign
+            kept = np.abs(moved[:, axis] - centre[axis]) <= near
+            parts.append((index[kept], flipped[kept], moved[kept]))
+        index, signs, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+    distance = np.linalg.norm(ends - centre, axis=1)
+    touched = distance <= near
+    index, signs = index[touched], signs[touched]
+    directions = (ends - centre)[touched] / distance[touched, None]
+    weights, _ = nnls(np.vstack([directions.T, np.ones(len(index))]), np.append(np.zeros(dims), 1.0))
+    most = np.argsort(-weights, kind="stable")[: dims + 1]
+    slopes, which = np.zeros((dims + 1, dims)), np.zeros(dims + 1, np.int64)
+    which[: len(most)] = index[most]
+    slopes[: len(most)] = (weights[:, None] * directions * signs)[most]
+    return radius, which, slopes
+
+
+def _ball(array: Floats, torus: bool) -> tuple[float, Floats]:
+    """Return radius and centre of a largest empty ball."""
     n, dims = array.shape
     if dims == 1:
-        return _line_dispersion(np.unique(array), torus)
+        return _line_ball(np.unique(array), torus)
     margin = _upper_bound(array, torus)
     side = max(1, min(int((n / _TOGETHER) ** (1 / dims)), int(1 / (4 * margin))))
     box = _boxes(array, side)
@@ -95,7 +148,7 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     edges = np.searchsorted(box, np.arange(side**dims + 1), sorter=order)
     del box
 
-    def block_dispersion(block: tuple[int, ...]) -> float:
+    def block_ball(block: tuple[int, ...]) -> tuple[float, Floats]:
         near = [
             sorted({k % side if torus else min(max(k, 0), side - 1) for k in (c - 1, c, c + 1)})
             for c in block
@@ -107,11 +160,13 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
 
     threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ThreadPoolExecutor(threads) as pool:
-        return max(pool.map(block_dispersion, np.ndindex((side,) * dims)))
+        return max(pool.map(block_ball, np.ndindex((side,) * dims)), key=lambda ball: ball[0])
 
 
-def _largest_ball(points: Floats, low: Floats, high: Floats, margin: float, torus: bool) -> float:
-    """Return the radius of the largest empty ball with its centre in a block, from points around it."""
+def _largest_ball(
+    points: Floats, low: Floats, high: Floats, margin: float, torus: bool
+) -> tuple[float, Floats]:
+    """Return the largest empty ball with its centre in a block, from points around it."""
     copies = _copies(points, low - margin, high + margin, torus)
     centres, radii = _circumspheres(copies, Delaunay(copies).simplices)
     inside = ((centres >= low - _ROUNDING) & (centres <= high + _ROUNDING)).all(axis=1)
@@ -120,19 +175,23 @@ def _largest_ball(points: Floats, low: Floats, high: Floats, margin: float, toru
     order = np.argsort(-radii)
     centres, radii = centres[order], radii[order]
     tree = KDTree(copies, balanced_tree=False, compact_nodes=False)
-    best, start, count = 0.0, 0, _ALIKE
+    best, centre, start, count = 0.0, low, 0, _ALIKE
     while start < len(radii) and radii[start] * (1 - _ROUNDING) > best:
-        distances, _ = tree.query(centres[start : start + count])
-        best = max(best, float(np.max(distances)))
+        distances = np.asarray(tree.query(centres[start : start + count])[0])
+        k = int(distances.argmax())
+        if distances[k] > best:
+            best, centre = float(distances[k]), centres[start + k]
         start, count = start + count, 2 * count
-    return best
+    return best, centre
 
 
-def _line_dispersion(ordered: Floats, torus: bool) -> float:
-    gaps = np.diff(ordered) / 2
-    first, last = float(ordered[0]), float(ordered[-1])
+def _line_ball(ordered: Floats, torus: bool) -> tuple[float, Floats]:
+    first, last = ordered[0], ordered[-1]
     ends = [(first + (1 - last)) / 2] if torus else [first, 1 - last]
-    return float(np.max([*ends, gaps.max(initial=0.0)]))
+    radii = np.concatenate([ends, np.diff(ordered) / 2])
+    centres = np.concatenate([[first - ends[0]] if torus else [0, 1], (ordered[1:] + ordered[:-1]) / 2])
+    k = int(radii.argmax())
+    return float(radii[k]), centres[[k]] % 1 if torus else centres[[k]]
 
 
 def _boxes(points: Floats, side: int) -> NDArray[np.int32]:

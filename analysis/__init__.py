@@ -47,6 +47,7 @@ from analysis._perceived import perceived_error as perceived_error
 from analysis._pixel_means import pixel_means as pixel_means
 from analysis._point_spectrum import point_spectrum as point_spectrum
 from analysis._promises import broken_promises as broken_promises
+from analysis._soft_star import soft_star_discrepancy as soft_star_discrepancy
 from analysis._spectra import error_spectrum as error_spectrum
 from analysis._spectra import mean_spectrum as mean_spectrum
 from analysis._spectra import radial_anisotropy as radial_anisotropy

@@ -15,7 +15,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-__all__ = ["Attained", "called_back"]
+__all__ = ["Attained", "called_back", "counted"]
 
 Floats = NDArray[np.float64]
 Attained = tuple[float | Floats, NDArray[np.integer], Floats]
@@ -51,21 +51,29 @@ def called_back(
         jax.ShapeDtypeStruct((*shape, most, points.shape[1]), dtype),
     )
 
-    def call(function: Callable[[NDArray], Any], wanted: Any, known: Array) -> Any:
-        def host(given: Any) -> Any:
-            found = function(np.asarray(given))
-            return jax.tree.map(lambda array, outline: np.asarray(array, outline.dtype), found, wanted)
-
-        return jax.pure_callback(host, wanted, known, vmap_method="sequential")
-
     @jax.custom_jvp
     def measure(known: Array) -> Array:
-        return call(value, outlines[0], known)
+        return _call(value, outlines[0], known)
 
     @measure.defjvp
     def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-        result, index, slopes = call(attained, outlines, *primals)
+        result, index, slopes = _call(attained, outlines, *primals)
         (moves,) = tangents
         return result, jnp.sum(slopes * moves[index], axis=(-2, -1)).astype(dtype)
 
     return measure(points)
+
+
+def counted(function: Callable[[NDArray], Any], outline: Any, given: Array) -> Any:
+    """Return integers of a traced array that NumPy counts; they have no derivative."""
+    return _call(function, outline, jax.lax.stop_gradient(given))
+
+
+def _call(function: Callable[[NDArray], Any], outline: Any, given: Array) -> Any:
+    """Call a function of NumPy arrays; ``outline`` is a tree of the shapes and dtypes that it returns."""
+
+    def host(known: Any) -> Any:
+        found = function(np.asarray(known))
+        return jax.tree.map(lambda each, array: np.asarray(array, each.dtype), outline, found)
+
+    return jax.pure_callback(host, outline, given, vmap_method="sequential")

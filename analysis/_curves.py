@@ -2,7 +2,9 @@
 
 from typing import Any, Protocol
 
+import jax
 import numpy as np
+from jax.core import Tracer
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
@@ -137,7 +139,11 @@ def positions(order: Order) -> NDArray[np.integer]:
     height = checks.integer("order.height", getattr(order, "height", None), 1, checks.MAX_SIDE)
     x = np.arange(width, dtype=np.uint32)[None, :]
     y = np.arange(height, dtype=np.uint32)[:, None]
-    found = np.asarray(method(x, y))
+    with jax.ensure_compile_time_eval():
+        made = method(x, y)
+    if isinstance(made, Tracer):
+        raise TypeError(f"order must be known and not traced by JAX: measure it outside of jit, got {order!r}")
+    found = np.asarray(made)
     if found.dtype.kind not in "iu" or found.shape != (height, width):
         wanted = f"integers as positions, shape ({height}, {width})"
         raise ValueError(f"order must have {wanted}, got {found.dtype} {found.shape}")

@@ -164,6 +164,8 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     >>> squared_min_distance([[0, 0], [3, 1]], side=4)
     2
     """
+    if isinstance(points, Tracer):
+        raise TypeError(f"points must be known integers: min_distance measures traced floats, got {points}")
     given = _arguments.array("points", points, "an array of integers")
     if given.dtype.kind == "f":
         raise TypeError(f"points must be integers, got {given.dtype}: min_distance measures floats")

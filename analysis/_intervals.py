@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
+from analysis._callbacks import counted
 from qmcjax.core import checks, finite_field
 
 __all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
@@ -15,11 +21,13 @@ __all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_st
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
 """Maximum number of intervals along an axis that a dtype can resolve."""
 
+_ONE_BOOL = jax.ShapeDtypeStruct((), jnp.bool_)
+
 _LOG_COUNTS = 28
 """At most 2**28 intervals are counted in one array."""
 
 
-def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> NDArray[np.int64]:
+def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> NDArray[np.int64] | Array:
     """Count the points in each elementary interval of one shape (Definition 3 of [1]_).
 
     Parameters
@@ -34,7 +42,8 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     Returns
     -------
     int64 array, shape (base**d_1, ..., base**d_s)
-        Entry (a_1, ..., a_s) is the count of the interval with the lower corner a_j base**-d_j.
+        Entry (a_1, ..., a_s) is the count of the interval with the lower corner a_j base**-d_j. If JAX traces
+        the points (``jit``, ``vmap``), an int32 Array.
 
     References
     ----------
@@ -50,10 +59,13 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     if given.shape[1] > 64:
         raise ValueError(f"points must have at most 64 coordinates, got {given.shape[1]}")
     sides = _sides(digits, base, given.shape[1])
+    if isinstance(given, Tracer):
+        outline = jax.ShapeDtypeStruct(sides, jnp.int32)
+        return counted(lambda known: interval_counts(known, digits, base), outline, given)
     return _counts(given, sides).reshape(sides)
 
 
-def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bool:
+def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bool | Array:
     """Return whether all elementary intervals of one shape contain equally many points.
 
     Parameters
@@ -64,6 +76,7 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     Returns
     -------
     bool
+        If JAX traces the points, a bool Array.
 
     Examples
     --------
@@ -72,11 +85,14 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     (True, False)
     """
     given = fractions(points)
-    counts = _counts(given, _sides(digits, base, given.shape[1]))
+    sides = _sides(digits, base, given.shape[1])
+    if isinstance(given, Tracer):
+        return counted(lambda known: is_stratified(known, digits, base), _ONE_BOOL, given)
+    counts = _counts(given, sides)
     return bool((counts == counts[0]).all())
 
 
-def is_latin_hypercube(points: ArrayLike) -> bool:
+def is_latin_hypercube(points: ArrayLike) -> bool | Array:
     """Return whether, for each coordinate, each of n equal intervals contains one of the n points.
 
     Parameters
@@ -88,6 +104,7 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
     Returns
     -------
     bool
+        If JAX traces the points, a bool Array.
 
     Examples
     --------
@@ -95,13 +112,15 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
     True
     """
     given = fractions(points)
+    if isinstance(given, Tracer):
+        return counted(is_latin_hypercube, _ONE_BOOL, given)
     n = len(given)
     return all((np.bincount(column) == 1).all() for column in cells(given, n).T)
 
 
-def fractions(points: ArrayLike, name: str = "points") -> NDArray:
-    """Return the points; raise unless they are fractions in [0, 1)^s."""
-    return _arguments.points(points, name, dtypes=(np.float32, np.float64, np.uint32))
+def fractions(points: ArrayLike, name: str = "points") -> Any:
+    """Return the points, traced or not; raise unless they are fractions in [0, 1)^s."""
+    return _arguments.points(points, name, traced=True, dtypes=(np.float32, np.float64, np.uint32))
 
 
 def cells(points: NDArray, count: int) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -48,5 +49,6 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
         wide = positions(order).astype(np.int64)
     else:
         inverse = sequences.van_der_corput(base)
-        wide = np.asarray(inverse(jnp.asarray(positions(order)), (0,), jnp.float64))[..., 0]
+        with jax.ensure_compile_time_eval():
+            wide = np.asarray(inverse(jnp.asarray(positions(order)), (0,), jnp.float64))[..., 0]
     return np.abs(np.diff(wide, axis=1)), np.abs(np.diff(wide, axis=0))

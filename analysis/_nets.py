@@ -6,18 +6,25 @@ from collections.abc import Sequence
 from itertools import combinations
 from typing import Any, Protocol
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
+from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
+from analysis._callbacks import counted
 from analysis._intervals import cells, fractions
 from analysis._net_matrices import matrix_net
 from qmcjax.core import checks, finite_field
 
 __all__ = ["projection_t_values", "t_value"]
 
+_ONE_INTEGER = jax.ShapeDtypeStruct((), jnp.int32)
 
-def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int:
+
+def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int | Array:
     """Return the quality parameter t of a net: the smallest t for which it is a (t,m,s)-net.
 
     The base**m points are a (t,m,s)-net if every elementary interval of volume base**(t - m) contains
@@ -42,7 +49,7 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
     Returns
     -------
     int
-        In [0, m].
+        In [0, m]. If JAX traces the points or matrices (``jit``, ``vmap``), an int32 Array.
 
     Notes
     -----
@@ -70,13 +77,15 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
     >>> t_value(sequences.sobol(5).matrices, m=20)
     5
     """
+    if isinstance(points_or_matrices, Tracer):
+        return counted(lambda known: t_value(known, base, m), _ONE_INTEGER, points_or_matrices)
     net = _net(points_or_matrices, base, m)
     return net.m - _strength(net, range(net.dims))
 
 
 def projection_t_values(
     points_or_matrices: ArrayLike, base: int = 2, m: int | None = None, size: int = 2
-) -> dict[tuple[int, ...], int]:
+) -> dict[tuple[int, ...], int] | dict[tuple[int, ...], Array]:
     """Return t of the projections of a net onto all pairs of coordinates, all triples, and so on.
 
     Parameters
@@ -89,7 +98,7 @@ def projection_t_values(
     Returns
     -------
     dict
-        From the coordinates, in increasing order, to t.
+        From the coordinates, in increasing order, to t; to int32 Arrays if JAX traces.
 
     Examples
     --------
@@ -97,6 +106,11 @@ def projection_t_values(
     >>> projection_t_values(sequences.sobol(4).matrices, m=10)
     {(0, 1): 0, (0, 2): 1, (0, 3): 2, (1, 2): 1, (1, 3): 1, (2, 3): 1}
     """
+    if isinstance(given := points_or_matrices, Tracer):
+        dims = given.shape[0 if m is not None or given.ndim == 3 else -1]
+        size = checks.integer("size", size, 1, dims)
+        outline = {axes: _ONE_INTEGER for axes in combinations(range(dims), size)}
+        return counted(lambda known: projection_t_values(known, base, m, size), outline, given)
     net = _net(points_or_matrices, base, m)
     size = checks.integer("size", size, 1, net.dims)
     return {axes: net.m - _strength(net, axes) for axes in combinations(range(net.dims), size)}

@@ -142,7 +142,9 @@ def positions(order: Order) -> NDArray[np.integer]:
     with jax.ensure_compile_time_eval():
         made = method(x, y)
     if isinstance(made, Tracer):
-        raise TypeError(f"order must be known and not traced by JAX: measure it outside of jit, got {order!r}")
+        raise TypeError(
+            f"order must be known and not traced by JAX: measure it outside of jit, got {order!r}"
+        )
     found = np.asarray(made)
     if found.dtype.kind not in "iu" or found.shape != (height, width):
         wanted = f"integers as positions, shape ({height}, {width})"

@@ -52,7 +52,9 @@ class NearestStatistics:
     random points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
 
 
-def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> NDArray[np.float64] | Array:
+def nearest_distances(
+    points: ArrayLike, torus: bool = True, shear: float = 0.0
+) -> NDArray[np.float64] | Array:
     """Return the distance of each point to the nearest other point.
 
     Parameters

@@ -54,7 +54,9 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
     given = _arguments.points(points, vector=True, traced=True, dtypes=(np.float32, np.float64))
     n, dims = given.shape
     if (n + 1) ** dims * n > _BOXES:
-        raise ValueError(f"points must be so few that (n + 1)^d n is at most {_BOXES}, got n={n} and d={dims}")
+        raise ValueError(
+            f"points must be so few that (n + 1)^d n is at most {_BOXES}, got n={n} and d={dims}"
+        )
     temperature = _arguments.positive("temperature", temperature)
     with checks.precision(given.dtype):
         return _measure(jnp.asarray(given), jnp.asarray(temperature, given.dtype))
@@ -65,7 +67,7 @@ def _measure(points: Array, temperature: Array) -> Array:
     n, dims = points.shape
     ends = jnp.concatenate([points, jnp.ones((1, dims), points.dtype)])
     volume = _over_boxes(list(ends.T))
-    behind = (ends[:, None, :] - points) / temperature
+    behind = (ends[:, None] - points[None]) / temperature
     differences = []
     for sign, shift in ((1, 0), (-1, 1)):
         inside = _step(behind + shift)
@@ -84,7 +86,7 @@ def _over_boxes(factors: list[Array]) -> Array:
     """Return the products of one factor per dimension, for all combinations."""
     product = factors[0]
     for factor in factors[1:]:
-        product = product[..., None] * factor
+        product = product[..., None] * factor.reshape((1,) * product.ndim + (-1,))
     return product
 
 

@@ -55,7 +55,7 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> Curve:
     if not traced and (channels == channels[0, 0]).all():
         raise ValueError(f"image must differ from reference by more than a constant, got {channels[0, 0]}")
     xp: Any = jnp if traced else np
-    channels = channels - channels.mean(axis=(0, 1))
+    channels = channels - channels.mean(axis=(0, 1), keepdims=True)
     power = xp.square(xp.abs(xp.fft.fft2(channels, axes=(0, 1)))).sum(axis=2)
     total = xp.square(channels).sum()
     if traced:

@@ -26,6 +26,7 @@ MEASURES = {
     "projection_t_values": (),
     "riesz_energy": (),
     "soft_min_distance": (),
+    "soft_star_discrepancy": (),
     "star_discrepancy": (),
     "star_discrepancy_bounds": (),
     "symmetric_discrepancy": (),

@@ -1,0 +1,261 @@
+"""All measures as functions of JAX: jit = eager, vmap = loop, gradient = differences."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import analysis
+from figures.docs.public import names
+from qmcjax import orders, sequences
+
+FRAME = np.zeros((9, 12, 2))
+
+
+def annuli(measure, spectrum_of):
+    """Drop the frequencies, which are known, from a measure of spectra."""
+    return lambda given: measure(spectrum_of(given))[1]
+
+
+def error(given):
+    return analysis.error_spectrum(given, FRAME)
+
+
+def statistics(points, **options):
+    return jnp.stack(jax.tree.leaves(analysis.nearest_statistics(points, **options)))
+
+
+def bounds(points):
+    return jnp.stack(analysis.star_discrepancy_bounds(points, 3))
+
+
+# A function of one array, and the array's shape.
+OF_POINTS = {
+    "centered_discrepancy": (analysis.centered_discrepancy, (12, 3)),
+    "dispersion": (analysis.dispersion, (12, 3)),
+    "dispersion in the square": (partial(analysis.dispersion, torus=False), (12, 2)),
+    "dispersion on a line": (partial(analysis.dispersion, torus=False), (5, 1)),
+    "l2_star_discrepancy": (analysis.l2_star_discrepancy, (12, 3)),
+    "min_distance": (analysis.min_distance, (12, 3)),
+    "min_distance of many": (analysis.min_distance, (70, 2)),
+    "min_distance in the cube": (partial(analysis.min_distance, torus=False), (70, 3)),
+    "min_distance, sheared": (partial(analysis.min_distance, shear=0.37), (12, 2)),
+    "mixture_discrepancy": (analysis.mixture_discrepancy, (12, 3)),
+    "nearest_distances": (analysis.nearest_distances, (12, 3)),
+    "nearest_distances, sheared": (partial(analysis.nearest_distances, shear=0.37), (12, 2)),
+    "nearest_statistics": (statistics, (12, 3)),
+    "periodic_discrepancy": (analysis.periodic_discrepancy, (12, 3)),
+    "point_spectrum": (partial(analysis.point_spectrum, resolution=5), (12, 2)),
+    "riesz_energy": (partial(analysis.riesz_energy, torus=False), (12, 3)),
+    "soft_min_distance": (partial(analysis.soft_min_distance, exponent=8.0), (12, 3)),
+    "soft_star_discrepancy": (analysis.soft_star_discrepancy, (8, 3)),
+    "star_discrepancy": (analysis.star_discrepancy, (12, 3)),
+    "star_discrepancy in the plane": (analysis.star_discrepancy, (40, 2)),
+    "star_discrepancy on a line": (analysis.star_discrepancy, (5, 1)),
+    "star_discrepancy_bounds": (bounds, (12, 3)),
+    "symmetric_discrepancy": (analysis.symmetric_discrepancy, (12, 3)),
+    "wraparound_discrepancy": (analysis.wraparound_discrepancy, (12, 3)),
+}
+OF_IMAGES = {
+    "error_spectrum": (error, FRAME.shape),
+    "filtered_error": (lambda image: analysis.filtered_error(image, FRAME), FRAME.shape),
+    "filtered_error, narrow": (lambda image: analysis.filtered_error(FRAME, image, 0.3), FRAME.shape),
+    "low_frequency_power": (lambda image: analysis.low_frequency_power(image, FRAME, 0.3), FRAME.shape),
+    "perceived_error": (lambda image: analysis.perceived_error(image, FRAME), FRAME.shape),
+    "radial_anisotropy": (annuli(analysis.radial_anisotropy, error), FRAME.shape),
+    "radial_average": (annuli(analysis.radial_average, error), FRAME.shape),
+}
+DIFFERENTIABLE = OF_POINTS | OF_IMAGES
+NET = np.asarray(sequences.sobol(3)(np.arange(16)))
+COUNTED = {
+    "interval_counts": lambda points: analysis.interval_counts(points, (2, 1, 0)),
+    "is_latin_hypercube": analysis.is_latin_hypercube,
+    "is_stratified": lambda points: analysis.is_stratified(points, (2, 1, 0)),
+    "projection_t_values": analysis.projection_t_values,
+    "t_value": analysis.t_value,
+}
+OF_ORDERS = {"curve_length", "neighbour_differences", "segment_counts"}
+OTHERS = {  # searches, comparisons, readers and means: not measures of one array
+    "broken_promises",
+    "compare",
+    "convergence",
+    "mean_spectrum",
+    "optimize_points",
+    "optimize_scrambling",
+    "pixel_means",
+    "search_discrepancy",
+    "search_matrices",
+    "search_net",
+    "squared_min_distance",  # exact integers beyond 64 bits
+}
+each = pytest.mark.parametrize("name", DIFFERENTIABLE)
+
+
+@pytest.fixture(autouse=True)
+def in_float64():
+    with jax.enable_x64(True):
+        yield
+
+
+def given(shape, seed):
+    """Points, or the pixels of an image, away from the faces of the cube."""
+    return np.random.default_rng(seed).uniform(1e-5, 1 - 1e-5, shape)
+
+
+def test_all_measures_are_here():
+    listed = {name.split(",")[0].split(" ")[0] for name in DIFFERENTIABLE} | set(COUNTED) | OF_ORDERS
+    assert listed | OTHERS == set(names("analysis")["functions"])
+
+
+@each
+def test_jit_is_eager_and_vmap_is_a_loop(name):
+    measure, shape = DIFFERENTIABLE[name]
+    batch = np.stack([given(shape, seed) for seed in range(3)])
+    known = np.stack([np.asarray(measure(array)) for array in batch])
+    assert np.isfinite(known).all()
+    traced = jnp.stack([jax.jit(measure)(array) for array in batch])
+    assert traced.dtype == np.float64
+    np.testing.assert_allclose(traced, known, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(jax.jit(jax.vmap(measure))(batch), known, rtol=1e-12, atol=1e-14)
+
+
+def error_of_gradient(measure, shape, seeds):
+    """Compare derivatives in random directions: the largest relative difference."""
+    keyed = np.random.default_rng(1)
+    weights = keyed.normal(size=np.shape(measure(given(shape, 0))))
+    gradient = jax.jit(jax.grad(lambda array: jnp.sum(jnp.asarray(measure(array)) * weights)))
+    worst = 0.0
+    for seed in seeds:
+        array, direction = given(shape, seed), keyed.normal(size=shape)
+        along = float(np.sum(gradient(array) * direction))
+        errors = []
+        for step in (1e-6, 1e-8):  # The nearest kink may lie between.
+            both = [np.sum(np.asarray(measure(array + s * direction)) * weights) for s in (step, -step)]
+            errors.append(abs((both[0] - both[1]) / (2 * step) - along))
+        worst = max(worst, min(errors) / max(1, abs(along)))
+    return worst
+
+
+@each
+def test_gradient_is_that_of_differences(name):
+    assert error_of_gradient(*DIFFERENTIABLE[name], range(10)) < 1e-5
+
+
+@pytest.mark.slow
+@each
+def test_gradient_is_that_of_differences_at_1000_inputs(name):
+    assert error_of_gradient(*DIFFERENTIABLE[name], range(1000)) < 1e-5
+
+
+@pytest.mark.parametrize("name", [name for name in DIFFERENTIABLE if "energy" not in name])
+def test_forward_is_reverse(name):
+    """Where forward mode exists: measures with a reverse rule only say so."""
+    measure, shape = DIFFERENTIABLE[name]
+    array, direction = given(shape, 1), given(shape, 2)
+    try:
+        _, forward = jax.jvp(measure, (array,), (direction,))
+    except TypeError as refused:
+        assert "forward-mode" in str(refused)
+        return
+    rows = jax.jacrev(measure)(array)
+    expected = np.tensordot(np.asarray(rows), direction, axes=len(shape))
+    np.testing.assert_allclose(forward, expected, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_counts_under_jit_and_vmap(name):
+    measure = COUNTED[name]
+    batch = np.stack([NET, NET[::-1] / 2])
+    known = [jax.tree.map(np.asarray, measure(points)) for points in batch]
+    for k, points in enumerate(batch):
+        jax.tree.map(np.testing.assert_array_equal, jax.jit(measure)(points), known[k])
+    together = jax.vmap(measure)(batch)
+    for k in range(2):
+        jax.tree.map(
+            np.testing.assert_array_equal, jax.tree.map(lambda leaf, k=k: leaf[k], together), known[k]
+        )
+
+    # Inside of a loss they are constants.
+    def loss(points):
+        return analysis.l2_star_discrepancy(points) + 0 * sum(
+            jnp.sum(leaf).astype(float) for leaf in jax.tree.leaves(measure(points))
+        )
+
+    np.testing.assert_array_equal(jax.grad(loss)(NET), jax.grad(analysis.l2_star_discrepancy)(NET))
+
+
+EQUAL = np.full((4, 2), 0.5)
+
+
+@pytest.mark.parametrize(
+    "measure, array",
+    [
+        (analysis.min_distance, EQUAL),
+        (analysis.min_distance, np.full((70, 2), 0.5)),
+        (lambda points: analysis.nearest_distances(points).sum(), EQUAL),
+        (lambda points: statistics(points)[2], EQUAL),
+        (lambda image: analysis.filtered_error(image, FRAME), FRAME),
+        (lambda image: analysis.perceived_error(image, FRAME), FRAME),
+        (lambda image: jnp.sum(error(image)), FRAME),
+    ],
+)
+def test_where_a_measure_is_zero_its_gradient_is_set_to_zero(measure, array):
+    np.testing.assert_array_equal(jax.grad(measure)(array), np.zeros_like(array))
+
+
+@pytest.mark.parametrize("name", ["dispersion", "min_distance", "nearest_distances", "star_discrepancy"])
+def test_gradients_at_ties_are_finite_and_of_one_of_them(name):
+    """A grid has many closest pairs, largest balls and worst boxes: a derivative of norm at most 2."""
+    grid = np.stack(np.meshgrid(*[np.arange(4) / 4] * 2), axis=-1).reshape(-1, 2)
+    measure = getattr(analysis, name)
+    gradient = jax.grad(lambda points: jnp.min(measure(points)))(grid)
+    assert np.isfinite(gradient).all()
+    assert np.linalg.norm(gradient) <= 2
+
+
+@pytest.mark.parametrize("shape", [(3, 1), (6, 2), (5, 3)])
+@pytest.mark.parametrize("temperature", [0.3, 1e-2, 1e-4])
+def test_soft_star_discrepancy_is_an_upper_bound(shape, temperature):
+    n, dims = shape
+    points = given(shape, n)
+    above = float(analysis.soft_star_discrepancy(points, temperature)) - analysis.star_discrepancy(points)
+    assert -1e-12 <= above <= temperature * (dims + np.log(2 * (n + 1) ** dims))
+
+
+@pytest.mark.parametrize("name", OF_IMAGES)
+def test_images_are_measured_in_their_own_dtype(name):
+    measure, shape = OF_IMAGES[name]
+    image = given(shape, 3).astype(np.float32)
+    known = np.asarray(measure(image))
+    traced = jax.jit(measure)(image)
+    assert traced.dtype == np.float32
+    np.testing.assert_allclose(traced, known, rtol=2e-5, atol=2e-4 if name == "radial_anisotropy" else 2e-6)
+
+
+def test_a_user_minimises_any_of_them():
+    """Ten steps along the gradient lower a weighted sum of measures of many kinds."""
+
+    def loss(points):
+        return analysis.star_discrepancy(points) + analysis.dispersion(points) - analysis.min_distance(points)
+
+    step = jax.jit(jax.value_and_grad(loss))
+    points = given((16, 2), 5)
+    first = loss(points)
+    for _ in range(10):
+        _, gradient = step(points)
+        points = np.clip(points - 0.003 * gradient, 0, 1 - 1e-9)
+    assert loss(points) < first - 0.01
+
+
+@pytest.mark.parametrize("name", sorted(OF_ORDERS))
+def test_a_traced_order_is_refused_with_advice(name):
+    measure = getattr(analysis, name)
+    order = orders.scrambled_morton(8, 8, 1)
+    known = jax.tree.leaves(measure(order))
+    inside = jax.tree.leaves(jax.jit(lambda: jax.tree.map(jnp.asarray, measure(order)))())
+    for a, b in zip(known, inside, strict=True):
+        np.testing.assert_array_equal(a, b)
+    with pytest.raises(TypeError, match=r"^order must be known .* outside of jit"):
+        jax.jit(lambda traced: measure(traced))(order)

@@ -121,5 +121,6 @@ def _means(
         return summation.value(state) / spp.astype(dtype)
 
     starts = np.arange(0, height, rows, dtype=np.uint32)
-    made = parts.mapped(of_rows, mesh, traced, starts, function, sampler, spp)
+    mapped = parts.differentiable if traced else parts.mapped
+    made = mapped(of_rows, mesh, starts, function, sampler, spp)
     return made.reshape(-1, *made.shape[2:])[:height]

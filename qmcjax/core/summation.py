@@ -75,17 +75,15 @@ def add_terms(
     """
     state, first, parameters = alike((state, first, parameters))
     leaves, tree = jax.tree.flatten(parameters)
-
-    def of_leaves(k: Array, *leaves: Array) -> list[Array]:
-        return [term(tree.unflatten(leaves), k)]
-
     # Closed-over tracers become arguments of the inner program.
-    program = jax.make_jaxpr(of_leaves)(first, *leaves)
+    program = jax.make_jaxpr(term)(parameters, first)
     closed_over = program.consts if any(isinstance(const, Tracer) for const in program.consts) else []
 
     def of_operands(k: Array, *operands: Array) -> list[Array]:
         consts, leaves = operands[: len(closed_over)], operands[len(closed_over) :]
-        return eval_jaxpr(program.jaxpr, consts, k, *leaves) if consts else of_leaves(k, *leaves)
+        if consts:
+            return eval_jaxpr(program.jaxpr, consts, *leaves, k)
+        return [term(tree.unflatten(leaves), k)]
 
     operands = [jnp.asarray(each) for each in (*closed_over, *leaves)]
     total, excess = _bind(count, first, *state, *operands, term=of_operands, pinned=pinned, sums=1)

@@ -29,11 +29,11 @@ class Accordion(SquareOrder):
         """The levels with y as lengthwise coordinate: the first, and every other one."""
         return np.uint32(0xAAAAAAAA if self.log_side % 2 == 0 else 0x55555555)
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         lengthwise = (y & self._vertical) | (x & ~self._vertical)
         return spread(x ^ y) | (spread(gray_encode(lengthwise)) << 1)
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         lengthwise = gray_decode(gather(position >> 1))
         differing = gather(position)
         return lengthwise ^ (differing & self._vertical), lengthwise ^ (differing & ~self._vertical)

@@ -185,10 +185,10 @@ class ScrambledMorton(SquareOrder):
             node = self._child(node, digit)
         return position, node
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return self._scrambled(spread(x) | (spread(y) << 1), self.log_side)[0]
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         node = jnp.broadcast_to(self.root, position.shape)
         code = jnp.zeros_like(position)
         for level in range(self.log_side - 1, -1, -1):

@@ -21,7 +21,7 @@ class Hilbert(SquareOrder):
     the pixel.
     """
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         ones = np.uint32(2**self.log_side - 1)
         position = jnp.zeros_like(x)
         for level in range(self.log_side - 1, -1, -1):
@@ -32,7 +32,7 @@ class Hilbert(SquareOrder):
             x, y = jnp.where(upper, y ^ flip, x), jnp.where(upper, x ^ flip, y)
         return position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         x = y = jnp.zeros_like(position)
         for level in range(self.log_side):
             quadrant = (position >> (2 * level)) & np.uint32(3)

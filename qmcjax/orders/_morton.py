@@ -33,10 +33,10 @@ def gather(word: Array) -> Array:
 class Morton(SquareOrder):
     """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return spread(x) | (spread(y) << 1)
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         return gather(position), gather(position >> 1)
 
 

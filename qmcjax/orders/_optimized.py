@@ -94,16 +94,16 @@ class OptimizedOrder(SquareOrder):
     def _log_tile(self) -> int:
         return self.tile.bit_length() - 1
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         # The positions in a square are consecutive; the quadrants of its corner give the first digits.
         position = self.positions.at[self.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         position = position & np.uint32(self.tile**2 - 1)
         if self._tiles.length == 1:
             return position
-        tile = self._tiles.position(x >> self._log_tile, y >> self._log_tile)
+        tile = self._tiles.unchecked_position(x >> self._log_tile, y >> self._log_tile)
         return (tile << (2 * self._log_tile)) | position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         left, top = self._corner
         part = jax.lax.dynamic_slice(self.positions, (top, left), (self.tile, self.tile))
         inside = np.uint32(self.tile**2 - 1)
@@ -113,7 +113,7 @@ class OptimizedOrder(SquareOrder):
         x, y = self._flipped(one, 0), self._flipped(other, 1)
         if self._tiles.length == 1:
             return x, y
-        column, row = self._tiles.pixel(position >> (2 * self._log_tile))
+        column, row = self._tiles.unchecked_pixel(position >> (2 * self._log_tile))
         return (column << self._log_tile) | x, (row << self._log_tile) | y
 
 

@@ -47,7 +47,7 @@ class Peano(Order):
     def raster(self) -> tuple[int, int]:
         return 3**self.log_side, 3**self.log_side
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         position = odd_x = odd_y = jnp.zeros_like(x)
         for level in range(self.log_side - 1, -1, -1):
             column, row = ((v // np.uint32(3**level)) % np.uint32(3) for v in (x, y))
@@ -57,7 +57,7 @@ class Peano(Order):
             position = position * np.uint32(9) + pair
         return position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         x = y = odd_x = odd_y = jnp.zeros_like(position)
         for level in range(self.log_side - 1, -1, -1):
             pair = (position // np.uint32(9**level)) % np.uint32(9)

@@ -33,7 +33,7 @@ class PlugIn(Order):
         """The raster of the object, by default width and height."""
         return getattr(unheld(self.held), "raster", (self.width, self.height))
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         position = _integers("position", unheld(self.held).position(x, y), x.shape)
         if not isinstance(position, Tracer) and position.size:
             most = int(np.max(np.asarray(position)))
@@ -41,7 +41,7 @@ class PlugIn(Order):
                 raise ValueError(f"order must have positions in [0, length={self.length}), got {most}")
         return position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         inverse: Any = getattr(unheld(self.held), "pixel", None)
         if inverse is None:
             raise TypeError(
@@ -71,10 +71,10 @@ class Permutation(Order):
         """Width and height: nothing is padded."""
         return self.width, self.height
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return self.table.at[y, x].get(mode="promise_in_bounds")
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         number = self.inverse.at[position].get(mode="promise_in_bounds")
         return number % np.uint32(self.width), number // np.uint32(self.width)
 

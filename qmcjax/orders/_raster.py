@@ -25,10 +25,10 @@ class Raster(Order):
         """Width and height: nothing is padded."""
         return self.width, self.height
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return y * np.uint32(self.width) + x
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         return position % np.uint32(self.width), position // np.uint32(self.width)
 
 

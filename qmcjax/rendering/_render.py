@@ -101,20 +101,7 @@ def rendered(
     progress: Callable[[float], None] | None,
     kept: checkpoints.Kept | None,
 ) -> Array:
-    """Render a checked task, resuming from its checkpoint."""
-    image, finite = _everywhere(task, mesh, progress, kept)
-    if not isinstance(finite, Tracer) and not finite:
-        refuse(task, image)
-    return image
-
-
-def _everywhere(
-    task: Task,
-    mesh: Mesh | None,
-    progress: Callable[[float], None] | None,
-    kept: checkpoints.Kept | None,
-) -> tuple[Array, Array]:
-    """Take all samples of all pixels, and return the means and whether they are finite."""
+    """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
     scene, sampler, width, height, spp, dtype = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
     with checks.precision(dtype):
@@ -166,8 +153,10 @@ def _everywhere(
                 jax.block_until_ready((image, state))
                 progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
         assert image is not None
-        shaped = _shaped if task.traced else _in_place
-        return shaped(image, width, height)
+        image, finite = (_shaped if task.traced else _in_place)(image, width, height)
+    if not isinstance(finite, Tracer) and not finite:
+        refuse(task, image)
+    return image
 
 
 def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> tuple[Array | None, int]:

@@ -110,11 +110,11 @@ class Sampler(abc.ABC):
         list of Array
             The points of each sample.
         """
-        first = block * np.uint32(count)
-        return [
-            matching(self.points(state, first + np.uint32(i), dims, dtype), block.shape, dims, dtype)
-            for i in range(count)
-        ]
+        first, made = block * np.uint32(count), []
+        for i in range(count):
+            points = self.points(state, first + np.uint32(i), dims, dtype)
+            made.append(matching(points, block.shape, dims, dtype))
+        return made
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
         """Return the best number of samples per iteration of such a loop, a power of two.

@@ -35,7 +35,7 @@ class Contiguous(Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the shared state of the block of a pixel; its position, if indices have 64 bits."""
-        position = self.order.position(x, y)
+        position = self.order.unchecked_position(x, y)
         if self._has_64_bits:
             return position
         return self.sequence.prepare_block(position * np.uint32(self.spp), self.spp, dims)

@@ -66,7 +66,7 @@ class Optimized(Sampler):
 
     def _prepare_pair(self, pair: int, x: Array, y: Array) -> tuple[Array, Array, Array]:
         order = self.orders.member(pair)
-        position = order.position(x, y)
+        position = order.unchecked_position(x, y)
         rank = self.ranks.at[order.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         seed = hash_word(position ^ self.seeds[pair, 2])
         return position, rank, seed

@@ -65,7 +65,7 @@ class Partitioned(Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the first indices of pixels."""
-        return self._first(self.order.position(x, y))
+        return self._first(self.order.unchecked_position(x, y))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return every N-th point from the pixels' first ones on."""

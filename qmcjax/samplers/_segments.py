@@ -68,7 +68,7 @@ class Segments(Sampler):
         return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        return self.order.position(x, y)
+        return self.order.unchecked_position(x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return the points of the pixels' blocks."""

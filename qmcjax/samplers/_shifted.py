@@ -32,7 +32,7 @@ class ShiftedAlong(Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the shifts of pixels as 32-bit fractions, rounded down."""
-        position = self.order.position(x, y)
+        position = self.order.unchecked_position(x, y)
         return tuple(self.shifts.fixed_point(position, j) for j in dims)
 
     def points(

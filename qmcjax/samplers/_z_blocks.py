@@ -125,7 +125,7 @@ class Z(Sampler):
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the positions and nodes of pixels in each wanted order, by its number."""
-        code = morton(self.width, self.height).position(x, y)
+        code = morton(self.width, self.height).unchecked_position(x, y)
         if self.orders is None:
             return code
         return {c: self.orders.member(c).scrambled(code, self.log_side) for c in self._wanted(dims)}

@@ -85,7 +85,7 @@ class ArtOwen(Scrambled):
         """Scramble the digits."""
 
         def word() -> Array:
-            word = fraction.word
+            word = fraction.word()
             return self.codes.scrambled(word, of_dims(jax.lax.iota(jnp.uint32, self.dims), dims, word))
 
         return Fraction(word=word)

@@ -31,11 +31,11 @@ class DigitalShift(Scrambled):
         """Flip the digits."""
 
         def word() -> Array:
-            word = fraction.word
+            word = fraction.word()
             return word ^ of_dims(self.shifts, dims, word)
 
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return bit_reversed ^ reverse(of_dims(self.shifts, dims, bit_reversed))
 
         return Fraction(word, bit_reversed)

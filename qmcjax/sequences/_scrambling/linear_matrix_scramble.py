@@ -32,7 +32,7 @@ class Linear(Scrambled):
         """Multiply the digits."""
 
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return _product(of_dims(self.columns, dims, bit_reversed), bit_reversed)
 
         return Fraction(bit_reversed=bit_reversed)

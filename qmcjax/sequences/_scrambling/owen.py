@@ -31,7 +31,7 @@ class Owen(Scrambled):
         """Scramble the digits."""
 
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return owen_hash(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
 
         return Fraction(bit_reversed=bit_reversed)

@@ -32,7 +32,7 @@ class OwenExact(Scrambled):
         """Scramble the digits."""
 
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return _scramble(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
 
         return Fraction(bit_reversed=bit_reversed)

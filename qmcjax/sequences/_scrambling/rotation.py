@@ -31,7 +31,7 @@ class RotatedBinary(Scrambled):
         """Add the offsets."""
 
         def word() -> Array:
-            word = fraction.word
+            word = fraction.word()
             return word + of_dims(self.offsets, dims, word)
 
         return Fraction(word)

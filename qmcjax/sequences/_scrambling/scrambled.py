@@ -33,10 +33,10 @@ class Scrambled(PointByPoint, BinarySequence):
         return self.mapped(self.sequence.fractions(index, dims), dims)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).bit_reversed
+        return self.fraction(index, dim).bit_reversed()
 
     def word(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).word
+        return self.fraction(index, dim).word()
 
     @property
     def linear(self) -> BinarySequence | None:

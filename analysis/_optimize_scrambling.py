@@ -61,10 +61,7 @@ def relaxed(points: NDArray[np.int64]) -> Relaxed:
 
 
 def optimize_scrambling(
-    points: ArrayLike,
-    measure: Callable[[Array], Array],
-    steps: int,
-    key: Array | int = 0,
+    points: ArrayLike, measure: Callable[[Array], Array], steps: int, key: Array | int = 0
 ) -> OptimizedScrambling:
     """Scramble a net to decrease a differentiable measure, by the gradient of relaxed permutations.
 

@@ -200,8 +200,6 @@ def region_bounds(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[NDAr
     bound_open = opened.prod(axis=1) - share + gain_open.reshape(m, dims).sum(axis=1)
     bound_closed = share - closed.prod(axis=1) + gain_closed.reshape(m, dims).sum(axis=1)
     corners = np.where(
-        (bound_open > bound_closed)[:, None],
-        corner_open.reshape(m, dims),
-        corner_closed.reshape(m, dims),
+        (bound_open > bound_closed)[:, None], corner_open.reshape(m, dims), corner_closed.reshape(m, dims)
     )
     return np.maximum(bound_open, bound_closed), corners

@@ -96,10 +96,7 @@ def render(
 
 
 def rendered(
-    task: Task,
-    mesh: Mesh | None,
-    progress: Callable[[float], None] | None,
-    kept: checkpoints.Kept | None,
+    task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, kept: checkpoints.Kept | None
 ) -> Array:
     """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
     scene, sampler, width, height, spp, dtype = task

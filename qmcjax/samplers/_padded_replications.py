@@ -79,11 +79,7 @@ class PaddedReplications(Sampler):
 
 
 def padded_replications(
-    net: Invertible | Sequence,
-    width: int,
-    height: int,
-    offsets: Sequence | Array | int,
-    jitter: bool = True,
+    net: Invertible | Sequence, width: int, height: int, offsets: Sequence | Array | int, jitter: bool = True
 ) -> PaddedReplications:
     """Sample the screen repeatedly with one point of a net per pixel, with a new shift each time.
 

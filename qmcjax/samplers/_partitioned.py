@@ -111,10 +111,7 @@ class ExactlyPartitioned(Partitioned):
 
 
 def partitioned(
-    order: Order,
-    sequence: Sequence,
-    component: int | None = None,
-    exact: bool = False,
+    order: Order, sequence: Sequence, component: int | None = None, exact: bool = False
 ) -> Partitioned | ExactlyPartitioned:
     """Give each pixel its own low discrepancy sequence, all of them parts of one.
 

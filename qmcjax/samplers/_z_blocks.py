@@ -158,12 +158,7 @@ class Z(Sampler):
         return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
 
     def numbered(
-        self,
-        state: Any,
-        number: Number,
-        dims: tuple[int, ...],
-        dtype: DTypeLike,
-        log_count: int | Array,
+        self, state: Any, number: Number, dims: tuple[int, ...], dtype: DTypeLike, log_count: int | Array
     ) -> Array:
         """Return points of blocks of ``2**log_count``, by numbers with some known bits."""
         wanted = [self._places[j] for j in dims]

@@ -80,10 +80,7 @@ class DefocusedEdge(ExactScene):
 
 
 def defocused_edge(
-    angle: Any = 0.4,
-    offset: Any = 0.6,
-    blur: Any = 0.15,
-    aperture: str = "disc",
+    angle: Any = 0.4, offset: Any = 0.6, blur: Any = 0.15, aperture: str = "disc"
 ) -> DefocusedEdge:
     """Return a half plane seen by a camera that is focused at another distance.
 

@@ -64,12 +64,7 @@ class PathToy(ExactScene):
         return image, (8 + self.bounces) * EPS * float(image.max())
 
 
-def path_toy(
-    bounces: int = 8,
-    albedo: Any = 0.9,
-    survival: Any = 0.5,
-    emission: Any = 1.0,
-) -> PathToy:
+def path_toy(bounces: int = 8, albedo: Any = 0.9, survival: Any = 0.5, emission: Any = 1.0) -> PathToy:
     r"""Return light paths through a room without geometry, in any number of dimensions.
 
     The room is the unit square with opposite edges identified. The point ``p = (x, y)`` emits

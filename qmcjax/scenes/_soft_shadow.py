@@ -71,10 +71,7 @@ class SoftShadow(ExactScene):
 
 
 def soft_shadow(
-    angle: Any = 0.4,
-    offset: Any = 0.6,
-    height: Any = 0.4,
-    light: Any = (0.5, 0.3),
+    angle: Any = 0.4, offset: Any = 0.6, height: Any = 0.4, light: Any = (0.5, 0.3)
 ) -> SoftShadow:
     """Return the ground below a half plane with a rectangular light above.
 

@@ -109,9 +109,7 @@ def _sides() -> list[tracing.Object]:
 
 def _lights(size: float | None) -> list[Any]:
     if size is None:
-        return [
-            tracing.point_light((0.3, 1.75, 1.7), (12.0, 11.6, 10.6)),
-        ]
+        return [tracing.point_light((0.3, 1.75, 1.7), (12.0, 11.6, 10.6))]
     # The same power for all sizes; the normal points down.
     radiance = np.array([9.0, 8.0, 6.5]) * 0.25 / size**2
     corner = (-0.5 * size, 1.999, -0.5 * size)

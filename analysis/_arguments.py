@@ -55,24 +55,11 @@ def points(
 ) -> Any:
     """Return points in their own dtype; raise unless they are in [0, 1)^d.
 
-    Parameters
-    ----------
-    value : ArrayLike
-        From NumPy, JAX, or nested lists.
-    name : str
-        Name of the argument, for messages.
-    least, least_dims, most_dims : int
-        Allowed numbers of points and dimensions.
-    vector : bool
-        Whether an array of one axis is a set in one dimension.
-    traced : bool
-        Whether JAX may trace them; their values are not checked then.
-    dtypes : tuple
-        Allowed dtypes of coordinates: floats in [0, 1), or uint32 fractions of 2**32.
-
-    Returns
-    -------
-    array, shape (n, d), or a Tracer of this shape
+    ``value``: from NumPy, JAX, or nested lists. ``name``: name of the argument, for messages. ``least``,
+    ``least_dims``, ``most_dims``: allowed numbers of points and dimensions. ``vector``: whether an array of
+    one axis is a set in one dimension. ``traced``: whether JAX may trace them; their values are not checked
+    then. ``dtypes``: allowed dtypes of coordinates: floats in [0, 1), or uint32 fractions of 2**32. Returns
+    array, shape (n, d), or a Tracer of this shape.
     """
     wanted = f"an array of {', '.join([np.dtype(dtype).name for dtype in dtypes])}"
     given: Any = value if traced and isinstance(value, Tracer) else array(name, value, wanted)

@@ -36,17 +36,9 @@ Floats = NDArray[np.float64]
 def squared_closest_pair(columns: Floats, bound: float) -> float | None:
     """Return the square of the smallest distance of two points, or None if the windows are crowded.
 
-    Parameters
-    ----------
-    columns : float64 array, shape (d, n)
-        At least two points, C-contiguous; they are sorted in place.
-    bound : float
-        Positive upper bound of the smallest distance.
-
-    Returns
-    -------
-    float or None
-        Each square is a sum of d rounded squares of rounded differences.
+    ``columns``: float64 array, shape (d, n): at least two points, C-contiguous; they are sorted in place.
+    ``bound``: positive upper bound of the smallest distance. Returns float or None: each square is a sum of d
+    rounded squares of rounded differences.
     """
     low = columns.min(axis=1)
     extent = columns.max(axis=1) - low

@@ -76,7 +76,6 @@ class ConvergenceTable:
 
         Parameters
         ----------
-        sampler, region : str
         level : float
             In (0, 1): the probability that the interval contains the slope, if the logarithms of errors are
             independent and normal around a line. It does not account for curvature.
@@ -147,8 +146,7 @@ def convergence(
         samplers are made for one number of samples.
     spps : iterable of int
         Different numbers of samples per pixel, at least 1.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     regions : mapping of names to numpy indices, optional
         Selections from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a mask. By
         default the whole image, and its "upper" and "lower" half: the first ``height // 2`` rows and the
@@ -168,7 +166,6 @@ def convergence(
         Devices, as in :func:`qmcjax.render`. All its processes make the same call and share the images; the
         devices of a process share the pixels of an image. Each process gets all rows. The time of an image is
         that of its process, while the others render theirs.
-
 
     Raises
     ------

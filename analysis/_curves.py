@@ -32,8 +32,7 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     ----------
     order : Order
         Any object with ``width``, ``height`` and ``position``.
-    radius : int
-        In [0, 65535]; 1 for 3 x 3 neighbourhoods.
+    radius : int, in [0, 65535]; 1 for 3 x 3 neighbourhoods
 
     Returns
     -------

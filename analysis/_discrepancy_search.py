@@ -133,13 +133,11 @@ def search_discrepancy(
 
     Parameters
     ----------
-    n : int
-        In [2, 4096] in two dimensions, in [2, 512] in three.
+    n : int, in [2, 4096] in two dimensions, in [2, 512] in three
     seconds : float, optional
         When to stop, positive. None stops by ``steps`` alone.
     key : jax.random.key, or int in [0, 2**32)
-    dims : int
-        2 or 3.
+    dims : int, 2 or 3
     steps : int, optional
         Maximum number of steps, positive. With ``seconds=None``, the result is a function of the
         other arguments.

@@ -83,8 +83,7 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     ----------
     points : integer ArrayLike, shape (n, d)
         At least two points in {0, ..., side - 1}^d.
-    side : int
-        In [1, 2**32]: with 2**32 the points may be 32-bit fractions.
+    side : int, in [1, 2**32]: with 2**32 the points may be 32-bit fractions
     torus : bool
         Whether the cube of this side is repeated periodically.
     shear : int

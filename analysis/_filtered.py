@@ -81,10 +81,6 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
         In cycles per pixel, in (0, 1/2], above one cycle per image. Annuli of :func:`radial_average` below it
         have equal weights; the mean is left out.
 
-    Returns
-    -------
-    float
-
     References
     ----------
     .. [1] R. Ulichney, "Digital Halftoning", 1987: the radially averaged power spectrum.

@@ -28,8 +28,7 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
         As for :func:`analysis.t_value`, but any number of points.
     digits : sequence of s ints
         d_1, ..., d_s: the interval's sides are base**-d_j. At most 2**28 intervals, and 64 coordinates.
-    base : int
-        In [2, 65535].
+    base : int, in [2, 65535]
 
     Returns
     -------
@@ -61,10 +60,6 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     points, digits, base
         As for :func:`interval_counts`, with any number of coordinates.
 
-    Returns
-    -------
-    bool
-
     Examples
     --------
     >>> diagonal = [[0.0, 0.0], [0.25, 0.25], [0.5, 0.5], [0.75, 0.75]]
@@ -84,10 +79,6 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
     points : ArrayLike, shape (n, s)
         As for :func:`analysis.t_value`, but any number of points, at most 2**24 in float32: the intervals are
         those of base n.
-
-    Returns
-    -------
-    bool
 
     Examples
     --------

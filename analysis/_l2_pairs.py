@@ -39,16 +39,8 @@ Sums = tuple[Wide, Array]
 def pair_sum(points: Array, kernel: Kernel, strips: int, rank: int, gradient: bool) -> Sums:
     """Return the sum of the kernel over all ordered pairs, a point and itself included.
 
-    Parameters
-    ----------
-    points : float64 Array, shape (n, d)
-    kernel : Kernel
-    strips : int
-        Number of strips per axis.
-    rank : int
-        Rank of the kernel; no effect with one strip.
-    gradient : bool
-        Whether to return derivatives.
+    ``points``: float64 Array, shape (n, d). ``strips``: number of strips per axis. ``rank``: rank of the
+    kernel; no effect with one strip. ``gradient``: whether to return derivatives.
     """
     if strips == 1:
         value, gradients = _all_pairs(points, kernel, gradient)

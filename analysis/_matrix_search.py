@@ -127,8 +127,7 @@ def search_matrices(
     dims : int
         3 to measure the (0,m,3)-nets of the points (i / 2**m, C_1 i, C_2 i), 2 for the (0,m,2)-nets of
         the first 2**m points of the sequence, truncated to m digits.
-    seed : int
-        In [0, 2**32).
+    seed : int, in [0, 2**32)
     steps : int
         Maximum number of matrices to try. Positive.
     budget_s : float

@@ -22,8 +22,7 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
     ----------
     order : Order
         Any object with ``width``, ``height`` and ``position``.
-    base : int, optional
-        In [2, 65536]: take the radical inverses of the positions in this base, in float64.
+    base : int, optional, in [2, 65536]: take the radical inverses of the positions in this base, in float64
 
     Returns
     -------

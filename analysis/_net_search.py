@@ -53,8 +53,7 @@ def search_net(
     m : int
         In [1, 8] in two dimensions, in [1, 5] in three. The search ends within seconds for m <= 5 in two
         and m <= 4 in three dimensions; beyond, request a distance and set a budget.
-    dims : int
-        2 or 3: in more dimensions there are no such nets with m > 1.
+    dims : int, 2 or 3: in more dimensions there are no such nets with m > 1
     minimum_squared_distance : int
         Only nets of at least this distance, squared and in units of the grid, count. Larger values end
         branches sooner.

@@ -33,8 +33,7 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
         with column k of C_j as a word, its first row in bit 31 (the ``matrices`` of a digital
         sequence in base 2; without ``m`` these would be taken for points). Integers of three axes
         (s, rows, columns) are always generator matrices, over F_base, with entries modulo the base.
-    base : int
-        In [2, 65535]; a prime for matrices.
+    base : int, in [2, 65535]; a prime for matrices
     m : int, optional
         The net is the first base**m points of the matrices' sequence (any aligned block has the same
         t), given by their upper left m x m parts. By default the number of columns, for three axes.

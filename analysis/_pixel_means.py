@@ -38,8 +38,7 @@ def pixel_means(
         From points, shape (height, width, len(dims)), to values, shape (height, width, ...). The same
         function object compiles once.
     sampler : Sampler
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     spp : int
         Samples per pixel, at least 1 and as many as the sampler allows.
     dims : tuple of int

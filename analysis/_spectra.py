@@ -142,8 +142,7 @@ def mean_spectrum(
     make : Callable
         From a key to a spectrum of points or of an error image, or to anything computed from it, such as a
         radial average. All must have one shape. One at a time is stored.
-    keys : Iterable
-        At least two keys, for independent realisations.
+    keys : Iterable, at least two keys, for independent realisations
 
     Returns
     -------

@@ -48,18 +48,9 @@ Corners = NDArray[np.signedinteger]
 def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float]:
     """Return a lower and an upper bound of the star discrepancy, equal if ``regions`` suffice.
 
-    Parameters
-    ----------
-    grid : CriticalGrid
-    lower : float
-        A known lower bound: the better, the fewer regions.
-    regions : int
-        Regions that may be examined, at least 1.
-
-    Returns
-    -------
-    tuple of two floats
-        The lower bound is a local discrepancy, or ``lower``. Both to ``rounding(grid.dims)``.
+    ``lower``: a known lower bound: the better, the fewer regions. ``regions``: regions that may be examined,
+    at least 1. Returns tuple of two floats: the lower bound is a local discrepancy, or ``lower``. Both to
+    ``rounding(grid.dims)``.
     """
     low = np.zeros((1, grid.dims), grid.ranks.dtype)
     (low, high, upper), lower = _examine(grid, low, grid.sizes[None], lower)
@@ -130,18 +121,9 @@ def _halve(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[Corners, Co
 def region_bounds(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[NDArray[np.float64], Corners]:
     """Bound the local discrepancies of regions from above, as the module's docstring proves.
 
-    Parameters
-    ----------
-    grid : CriticalGrid
-    low, high : integer arrays, shape (m, d)
-        The corners l <= h.
-
-    Returns
-    -------
-    float64 array, shape (m,)
-        The larger bound of open and closed boxes.
-    integer array, shape (m, d)
-        The corners that attain the maxima of the larger bound.
+    ``low``, ``high``: integer arrays, shape (m, d): the corners l <= h. Returns float64 array, shape (m,):
+    the larger bound of open and closed boxes; integer array, shape (m, d): the corners that attain the maxima
+    of the larger bound.
     """
     m, dims = low.shape
     n, axis = grid.n, np.arange(dims)

@@ -96,8 +96,7 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
 
     Parameters
     ----------
-    mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels)
-        In [0, 1).
+    mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels), in [0, 1)
     bits : {8, 16, 24, 32}
         Bits per value, truncated as by :func:`bake`.
 

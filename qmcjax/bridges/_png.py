@@ -37,13 +37,8 @@ class Png:
 def encoded(pixels: NDArray, texts: dict[str, str], transfer: str | None = None) -> bytes:
     """Return the bytes of a PNG file.
 
-    Parameters
-    ----------
-    pixels : uint8 or uint16 array, shape (height, width, channels)
-    texts : dict
-        Latin-1 text by keyword.
-    transfer : {"srgb", "linear"}, optional
-        The transfer that the file declares.
+    ``pixels``: uint8 or uint16 array, shape (height, width, channels). ``texts``: Latin-1 text by keyword.
+    ``transfer``: the transfer that the file declares.
     """
     height, width, channels = pixels.shape
     kind = {n: k for k, n in _CHANNELS.items()}[channels]

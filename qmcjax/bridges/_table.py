@@ -78,10 +78,6 @@ class BakedTable:
             its reader.
         name : str
             Prefix of the functions in GLSL, or name of the class; an identifier of C.
-
-        Returns
-        -------
-        str
         """
         language = checks.choice("language", language, ("glsl", "cpp"))
         depths = (8, 16, 24) if language == "glsl" else (16, 24)

@@ -37,8 +37,7 @@ class Recommendation:
 
         Parameters
         ----------
-        width, height : int
-            In [1, 65536].
+        width, height : int, in [1, 65536]
         key : jax.random.key, or int in [0, 2**32)
 
         Returns
@@ -82,10 +81,6 @@ def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: boo
     filtered : bool
         Minimise the error after a Gaussian filter of 1.5 pixels, as for viewing at a distance or before a
         denoiser, rather than the RMS error of pixels.
-
-    Returns
-    -------
-    Recommendation
 
     Notes
     -----

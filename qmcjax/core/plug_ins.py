@@ -42,11 +42,8 @@ class Static:
 def held(name: str, value: Any) -> Any:
     """Return a pytree that holds an object: itself if it is registered as one, else a :class:`Static`.
 
-    Raises
-    ------
-    TypeError
-        If an object that is not registered has an array as attribute: a compiled program would keep the
-        values that the array had at compile time. Nouns of this package may be attributes.
+    Raises TypeError if an object that is not registered has an array as attribute: a compiled program would
+    keep the values that the array had at compile time. Nouns of this package may be attributes.
     """
     if not jax.tree_util.all_leaves([value]):
         return value

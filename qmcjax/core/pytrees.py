@@ -117,14 +117,7 @@ def jit(*static_argnames: str) -> Callable[[Callable[..., R]], Compiled[R]]:
 
     JAX confuses plug-ins that are dataclasses registered with JAX (see :func:`pytree`).
 
-    Parameters
-    ----------
-    *static_argnames : str
-        Names of static arguments.
-
-    Returns
-    -------
-    callable
-        A decorator of functions that are called with positional arguments only.
+    ``*static_argnames``: names of static arguments. Returns callable: a decorator of functions that are
+    called with positional arguments only.
     """
     return lambda function: Compiled(function, static_argnames)

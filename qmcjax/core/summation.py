@@ -56,22 +56,10 @@ def add_terms(
 
     Derivatives in forward and reverse mode use the same loop and constant memory.
 
-    Parameters
-    ----------
-    term : callable
-        A function of parameters and a uint32 number. Derivatives also flow to values that it closes over.
-    pinned : bool
-        Whether to keep all of a term inside the loop. Otherwise compilers hoist common subexpressions, once
-        for each time that a term computes them.
-    parameters : pytree
-        Floating point leaves are differentiable.
-    state : State
-        The sum so far.
-    first, count : uint32 Array, shape ()
-
-    Returns
-    -------
-    State
+    ``term``: a function of parameters and a uint32 number. Derivatives also flow to values that it closes
+    over. ``pinned``: whether to keep all of a term inside the loop. Otherwise compilers hoist common
+    subexpressions, once for each time that a term computes them. ``parameters``: floating point leaves are
+    differentiable. ``state``: the sum so far. ``first``, ``count``: uint32 Array, shape ().
     """
     state, first, parameters = alike((state, first, parameters))
     leaves, tree = jax.tree.flatten(parameters)

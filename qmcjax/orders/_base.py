@@ -61,8 +61,7 @@ class Order(abc.ABC):
 
         Parameters
         ----------
-        position : integer Array, shape (...), or int
-            Below ``length``.
+        position : integer Array, shape (...), or int, below ``length``
 
         Returns
         -------

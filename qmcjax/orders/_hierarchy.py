@@ -108,10 +108,8 @@ class ScrambledMorton(SquareOrder):
 
         Parameters
         ----------
-        code : uint32 Array, shape (...), or int
-            Below ``4**digits``.
-        digits : int
-            In [0, 16].
+        code : uint32 Array, shape (...), or int, below ``4**digits``
+        digits : int, in [0, 16]
         node : uint32 Array, shape (...), optional
             Node before the first digit, by default ``root``.
 

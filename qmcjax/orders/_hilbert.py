@@ -57,10 +57,6 @@ def hilbert(width: int, height: int) -> Hilbert:
         In [1, 65536]. The curve fills the next square with a power of two as side; pixels off the
         image are skipped, which breaks the curve where it leaves the image.
 
-    Returns
-    -------
-    Hilbert
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.

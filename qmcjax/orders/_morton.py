@@ -48,10 +48,6 @@ def morton(width: int, height: int) -> Morton:
     width, height : int
         In [1, 65536]. The curve fills the next square with a power of two as side.
 
-    Returns
-    -------
-    Morton
-
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Fig. 1.

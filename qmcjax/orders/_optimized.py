@@ -38,8 +38,7 @@ class OptimizedOrder(SquareOrder):
         Parameters
         ----------
         key : jax.random.key
-        count : int
-            At least 1.
+        count : int, at least 1
 
         Returns
         -------
@@ -168,10 +167,6 @@ def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedO
     key : jax.random.key, or int in [0, 2**32)
         Rotates or flips the tile, permutes the tiles of a larger raster and cuts a smaller one out of the
         tile. A new key does not recompile.
-
-    Returns
-    -------
-    OptimizedOrder
 
     Notes
     -----

@@ -80,10 +80,6 @@ def peano(width: int, height: int) -> Peano:
         In [1, 59049]: a larger image needs a side of 3**11, and positions beyond 32 bits. The curve fills
         the next square with a power of three as side; pixels off the image are skipped.
 
-    Returns
-    -------
-    Peano
-
     References
     ----------
     .. [1] G. Peano, "Sur une courbe, qui remplit toute une aire plane", 1890.

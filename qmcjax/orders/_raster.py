@@ -37,12 +37,7 @@ def raster(width: int, height: int) -> Raster:
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536].
-
-    Returns
-    -------
-    Raster
+    width, height : int, in [1, 65536]
 
     Examples
     --------

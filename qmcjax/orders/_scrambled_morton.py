@@ -44,10 +44,6 @@ def scrambled_morton(
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
 
-    Returns
-    -------
-    ScrambledMorton
-
     Notes
     -----
     Over the keys all 24 permutations of each node are equally likely. "multiplicative" lacks independence:

@@ -63,8 +63,7 @@ def boundary_gradient(
         do not count. All parameters must move edges only.
     sequence : Sequence
         Points u: one dimension for scenes on the plane. Further dimensions are ignored.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     n : int
         Number of points on the edges of the whole image, in [1, 2**31].
     dtype : float32 or float64

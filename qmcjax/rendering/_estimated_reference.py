@@ -51,8 +51,7 @@ def estimated_reference(
     Parameters
     ----------
     scene : Scene
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     spp : int
         Samples per pixel of all replicates together, a multiple of 16; best 16 times a power of 2.
     key : jax.random.key, or int in [0, 2**32)

@@ -42,8 +42,7 @@ def render_layers(
     sampler : Sampler
         Used for each scene: with as many dimensions as either needs, and ``max(spp, still_spp)`` samples per
         pixel.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     spp, still_spp : int
         Samples for each layer.
     shade : float

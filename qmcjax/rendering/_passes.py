@@ -60,8 +60,7 @@ def render_passes(
     sampler : Randomized
         Made by :func:`qmcjax.samplers.randomized`, or any object with ``of_pass(number)``, the sampler of a
         pass; a pass has ``sampler.spp`` samples per pixel.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     passes : int
         Number of passes, or the maximum, at least 2.
     tolerance : float, optional
@@ -81,10 +80,6 @@ def render_passes(
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
         ``seconds``.
-
-    Returns
-    -------
-    Passes
 
     Notes
     -----

@@ -51,8 +51,7 @@ def render(
     sampler : Sampler
         A function from pixel and sample to a point, made for this image size, with at least
         ``len(scene.needs)`` dimensions.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     spp : int
         Samples per pixel, at least 1 and at most as many as the sampler has.
     dtype : float32 or float64

@@ -43,8 +43,7 @@ def render_adaptive(
     scene : Scene
     sampler : Sampler
         Made by :func:`qmcjax.samplers.randomized` if there is a ``tolerance``.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     spp : int
         Samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass.
     dtype : float32 or float64

@@ -59,8 +59,7 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        width, height : int
-            In [1, 65536], the size that the sampler is made for.
+        width, height : int, in [1, 65536], the size that the sampler is made for
         dims : tuple of int
             The coordinates that will be used, static.
 
@@ -152,8 +151,7 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        width, height : int
-            In [1, 65536].
+        width, height : int, in [1, 65536]
         spp : int
             Samples of each pixel, at least 1.
         """

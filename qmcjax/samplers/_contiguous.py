@@ -65,14 +65,9 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     ----------
     order : Order
         The curve, for one size of image.
-    sequence : Sequence
     spp : int
         Points in the block of a pixel, at least 1. Powers of the base of the sequence are best. The sequence
         must have ``order.length * spp`` points.
-
-    Returns
-    -------
-    Contiguous
 
     Notes
     -----

@@ -59,16 +59,9 @@ class HaltonFullScreen(Sampler):
     def index(self, x: Array, y: Array, sample: Array) -> Array:
         """Return the index of the point of a pixel in block ``sample``.
 
-        Parameters
-        ----------
-        x, y : uint32 Array
-            Column and row of the pixel, in the padded raster.
-        sample : uint32 Array
-            The block, below ``spp``: indices ``sample * 2**a * 3**b`` and following.
-
-        Returns
-        -------
-        uint32 Array, the broadcast shape
+        ``x``, ``y``: uint32 Array: column and row of the pixel, in the padded raster. ``sample``: uint32
+        Array: the block, below ``spp``: indices ``sample * 2**a * 3**b`` and following. Returns uint32 Array,
+        the broadcast shape.
         """
         return self._index(x, y, sample)[0]
 

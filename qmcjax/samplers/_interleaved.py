@@ -95,10 +95,6 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler 
     positions : Sampler, optional
         Coordinates 0 and 1; at least two dimensions.
 
-    Returns
-    -------
-    Interleaved
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.1.2 and 3.1.3.

@@ -133,10 +133,6 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
         Number of coordinates, in [1, 65536]. They are padded: each pair has its own scrambled sequence, order
         of the pixels and order of their samples; if dims is odd, the last one is single.
 
-    Returns
-    -------
-    Optimized
-
     Notes
     -----
     In a pair, the samples of every aligned square of ``2**k`` pixels per side are a (0, 2k + log2(spp),

@@ -94,8 +94,7 @@ def padded_replications(
     net : sequence in base 2
         As for :func:`full_screen`, except the Halton sequence: a net of ``4**k`` points, or a digital
         sequence, with its first ``4**k`` points.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     offsets : Sequence, or jax.random.key, or int in [0, 2**32)
         Vector s holds the shifts of instance s, one for each coordinate of the net, followed by its jitter in
         x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster, the

@@ -125,8 +125,7 @@ def partitioned(
     order : Order
         The curve, for one size of image. Its length N must be a power of b: Hilbert, Moore or Morton order
         for b = 2, Peano for b = 3.
-    sequence : Sequence
-        At least two dimensions and N points.
+    sequence : Sequence, at least two dimensions and N points
     component : int, optional
         The partitioning component: one of the Halton sequence, with permuted digits or not, or one of a
         digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled or

@@ -108,7 +108,6 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     ----------
     order : Order
         The curve, for one size of image.
-    sequence : Sequence
     spp : int
         Samples of a pixel in the first iteration, at least 1. Powers of the base of the sequence are best.
     doubling : bool

@@ -58,10 +58,6 @@ def z(
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
 
-    Returns
-    -------
-    Z
-
     Notes
     -----
     Where the raster has more than 2**32 samples, indices have 64 bits, and coordinates are exact to 32

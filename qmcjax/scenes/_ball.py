@@ -142,8 +142,7 @@ def ball(
         does not need time.
     times : float array, shape (lines - 1,)
         Start times of all lines but the first, increasing between 0 and 1.
-    radius : float
-        Positive.
+    radius : float, positive
 
     Examples
     --------

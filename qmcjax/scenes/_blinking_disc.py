@@ -72,8 +72,7 @@ def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25,
     Parameters
     ----------
     centre : float array, shape (2,)
-    radius : float
-        Positive.
+    radius : float, positive
     on : float array, shape (2,), or None
         When the disc appears and disappears, ``0 <= on[0] < on[1] <= 1``. None is always visible: the scene
         then does not need time.

@@ -118,8 +118,7 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
     ----------
     centre : array_like, shape (2,)
         (x, y); it may lie outside of the image.
-    radius : float
-        Positive, in widths of the image.
+    radius : float, positive, in widths of the image
 
     Examples
     --------

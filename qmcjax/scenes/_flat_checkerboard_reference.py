@@ -81,14 +81,8 @@ def _on_board(x: Floats | float, y: Floats | float, axis: tuple[float, float]) -
 def _along(start: tuple[Floats, Floats], end: tuple[Floats, Floats], sides: int) -> tuple[Floats, Floats]:
     """Integrate ``T(X) S(Y) dY`` and ``S(Y) dY`` over each of ``sides`` equal parts of parallel segments.
 
-    Parameters
-    ----------
-    start, end : (X, Y), each an ndarray of shape (segments,)
-
-    Returns
-    -------
-    ndarray, ndarray
-        Shape (segments, sides).
+    ``start``, ``end``: (X, Y), each an ndarray of shape (segments,). Returns ndarray, ndarray: shape
+    (segments, sides).
     """
     spans = [float(b[0] - a[0]) for a, b in zip(start, end, strict=True)]
     counts = [math.ceil(abs(span)) for span in spans]

@@ -224,8 +224,7 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
         The direction across the line, in radians: 0 for a vertical, pi/2 for a horizontal line.
     offset : float
         The distance of its middle from the corner (0, 0) along that direction.
-    thickness : float
-        Positive, in widths of the image.
+    thickness : float, positive, in widths of the image
 
     Examples
     --------

@@ -82,8 +82,7 @@ def path_toy(bounces: int = 8, albedo: Any = 0.9, survival: Any = 0.5, emission:
 
     Parameters
     ----------
-    bounces : int
-        In [1, 340]; each takes three dimensions, or two without roulette.
+    bounces : int, in [1, 340]; each takes three dimensions, or two without roulette
     albedo : float
         The largest reflectance, in (0, 1].
     survival : float or None

@@ -67,7 +67,6 @@ def as_scene(name: str, value: Any) -> Any:
     value : Scene
         Any object with ``needs`` that can be called with points.
 
-
     Raises
     ------
     TypeError

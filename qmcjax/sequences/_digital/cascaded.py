@@ -50,8 +50,7 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
 
     Parameters
     ----------
-    m : int
-        In [1, 32].
+    m : int, in [1, 32]
     dims : int
         In [1, 32]. Fewer dimensions are the first of these.
 

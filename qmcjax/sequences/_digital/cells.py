@@ -86,18 +86,9 @@ class NetByFrames:
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of the point of a cell in frame ``sample``.
 
-        Parameters
-        ----------
-        x, y : uint32 Array
-            Column and row of the cell.
-        log_side : int
-            As of the frames.
-        sample : uint32 Array
-            The frame: indices ``sample * 4**log_side`` and following.
-
-        Returns
-        -------
-        uint32 Array, the broadcast shape
+        ``x``, ``y``: uint32 Array: column and row of the cell. ``log_side``: as of the frames. ``sample``:
+        uint32 Array: the frame: indices ``sample * 4**log_side`` and following. Returns uint32 Array, the
+        broadcast shape.
         """
         if log_side == 0:
             return sample

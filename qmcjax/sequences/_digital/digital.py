@@ -160,8 +160,7 @@ def sobol(dims: int = 2) -> Digital:
 
     Parameters
     ----------
-    dims : int
-        In [1, 21201].
+    dims : int, in [1, 21201]
 
     Returns
     -------
@@ -222,10 +221,6 @@ def digital(matrices: np.ndarray | Array) -> Digital:
     ----------
     matrices : uint32 array, shape (dims, 32)
         Column k of C_j, its first row in bit 31 (thesis [1]_, Sect. 5.2.1).
-
-    Returns
-    -------
-    Digital
 
     References
     ----------

@@ -83,10 +83,6 @@ def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLik
     numbers : iterable of DirectionNumbers
         Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`.
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> print(direction_numbers_text([(0b11, [1]), (0b111, [1, 3])]), end="")

@@ -200,8 +200,7 @@ def halton(dims: int, permutation: str | None = None, key: Array | int | None = 
 
     Parameters
     ----------
-    dims : int
-        In [1, 1024]; in [1, 360] for "faure_lemieux".
+    dims : int, in [1, 1024]; in [1, 360] for "faure_lemieux"
     permutation : {None, "zaremba", "faure", "faure_lemieux", "random"}
         The image of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b: "zaremba", (a +
         k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_; "faure_lemieux", f a mod b

@@ -72,8 +72,7 @@ def lattice(dims: int) -> LatticeSequence:
 
     Parameters
     ----------
-    dims : int
-        In [1, 250].
+    dims : int, in [1, 250]
 
     Returns
     -------

@@ -100,10 +100,8 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
     ----------
     n : int
         Number of points, in [1, 2**32].
-    dims : int
-        In [1, 65536].
-    a : int
-        In [0, n).
+    dims : int, in [1, 65536]
+    a : int, in [0, n)
 
     Returns
     -------
@@ -140,8 +138,7 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
     n : int
         Number of points. In two dimensions in [1, 2**22]; in three in [1, 2**13], or a power of two up to
         2**16. Without a table, the search takes about a second.
-    dims : int
-        2 or 3.
+    dims : int, 2 or 3
 
     Returns
     -------

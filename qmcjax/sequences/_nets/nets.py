@@ -51,10 +51,6 @@ class Net(BinarySequence):
     def points_per_cell(self, log_side: int) -> int:
         """Return the number of points in each cell of a raster of ``2**log_side`` cells per side.
 
-        Parameters
-        ----------
-        log_side : int
-
         Returns
         -------
         int
@@ -74,7 +70,6 @@ class Net(BinarySequence):
         ----------
         x, y : uint32 Array
             Column and row of the cell in a raster of ``2**log_side`` cells per side.
-        log_side : int
         sample : uint32 Array
             Number of the point in its cell, below ``points_per_cell(log_side)``.
 
@@ -191,8 +186,7 @@ def hammersley_net(m: int) -> HammersleyNet:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
@@ -219,8 +213,7 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
@@ -281,8 +274,7 @@ def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Arra
 
     Parameters
     ----------
-    m : int
-        In [1, 32]: 2**m points per pixel.
+    m : int, in [1, 32]: 2**m points per pixel
     row : uint32 Array, or int
         Row of the pixel, counted along the second coordinate.
     index : uint32 Array, broadcastable to ``row``, or int

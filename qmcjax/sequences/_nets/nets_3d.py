@@ -143,8 +143,7 @@ def sobol_net_3d(m: int) -> Net3D:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
@@ -171,8 +170,7 @@ def larcher_pillichshammer_net_3d(m: int) -> Net3D:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------

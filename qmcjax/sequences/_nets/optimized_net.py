@@ -47,8 +47,7 @@ def optimized_net(m: int) -> MatrixNet:
 
     Parameters
     ----------
-    m : int
-        In [1, 32].
+    m : int, in [1, 32]
 
     Returns
     -------

@@ -37,8 +37,7 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
 
     Parameters
     ----------
-    m : int
-        In [2, 16].
+    m : int, in [2, 16]
 
     Returns
     -------

@@ -59,10 +59,6 @@ class Sequence(abc.ABC):
         ----------
         high : uint32 Array
             In the shape of the indices. 64-bit indices must be below ``limit_64``.
-
-        Returns
-        -------
-        Sequence
         """
         raise ValueError(f"sequence must have 64-bit indices, got {checks.shown(self)}")
 
@@ -80,9 +76,7 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         index : uint32 Array
-        dim : int
-        offset : uint32 Array, broadcastable to ``index``
-            Fractions.
+        offset : uint32 Array, broadcastable to ``index``, fractions
         dtype : float32 or float64
 
         Returns
@@ -127,9 +121,7 @@ class Sequence(abc.ABC):
         ----------
         block : pytree
             From :meth:`prepare_block` for the same ``count`` and ``dims``.
-        k : uint32 Array, broadcastable to the blocks
-            Below ``count``.
-        count : int
+        k : uint32 Array, broadcastable to the blocks, below ``count``
         dims : tuple of int
         dtype : float32 or float64
 
@@ -152,7 +144,6 @@ class Sequence(abc.ABC):
 
         Parameters
         ----------
-        component : int
         count : int
             Number of digits.
 

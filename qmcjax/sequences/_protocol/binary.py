@@ -87,10 +87,6 @@ class BinarySequence(Sequence):
             One coordinate, or some that are stacked last.
         dims : int or tuple of int
             The numbers of these coordinates.
-
-        Returns
-        -------
-        Fraction
         """
         return fraction
 
@@ -120,9 +116,7 @@ class BinarySequence(Sequence):
         ----------
         start : uint32 Array, shape ()
             A multiple of ``rows``.
-        count : int
-        rows : int
-            A power of two.
+        rows : int, a power of two
 
         Returns
         -------
@@ -153,8 +147,7 @@ class BinarySequence(Sequence):
 
         Parameters
         ----------
-        log_side : int
-            In [0, 16].
+        log_side : int, in [0, 16]
 
         Returns
         -------

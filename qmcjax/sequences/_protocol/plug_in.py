@@ -88,10 +88,6 @@ def as_sequence(name: str, value: Any) -> Sequence:
         It needs no decorator: programs are compiled for this object. An object with arrays as attributes must
         be a pytree (see :func:`qmcjax.pytree`); the arrays are arguments of the program.
 
-    Returns
-    -------
-    Sequence
-
     Examples
     --------
     >>> class Golden:
@@ -147,8 +143,7 @@ def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
         From a uint32 array of any shape to points, floating, of that shape + (dims,), in [0, 1). The same
         function compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are parameters:
         new values do not recompile.
-    dims : int
-        In [1, 65536].
+    dims : int, in [1, 65536]
 
     Returns
     -------

@@ -100,7 +100,6 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
 
     Parameters
     ----------
-    sequence : Sequence
     dims : tuple of int
         Different components of ``sequence``: coordinate j is its coordinate ``dims[j]``. Only these are
         computed.

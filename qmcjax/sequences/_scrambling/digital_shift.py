@@ -58,10 +58,6 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     key : jax.random.key, or int in [0, 2**32)
         A new key does not recompile.
 
-    Returns
-    -------
-    DigitalShift
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4, "Scrambling".

@@ -62,10 +62,6 @@ def gray(sequence: BinarySequence) -> Gray:
     sequence : BinarySequence
         Unbounded, or of 2**m points.
 
-    Returns
-    -------
-    Gray
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.1, class Sobol.

@@ -72,12 +72,10 @@ def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulate
     n : int
         Number of points, in [1, 2**20]. An iteration takes tens of microseconds per point in two dimensions,
         hundreds in three.
-    dims : int
-        2 or 3.
+    dims : int, 2 or 3
     key : jax.random.key, or int in [0, 2**32)
         Known before tracing.
-    iterations : int
-        In [0, 10000].
+    iterations : int, in [0, 10000]
 
     Returns
     -------

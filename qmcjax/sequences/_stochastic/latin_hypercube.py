@@ -62,18 +62,8 @@ def permuted(index: Array, n: int, seeds: Array) -> Array:
     rotated by a hash of its number: a Feistel network with sums. A number that leaves the n cells is permuted
     again until it returns, which keeps the map a bijection.
 
-    Parameters
-    ----------
-    index : uint32 Array, shape (...)
-        Below n.
-    n : int
-        In [1, 2**32].
-    seeds : uint32 Array, shape (rounds,)
-        An even number.
-
-    Returns
-    -------
-    uint32 Array, shape (...)
+    ``index``: uint32 Array, shape (...): below n. ``n``: in [1, 2**32]. ``seeds``: uint32 Array, shape
+    (rounds,): an even number. Returns uint32 Array, shape (...).
     """
     columns, rows = _grid(n)
 
@@ -116,8 +106,7 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
     ----------
     n : int
         Number of points, in [1, 2**32].
-    dims : int
-        In [1, 65536].
+    dims : int, in [1, 65536]
     key : jax.random.key, or int in [0, 2**32)
         A new key does not recompile.
 

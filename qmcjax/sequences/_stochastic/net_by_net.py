@@ -128,13 +128,7 @@ def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
     this index, V's column, begins with k zeros (the "xor-values" of Sect. 4.2, with bit k added). Both V
     and L exist exactly if the first 2**k points are stratified for all k.
 
-    Parameters
-    ----------
-    matrices : uint32 array, shape (dims, 32)
-
-    Returns
-    -------
-    uint32 Array, shape (dims, 32)
+    ``matrices``: uint32 array, shape (dims, 32). Returns uint32 Array, shape (dims, 32).
     """
     points, indices = _eliminated(jnp.asarray(matrices))
     if not isinstance(points, Tracer):

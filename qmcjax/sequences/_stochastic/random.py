@@ -102,8 +102,7 @@ def uniform(dims: int, key: Array | int) -> Uniform:
 
     Parameters
     ----------
-    dims : int
-        In [1, 65536].
+    dims : int, in [1, 65536]
     key : jax.random.key, or int in [0, 2**32)
 
     Returns
@@ -126,8 +125,7 @@ def jittered(side: int, dims: int, key: Array | int) -> Jittered:
     ----------
     side : int
         Number of cells per side, in [1, 65536].
-    dims : int
-        At least 1, with ``side**dims`` at most 2**32.
+    dims : int, at least 1, with ``side**dims`` at most 2**32
     key : jax.random.key, or int in [0, 2**32)
 
     Returns

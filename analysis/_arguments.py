@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["FLOATS", "array", "error", "points", "positive", "real", "shaped"]
-
 FLOATS = (np.float16, np.float32, np.float64)
 """Types of coordinates that float64 holds exactly."""
 

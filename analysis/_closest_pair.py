@@ -16,8 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["squared_closest_pair"]
-
 _SLACK = 1 + 2.0**-20
 """Bars are wider than needed by this factor: more than all rounding errors."""
 

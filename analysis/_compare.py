@@ -22,8 +22,6 @@ from qmcjax.rendering import render
 from qmcjax.samplers import Sampler, as_sampler
 from qmcjax.scenes import as_scene
 
-__all__ = ["compare"]
-
 MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
     "RMS error": lambda image, reference: float(np.sqrt(np.mean((image - reference) ** 2))),
     "filtered error": filtered_error,

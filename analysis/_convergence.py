@@ -23,8 +23,6 @@ from qmcjax.rendering import render
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
 
-__all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
-
 
 @dataclass(frozen=True)
 class ConvergenceRow:

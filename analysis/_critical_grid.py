@@ -11,8 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CriticalGrid", "contained", "critical_grid", "local_discrepancy", "rounding"]
-
 
 @dataclass(frozen=True)
 class CriticalGrid:

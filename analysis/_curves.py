@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["curve_length", "segment_counts"]
-
 
 class Order(Protocol):
     @property

@@ -15,8 +15,6 @@ from analysis._ranks_program import improved
 from analysis._star_discrepancy import star_discrepancy
 from qmcjax.core import checks
 
-__all__ = ["DiscrepancySearch", "search_discrepancy"]
-
 _LARGEST = {2: 4096, 3: 512}
 """Maximum number of points in two and three dimensions: beyond, one set of ranks would take minutes."""
 

@@ -26,8 +26,6 @@ from scipy.spatial import Delaunay, KDTree
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["dispersion"]
-
 _ROUNDING = 2.0**-36
 """Relative effect of rounding errors on a radius."""
 

@@ -17,8 +17,6 @@ from analysis import _arguments
 from analysis._closest_pair import squared_closest_pair
 from qmcjax.core import checks
 
-__all__ = ["checked_tiling", "min_distance", "packing_distance", "squared_min_distance", "tree", "unfold"]
-
 _MARGIN = 1 + 2.0**-40
 """Radius of the search for exact minima: more than the tree's rounding errors."""
 

@@ -19,8 +19,6 @@ from jax.typing import ArrayLike
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["riesz_energy", "soft_min_distance"]
-
 _PAIRS = 2**19
 """Pairs per batch of rows, if there is more than one row."""
 

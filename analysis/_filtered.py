@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from analysis import _arguments
 from analysis._spectra import error_spectrum, radial_average
 
-__all__ = ["filtered_error", "low_frequency_power"]
-
 _WIDE = 0.4
 """About 1 / sqrt(2 pi): the Gaussian that is its own transform."""
 

@@ -20,8 +20,6 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
-__all__ = ["direct_gradient", "direct_sums", "fast_sums"]
-
 _BATCH = 2**20
 """Numbers in one batch of waves or of kernel values, if there is more than one point."""
 

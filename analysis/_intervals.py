@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from analysis import _arguments
 from qmcjax.core import checks, finite_field
 
-__all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
-
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
 """Maximum number of intervals along an axis that a dtype can resolve."""
 

@@ -17,15 +17,6 @@ from analysis._l2_merges import many_points_discrepancy
 from analysis._l2_pairs import pair_sum
 from analysis._loops import COMPILED
 
-__all__ = [
-    "centered_discrepancy",
-    "l2_star_discrepancy",
-    "mixture_discrepancy",
-    "periodic_discrepancy",
-    "symmetric_discrepancy",
-    "wraparound_discrepancy",
-]
-
 _POINTS = 2**24
 """Maximum number of points: beyond, sums over all pairs would not be exact."""
 

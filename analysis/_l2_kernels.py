@@ -9,8 +9,6 @@ from jax import Array
 from analysis._l2_double_double import Wide, add, constant, multiply, two_product
 from qmcjax.core.pytrees import pytree
 
-__all__ = ["CENTERED", "MIXTURE", "PERIODIC", "STAR", "SYMMETRIC", "WRAPAROUND", "Kernel"]
-
 
 @pytree
 @dataclass(frozen=True)

@@ -21,8 +21,6 @@ from jax import Array, lax
 from analysis._l2_double_double import Wide, add, product, rounded, total, two_product, two_sum
 from analysis._l2_kernels import Kernel
 
-__all__ = ["pair_sum"]
-
 _TOGETHER = 4
 """Pairs that are added before they are split: saves operations, costs no accuracy."""
 

@@ -23,8 +23,6 @@ from analysis import _arguments
 from analysis._distance import squared_min_distance
 from qmcjax.core import checks
 
-__all__ = ["MatrixSearch", "search_matrices"]
-
 LARGEST = 16
 """Bits of the words of coordinates; their differences wrap as on the torus."""
 

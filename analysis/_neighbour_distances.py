@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis._distance import checked_tiling, packing_distance, tree, unfold
 
-__all__ = ["NearestStatistics", "nearest_distances", "nearest_statistics"]
-
 
 @dataclass(frozen=True)
 class NearestStatistics:

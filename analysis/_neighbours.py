@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from analysis._curves import Order, positions
 from qmcjax import sequences
 
-__all__ = ["neighbour_differences"]
-
 
 def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the differences of the positions of pixels that share an edge, or of their radical inverses.

@@ -21,8 +21,6 @@ from analysis import _arguments
 from analysis._distance import squared_min_distance
 from qmcjax.core import checks
 
-__all__ = ["NetSearch", "search_net"]
-
 _LARGEST = {2: 8, 3: 5}
 """Largest m by dims: beyond, the tables of mutual exclusion could take gigabytes."""
 

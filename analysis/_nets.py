@@ -14,8 +14,6 @@ from analysis._intervals import cells, fractions
 from analysis._net_matrices import matrix_net
 from qmcjax.core import checks, finite_field
 
-__all__ = ["projection_t_values", "t_value"]
-
 
 def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int:
     """Return the quality parameter t of a net: the smallest t for which it is a (t,m,s)-net.

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["OptimizedScrambling", "optimize_scrambling"]
-
 Floats = NDArray[np.float64]
 
 _RATE, _FIRST, _SECOND, _TINY = 0.1, 0.9, 0.99, 1e-12

@@ -7,8 +7,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 
-__all__ = ["perceived_error"]
-
 
 def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 2000.0) -> float:
     """Return the root mean square of an image's error, weighted by the contrast sensitivity of the eye.

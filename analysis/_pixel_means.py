@@ -14,8 +14,6 @@ from qmcjax.core import checks, devices, parts, plug_ins, summation
 from qmcjax.core.pytrees import is_traced, jit
 from qmcjax.samplers import as_sampler
 
-__all__ = ["pixel_means"]
-
 
 def pixel_means(
     function: Callable[[Array], Array],

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler, as_sampler
 
-__all__ = ["broken_promises"]
-
 _SIDE = 32
 """Side in pixels of the tested square."""
 

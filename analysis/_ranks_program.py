@@ -9,8 +9,6 @@ below it. A few programs later nothing changes any more.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["improved"]
-
 _CLOSE = 0.08
 """Boxes within this part of the discrepancy are included."""
 

@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["error_spectrum", "mean_spectrum", "radial_anisotropy", "radial_average"]
-
 
 def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
     """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.

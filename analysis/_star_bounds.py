@@ -13,8 +13,6 @@ from analysis._star_regions import refine
 from analysis._threshold_accepting import threshold_accepting
 from qmcjax.core import checks
 
-__all__ = ["star_discrepancy_bounds"]
-
 _COMPARISONS = 2**29
 """Regions times points times dimensions, unless a number of regions is given."""
 

@@ -11,8 +11,6 @@ from analysis._star_plane_rows import many_star_discrepancy
 from analysis._star_regions import refine
 from analysis._star_space import space_star_discrepancy
 
-__all__ = ["star_discrepancy"]
-
 _REGIONS = 2**22
 """Regions that are examined before the computation gives up."""
 

@@ -5,8 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["plane_star_discrepancy"]
-
 _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""
 

@@ -34,8 +34,6 @@ from numpy.typing import NDArray
 
 from analysis._critical_grid import CriticalGrid, contained, local_discrepancy
 
-__all__ = ["climb", "refine", "region_bounds"]
-
 _CELLS = 2**20
 """Regions times points in one batch: fits the cache."""
 

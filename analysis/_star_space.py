@@ -6,8 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["space_star_discrepancy"]
-
 _MARGIN = 2.0**-19
 """More than the rounding errors of a bound: 32 roundings to float32 of numbers of at most 1."""
 

@@ -6,8 +6,6 @@ from typing import Any
 
 from qmcjax import orders, samplers, sequences
 
-__all__ = ["CANDIDATES", "Candidate"]
-
 MOST = 250
 """Dimensions of all candidates without a smaller limit: those of the lattice."""
 

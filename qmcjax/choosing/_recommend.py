@@ -13,8 +13,6 @@ from qmcjax.core import checks
 from qmcjax.samplers import Sampler
 from qmcjax.scenes import as_scene
 
-__all__ = ["Recommendation", "recommend"]
-
 USUAL = "(0,2), Owen"
 """The default for comparison: independent points in each pixel."""
 

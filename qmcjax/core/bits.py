@@ -13,19 +13,6 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-__all__ = [
-    "below_one",
-    "gray_decode",
-    "gray_encode",
-    "hash_pair",
-    "hash_word",
-    "high_product",
-    "owen_hash",
-    "pascal",
-    "reverse",
-    "to_unit",
-]
-
 
 def below_one(dtype: DTypeLike) -> np.ndarray:
     """Return the largest number below 1 of a floating dtype."""

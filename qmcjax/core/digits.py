@@ -19,21 +19,6 @@ from jax.typing import DTypeLike
 
 from qmcjax.core.bits import below_one, reverse, to_unit
 
-__all__ = [
-    "Base",
-    "alike",
-    "base_of",
-    "cell_fraction",
-    "digit_count",
-    "digit_reversed",
-    "digit_spans",
-    "exact_fraction",
-    "quotient",
-    "radical_inverse",
-    "span_numbers",
-    "word",
-]
-
 _TABLE_SIZE = 8192
 """Largest table that permutes several digits together: it fits a first-level cache."""
 

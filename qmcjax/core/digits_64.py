@@ -9,8 +9,6 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import below_one, reverse, to_unit
 from qmcjax.core.digits import digit_count, digit_reversed, radical_inverse
 
-__all__ = ["limit_64", "radical_inverse_64"]
-
 
 def limit_64(base: int) -> int:
     """Return the number of indices of :func:`radical_inverse_64`, in [2**48, 2**64)."""

@@ -7,8 +7,6 @@ import numpy as np
 
 from qmcjax.core import checks
 
-__all__ = ["FIELD_LIMIT", "inverse", "is_prime", "next_prime", "prime", "product", "rank"]
-
 FIELD_LIMIT = 2**16
 """Bound on the moduli: a product of two elements fits a 32-bit word."""
 

@@ -11,16 +11,6 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import to_unit
 from qmcjax.core.digits import Base, digit_spans, exact_fraction, span_numbers, word
 
-__all__ = [
-    "joined",
-    "looked_up",
-    "permuted_digit",
-    "permuted_radical_inverse",
-    "permuted_spans",
-    "reflection_tables",
-    "table_starts",
-]
-
 _SELECTED = 5
 """Largest base with single digits permuted without a gather."""
 

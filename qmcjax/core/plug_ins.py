@@ -10,7 +10,7 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 
 _PLAIN = Array | np.ndarray | np.generic | int | float | str | FunctionType | type | None
 
@@ -31,8 +31,7 @@ class _Identity:
         return checks.shown(self.value)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Static:
     """A static object that is not a pytree: the same object compiles once, another one anew."""
 

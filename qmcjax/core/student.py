@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["differences", "interval"]
-
 ERROR = 0.05
 """Probability that an interval, or one of several joint comparisons, is wrong."""
 

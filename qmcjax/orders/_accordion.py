@@ -1,19 +1,16 @@
 """Accordion order: a square folded from a strip of pixels, back and forth."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Accordion(SquareOrder):
     """Four smaller accordions: two transposed, two transposed about the other diagonal.
 

@@ -82,7 +82,6 @@ class SquareOrder(Order):
 
     @property
     def length(self) -> int:
-        """Number of positions on the padded curve, ``4**log_side``."""
         return 4**self.log_side
 
     @property

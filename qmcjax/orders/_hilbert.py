@@ -1,18 +1,15 @@
 """Hilbert order: a curve through neighbouring pixels only."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Hilbert(SquareOrder):
     """The Hilbert curve from (0, 0) to (side - 1, 0).
 

@@ -1,19 +1,16 @@
 """Moore order: the closed Hilbert curve."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hilbert import Hilbert
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Moore(SquareOrder):
     """Four Hilbert curves, rotated by 90 degrees: up through the left half, and down through the right."""
 

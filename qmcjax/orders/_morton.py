@@ -1,12 +1,10 @@
 """Morton order: the bits of both coordinates, interleaved."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 
 _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
@@ -28,8 +26,7 @@ def gather(word: Array) -> Array:
     return word
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Morton(SquareOrder):
     """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""
 

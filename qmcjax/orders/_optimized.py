@@ -1,6 +1,6 @@
 """A Morton order with quadrants permuted by a search for small errors after a filter."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 
@@ -11,13 +11,12 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hashed import Hashed
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class OptimizedOrder(SquareOrder):
     """A repeated tile, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
 

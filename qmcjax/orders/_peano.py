@@ -1,13 +1,11 @@
 """Peano order: a curve through neighbouring pixels in base 3."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
 PEANO_SIDE = 3**10
@@ -20,8 +18,7 @@ def _reversed_if(odd: Array, digit: Array) -> Array:
     return jnp.where(odd != 0, np.uint32(2) - digit, digit)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Peano(Order):
     """The Peano curve from (0, 0) to (side - 1, side - 1).
 
@@ -40,7 +37,6 @@ class Peano(Order):
 
     @property
     def length(self) -> int:
-        """Number of positions on the padded curve, ``9**log_side``."""
         return 9**self.log_side
 
     @property

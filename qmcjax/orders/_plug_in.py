@@ -1,6 +1,6 @@
 """Orders of users: any object with the protocol's methods, and any permutation of an image's pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,12 +11,11 @@ from jax.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import held, unheld
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn(Order):
     """An object with the methods of the protocol, without checks."""
 
@@ -30,7 +29,6 @@ class PlugIn(Order):
 
     @property
     def raster(self) -> tuple[int, int]:
-        """The raster of the object, by default width and height."""
         return getattr(unheld(self.held), "raster", (self.width, self.height))
 
     def unchecked_position(self, x: Array, y: Array) -> Array:
@@ -51,8 +49,7 @@ class PlugIn(Order):
         return _integers("pixel", x, position.shape), _integers("pixel", y, position.shape)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Permutation(Order):
     """Positions looked up in a table, and pixels in its inverse."""
 
@@ -63,12 +60,10 @@ class Permutation(Order):
 
     @property
     def length(self) -> int:
-        """Number of pixels."""
         return self.width * self.height
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height: nothing is padded."""
         return self.width, self.height
 
     def unchecked_position(self, x: Array, y: Array) -> Array:

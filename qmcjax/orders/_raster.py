@@ -1,28 +1,23 @@
 """Raster order: row by row."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Raster(Order):
     """Rows from top to bottom, each from left to right."""
 
     @property
     def length(self) -> int:
-        """Number of pixels."""
         return self.width * self.height
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height: nothing is padded."""
         return self.width, self.height
 
     def unchecked_position(self, x: Array, y: Array) -> Array:

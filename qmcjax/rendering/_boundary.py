@@ -15,8 +15,6 @@ from qmcjax.core.pytrees import jit
 from qmcjax.scenes import as_scene
 from qmcjax.sequences import Sequence, as_sequence
 
-__all__ = ["boundary_gradient"]
-
 _PARTS = 8
 """Parts of the points, distributed over devices."""
 

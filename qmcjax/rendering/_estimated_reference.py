@@ -21,8 +21,6 @@ from qmcjax.rendering._render import rendered
 from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
 
-__all__ = ["estimated_reference"]
-
 REPLICATES = 16
 """Number of independent images to average: the standard error of the mean is known to about 18 %."""
 

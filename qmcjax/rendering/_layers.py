@@ -11,8 +11,6 @@ from qmcjax.rendering._adaptive import AdaptiveImage
 from qmcjax.rendering._render_adaptive import render_adaptive
 from qmcjax.scenes import as_scene
 
-__all__ = ["render_layers"]
-
 
 def render_layers(
     moving: Any,

@@ -20,8 +20,6 @@ from qmcjax.rendering._render import render
 from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
 
-__all__ = ["Passes", "render_passes"]
-
 
 class Passes(NamedTuple):
     """The mean of independent images."""

@@ -18,8 +18,6 @@ from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
 
-__all__ = ["render"]
-
 _CALL = 2**26
 """Samples per call of the compiled program: progress is reported between calls."""
 

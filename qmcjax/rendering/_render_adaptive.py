@@ -14,8 +14,6 @@ from qmcjax.rendering._stopping import PILOT, until
 from qmcjax.rendering._task import Task, check_progress, refuse, task
 from qmcjax.samplers import Randomized
 
-__all__ = ["render_adaptive"]
-
 
 def render_adaptive(
     scene: Any,

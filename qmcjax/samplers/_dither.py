@@ -1,6 +1,5 @@
 """One sequence in every pixel, shifted by a tiled mask."""
 
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.fractions import fractions
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import Sequence, as_sequence
 
@@ -20,8 +19,7 @@ _STRIDE = (0.5698402909980532, 0.7548776662466927)
 """1/p**2 and 1/p, where p**3 = p + 1: their multiples modulo 1 stay far apart."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Dithered(Sampler):
     """Sample s of a pixel is point s of the sequence plus the pixel's vector in a mask, modulo 1."""
 
@@ -36,11 +34,9 @@ class Dithered(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of the sequence."""
         return (*super().limits[:2], self.sequence.limit)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the sequence, shifted for each pixel."""
         x, y = state
         rotated = self.sequence.rotated_coordinate
         return jnp.stack([rotated(sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1)
@@ -55,7 +51,6 @@ class Dithered(Sampler):
         return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer than ``spp`` points."""
         super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 

@@ -1,6 +1,6 @@
 """One net over the whole screen: each pixel takes the points that fall into it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,15 +9,14 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen, halton_full_screen
 from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class FullScreen(Sampler):
     """A net scaled to the smallest square that covers the image, its side a power of two."""
 
@@ -40,11 +39,9 @@ class FullScreen(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the points in a pixel."""
         return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the net that fall into pixels."""
         x, y = state
         index = self.net.index_in_cell(x, y, self.log_side, sample)
         # The leading bits of the first two coordinates are the pixel: shifted out, the rest has full

@@ -1,6 +1,6 @@
 """The Halton sequence over the whole screen: each pixel takes the points that fall into it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -14,13 +14,12 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.digits import digit_spans, radical_inverse
 from qmcjax.core.permuted_digits import permuted_digit, permuted_radical_inverse, reflection_tables
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import RadicalInverses
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class HaltonFullScreen(Sampler):
     """A Halton sequence scaled to the smallest raster of 2**a x 3**b pixels that covers the image.
 
@@ -88,7 +87,6 @@ class HaltonFullScreen(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the number of samples with indices."""
         return (*self.raster, self.spp)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -110,7 +108,6 @@ class HaltonFullScreen(Sampler):
         return jnp.stack([coordinate(j) for j in dims], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough indices."""
         super().check(width, height, spp)
         check_size("sequence", (self.width, self.height), (width, height))
         columns, rows = self.raster

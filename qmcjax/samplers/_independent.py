@@ -1,7 +1,7 @@
 """One sequence in every pixel, randomised independently."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
@@ -32,8 +32,7 @@ def _shift(sequence: Sequence, sample: Array, dim: int, seed: Array, dtype: DTyp
 _RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": _shift, "xor": _xor}
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Independent(Sampler):
     """The points of a sequence, randomised with a seed from pixel and coordinate."""
 
@@ -49,7 +48,6 @@ class Independent(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of the sequence."""
         return (*super().limits[:2], self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
@@ -59,13 +57,11 @@ class Independent(Sampler):
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return the points of the sequence, randomised with the seeds of the pixels."""
         seeds = zip(dims, state, strict=True)
         values = [self.randomizer(self.sequence, sample, j, seed, dtype) for j, seed in seeds]
         return jnp.stack(values, axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer than ``spp`` points."""
         super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 

@@ -1,6 +1,6 @@
 """Contiguous blocks of Owen-scrambled Sobol' sequences along orders optimised for perceived error."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from qmcjax import orders
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed
 from qmcjax.samplers._z_index import append
@@ -25,8 +25,7 @@ MAX_DIMS = 2**16
 MAX_SPP = 2**31
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Optimized(Sampler):
     """Pixel p of the order of a pair of coordinates takes the points spp * p, ..., in its own order."""
 
@@ -50,7 +49,6 @@ class Optimized(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the samples of a pixel."""
         return (*self.orders.raster, self.spp)
 
     @property
@@ -85,7 +83,6 @@ class Optimized(Sampler):
         return number
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return points of the pixels' blocks."""
         indices = {}
         for pair, (position, first, seed) in state.items():
             indices[pair] = append(position, self._shuffled(sample, seed) ^ first, self._digits)
@@ -99,7 +96,6 @@ class Optimized(Sampler):
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough samples."""
         super().check(width, height, spp)
         check_size("sampler", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "samples of a pixel")

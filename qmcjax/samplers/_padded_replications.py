@@ -1,6 +1,6 @@
 """Replications of one net over the screen, each shifted by whole pixels and jittered."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,14 +10,13 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, uniform
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PaddedReplications(Sampler):
     """Sample s of all pixels: a net with one point per pixel, shifted by vector s of a sequence."""
 
@@ -42,7 +41,6 @@ class PaddedReplications(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the vectors of offsets."""
         return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -72,7 +70,6 @@ class PaddedReplications(Sampler):
         return self.offsets.fixed_point(sample, dim)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has an offset for each sample."""
         super().check(width, height, spp)
         check_size("net", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "for the sequence of offsets")

@@ -1,6 +1,6 @@
 """One sequence partitioned into one sequence per pixel."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,15 +12,14 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.digits import word
 from qmcjax.core.permuted_digits import permuted_digit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Partitioned(Sampler):
     """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
 
@@ -60,7 +59,6 @@ class Partitioned(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the number of samples with indices."""
         return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -77,14 +75,12 @@ class Partitioned(Sampler):
         return self.sequence.coordinates(index, left, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class ExactlyPartitioned(Partitioned):
     """Pixel j takes the points with partitioning component in [j/N, (j+1)/N)."""
 

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import held, unheld
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler
 
 MAX_DIMS = 2**16
@@ -21,8 +21,7 @@ MAX_DIMS = 2**16
 _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the methods prepare and points"
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn(Sampler):
     """An object with the methods of the protocol, without defaults."""
 
@@ -42,7 +41,6 @@ class PlugIn(Sampler):
         return self.sampler.prepare(x, y, dims) if _prepares(self.sampler) else (x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the object for a state, or for pixels."""
         if _prepares(self.sampler):
             return self.sampler.points(state, sample, dims, dtype)
         if _positional(self.sampler) > 4:
@@ -55,8 +53,7 @@ class PlugIn(Sampler):
             self.sampler.check(width, height, spp)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Function(Sampler):
     """The points of a function of pixel and sample."""
 
@@ -68,7 +65,6 @@ class Function(Sampler):
         return self.coordinates
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the wanted coordinates of the function's points."""
         values = unheld(self.held)(*state, sample)
         wanted = (*sample.shape, self.dims)
         if jnp.shape(values) != wanted:

@@ -1,7 +1,7 @@
 """Freshly randomised passes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -11,14 +11,13 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.varying import alike
 from qmcjax.samplers._base import Sampler
 from qmcjax.samplers._plug_in import as_sampler
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Randomized(Sampler):
     """Sample s is sample ``s % spp`` of a sampler made with a separate key for pass ``s // spp``."""
 
@@ -62,7 +61,6 @@ class Randomized(Sampler):
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless passes are made for this image; their number is unbounded."""
         super().check(width, height, spp)
         as_sampler("sampler_of_key", self.of_pass(0)).check(width, height, self.spp)
 

@@ -1,6 +1,5 @@
 """One scrambled sequence in every pixel, with keys that distribute errors as blue noise."""
 
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
@@ -12,13 +11,12 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.sequences import BinarySequence, Owen, sobol
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Ranked(Sampler):
     """Sample s of a pixel is point s xor its ranking key, xor its scrambling keys, of one sequence."""
 
@@ -39,7 +37,6 @@ class Ranked(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of the sequence."""
         return (*super().limits[:2], self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -49,7 +46,6 @@ class Ranked(Sampler):
         return (y + self.translation[1]) & np.uint32(rows - 1), column
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the sequence, ranked and scrambled with the keys of the pixels."""
 
         def keys(table: Array) -> Array:
             return table.at[state].get(mode="promise_in_bounds")
@@ -61,7 +57,6 @@ class Ranked(Sampler):
         )
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer than ``spp`` points."""
         super().check(width, height, spp)
         check_count(spp, self.sequence.limit, "for this sequence")
 

@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import jax
@@ -13,15 +13,14 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.digits import word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Segments(Sampler):
     """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
 
@@ -64,14 +63,12 @@ class Segments(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the number of samples with indices."""
         return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         return self.order.unchecked_position(x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the pixels' blocks."""
         before, count = self._iteration(sample)
         if self._has_64_bits:
             block = plus(times(state, count), sample - before)
@@ -90,7 +87,6 @@ class Segments(Sampler):
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and its iterations have indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"

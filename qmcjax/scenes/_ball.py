@@ -1,6 +1,5 @@
 """A disc on a path with jumps."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,14 +9,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._ball_reference import swept_means
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import disc_sides
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Ball(ExactScene):
     """A disc, 1 inside, that moves at constant speed along straight lines and may jump between them."""
 
@@ -39,7 +37,6 @@ class Ball(ExactScene):
         return ("x", "y") if still else ("x", "y", "time")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         time = point[..., 2] if len(self.needs) > 2 else jnp.zeros_like(point[..., 0])
         cx, cy = scene._centre(0, time)

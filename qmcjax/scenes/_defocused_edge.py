@@ -1,7 +1,7 @@
 """A half plane out of focus."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box, smeared_by_disc
 from qmcjax.scenes._constancy import linear, sign_varies
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class DefocusedEdge(ExactScene):
     """A half plane out of focus; see `defocused_edge`."""
 
@@ -41,7 +40,6 @@ class DefocusedEdge(ExactScene):
         return -self.offset, [jnp.cos(self.angle), jnp.sin(self.angle)]
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         constant, slopes = scene._edge()
         distance = linear(point, constant, slopes)

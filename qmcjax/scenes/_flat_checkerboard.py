@@ -1,6 +1,5 @@
 """A flat checkerboard at any angle."""
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import jax
@@ -11,14 +10,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _flat_checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast, cast_edges
 from qmcjax.scenes._edges import visible
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class FlatCheckerboard(ExactScene):
     """A checkerboard seen from above, rotated about the centre of the image.
 

@@ -1,7 +1,6 @@
 """A Gaussian bump."""
 
 import math
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -11,13 +10,12 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import bell_means, separable
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Gaussian(ExactScene):
     """The bump ``exp(-|p - centre|**2 / (2 width**2))``."""
 

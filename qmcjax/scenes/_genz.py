@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import reduce
 from operator import mul
 from typing import Any
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _genz_reference
 from qmcjax.scenes._base import ExactScene, cast, in_float64
 from qmcjax.scenes._parameters import named
@@ -23,8 +23,7 @@ from qmcjax.scenes._parameters import named
 FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous", "discontinuous")
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Genz(ExactScene):
     """An integrand of one of Genz's families; see `genz`."""
 

@@ -1,6 +1,5 @@
 """A half plane that moves."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,14 +8,13 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class MovingEdge(ExactScene):
     """The half plane ``x < offset + velocity time``: 1 inside, 0 outside."""
 
@@ -37,7 +35,6 @@ class MovingEdge(ExactScene):
         return -self.offset, slopes if self.velocity is None else [*slopes, -self.velocity]
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return (linear(point, *cast_edges(self, point.dtype)._edge()) < 0).astype(point.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:

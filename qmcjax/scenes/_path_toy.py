@@ -1,6 +1,6 @@
 """Light paths through a room without geometry: any number of dimensions, and a closed form."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PathToy(ExactScene):
     """Light gathered along a path of random bounces with Russian roulette; see `path_toy`."""
 
@@ -38,7 +37,6 @@ class PathToy(ExactScene):
         return ("x", "y", *(f"{name}{k}" for k in range(1, self.bounces + 1) for name in each))
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast(self, point.dtype)
         coordinates = iter([point[..., j] for j in range(len(self.needs))])
         x, y = next(coordinates), next(coordinates)

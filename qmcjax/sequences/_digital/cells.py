@@ -17,7 +17,7 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core.bits import reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.matrix_products import selected
 
 
@@ -48,8 +48,7 @@ class Invertible(Protocol):
         ...
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class NetByFrames:
     """A (0,2)-sequence split into frames with one point in each cell of a raster."""
 
@@ -65,7 +64,6 @@ class NetByFrames:
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -74,7 +72,6 @@ class NetByFrames:
         return
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(index, dim)
 
     def points_per_cell(self, log_side: int) -> int:
@@ -133,8 +130,7 @@ class Moved:
         """Return the columns (dimension 0) or rows (1) that the scrambling moved to some places."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Flipped(Moved):
     """An invertible net after a digital shift."""
 
@@ -144,7 +140,6 @@ class Flipped(Moved):
     called = "digital_shift"
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.net.word(index, dim) ^ self.shifts[dim]
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:

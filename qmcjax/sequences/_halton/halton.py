@@ -1,6 +1,6 @@
 """Radical inverses, with permuted digits or not: the van der Corput and the Halton sequence."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,7 @@ from qmcjax.core.digits import (
 from qmcjax.core.digits_64 import limit_64, radical_inverse_64
 from qmcjax.core.finite_field import next_prime
 from qmcjax.core.permuted_digits import permuted_radical_inverse, permuted_spans, table_starts
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, sobol
 from qmcjax.sequences._halton import digit_permutations, radical_blocks
 from qmcjax.sequences._protocol.base import Sequence
@@ -37,8 +37,7 @@ MANY = 64
 """Number of coordinates from which large bases share a program: one for each would compile too long."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RadicalInverses(DigitSequence):
     """One radical inverse per coordinate (Hilbert paper, Eq. 1), with permuted digits or not."""
 
@@ -50,7 +49,6 @@ class RadicalInverses(DigitSequence):
 
     @property
     def called(self) -> str:
-        """Name of the function that makes such a sequence."""
         return "halton" if self.base is None else "van_der_corput"
 
     @property
@@ -140,8 +138,7 @@ class RadicalInverses(DigitSequence):
         return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RadicalInverses64(Sequence):
     """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
 

@@ -1,7 +1,7 @@
 """Nets of 2**m points with i / 2**m as first coordinate, and their inversion from pixel to index."""
 
 import abc
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Self
 
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode, reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 
 
@@ -23,12 +23,10 @@ class Net(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Two."""
         return 2
 
     @property
     def size(self) -> int:
-        """Number of points, 2**m."""
         return 2**self.m
 
     @abc.abstractmethod
@@ -98,8 +96,7 @@ def _reverse_low(word: Array, count: int) -> Array:
     return reverse(word) >> (32 - count) if count else jnp.zeros_like(word)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class HammersleyNet(Net):
     """The points (i / 2**m, phi_2(i))."""
 
@@ -114,8 +111,7 @@ class HammersleyNet(Net):
         return _above(x, self.m - log_side) | (sample << log_side) | _reverse_low(y, log_side)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LarcherPillichshammerNet(Net):
     """The points (i / 2**m, C'1 times the bits of i)."""
 
@@ -133,8 +129,7 @@ class LarcherPillichshammerNet(Net):
         return upper | gray_encode(wrong)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PermutationNet(Net):
     """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""
 

@@ -1,6 +1,6 @@
 """Digital (0,m,2)-nets of large minimum distance, from searched generator matrices."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import resources
 
 import jax.numpy as jnp
@@ -9,13 +9,12 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets import Net, _above, _low, _reverse_low
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class MatrixNet(Net):
     """The points (i / 2**m, C times the bits of i) for C = L U with unit triangular factors over F2."""
 

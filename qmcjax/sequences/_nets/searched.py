@@ -1,6 +1,5 @@
 """A (0,2)-sequence and (0,m,3)-nets of large minimum distance, from searched generator matrices."""
 
-from dataclasses import dataclass
 from importlib import resources
 
 import numpy as np
@@ -8,15 +7,14 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets_3d import OverPlane
 from qmcjax.sequences._nets.optimized_net import MatrixNet, _columns, _factors, _inverse
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class MatrixNet3D(OverPlane):
     """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
 

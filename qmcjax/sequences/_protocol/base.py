@@ -262,7 +262,6 @@ class PointByPoint(Sequence):
 
     @property
     def limit_64(self) -> int:
-        """Limit of 64-bit indices."""
         return self.sequence.limit_64
 
     def with_high_word(self, high: Array) -> Any:
@@ -270,7 +269,6 @@ class PointByPoint(Sequence):
         return dataclasses.replace(self, sequence=with_high)  # pyright: ignore[reportArgumentType]
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return the bases of the sequence's components."""
         return self.sequence.radical_bases()
 
 

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,14 +11,13 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, plug_ins
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Sequence
 
 _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns points [..., dims]"
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn(Sequence):
     """An object with ``dims``, a call, and optionally a ``size``; or a function as the call."""
 

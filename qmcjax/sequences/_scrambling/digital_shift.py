@@ -1,6 +1,5 @@
 """The digital shift: every coordinate xor a random word."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -9,15 +8,14 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Flipped
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class DigitalShift(Scrambled):
     """A sequence with digits flipped by one word per coordinate."""
 

@@ -1,17 +1,14 @@
 """A sequence in Gray code order: a map of the indices."""
 
-from dataclasses import dataclass
-
 from jax import Array
 
 from qmcjax.core.bits import gray_encode
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Gray(BinarySequence):
     """Point i is the sequence's point i ^ (i >> 1)."""
 

@@ -1,7 +1,5 @@
 """Linear scrambling: the digits of every coordinate times a random triangular matrix over F2."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +7,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -17,8 +15,7 @@ from qmcjax.sequences._scrambling.digital_shift import DigitalShift, digital_shi
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Linear(Scrambled):
     """A sequence with digits multiplied by one matrix per coordinate."""
 

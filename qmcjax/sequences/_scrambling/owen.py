@@ -1,14 +1,12 @@
 """Owen scrambling by hashing, in base 2; for other bases see ``owen_base_b``."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import owen_hash
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -16,8 +14,7 @@ from qmcjax.sequences._scrambling.owen_base_b import OwenDigits, owen_digits
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Owen(Scrambled):
     """A sequence with a nested random permutation of each coordinate."""
 

@@ -1,7 +1,5 @@
 """Owen scrambling with an independent permutation at every node of the tree: in base 2, a random bit."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +7,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -17,8 +15,7 @@ from qmcjax.sequences._scrambling.owen_exact_base_b import OwenExactDigits, owen
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class OwenExact(Scrambled):
     """A sequence with a nested uniform permutation of each coordinate."""
 

@@ -1,14 +1,12 @@
 """The Cranley-Patterson rotation: a shift on the torus."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core.fractions import fractions_or_key, plus_modulo_1
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import PointByPoint, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -16,8 +14,7 @@ from qmcjax.sequences._protocol.plug_in import as_sequence
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RotatedBinary(Scrambled):
     """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
 
@@ -37,8 +34,7 @@ class RotatedBinary(Scrambled):
         return Fraction(word)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Rotated(PointByPoint):
     """Any sequence plus one fraction per coordinate, modulo 1, rounded once in float64."""
 

@@ -1,7 +1,7 @@
 """Latin hypercube samples at random access: one keyed random permutation of the strata per coordinate."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import jax
@@ -11,7 +11,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.word_first import WordFirst
 
 
@@ -20,8 +20,7 @@ def _rounds(n: int) -> int:
     return 16 if n < 1024 else 8
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LatinHypercube(WordFirst):
     """In each coordinate, one uniform point in each of n equal intervals."""
 

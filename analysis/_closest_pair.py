@@ -65,10 +65,8 @@ def squared_closest_pair(columns: Floats, bound: float) -> float | None:
 class _Bars(NamedTuple):
     columns: Floats
     """The points, sorted by bar and first coordinate."""
-
     keys: NDArray[np.int64]
     """The number of the bar, then the first coordinate, relative to the smallest and times ``scale``."""
-
     scale: float
 
     def window(self, best: float) -> int:

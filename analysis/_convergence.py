@@ -142,8 +142,7 @@ def convergence(
     samplers : mapping of names to samplers
         Each is a Sampler, or a function from the samples per pixel to one: nets and contiguous
         samplers are made for one number of samples.
-    spps : iterable of int
-        Different numbers of samples per pixel, at least 1.
+    spps : iterable of int, different numbers of samples per pixel, at least 1
     width, height : int, in [1, 65536]
     regions : mapping of names to numpy indices, optional
         Selections from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a mask. By
@@ -154,8 +153,7 @@ def convergence(
     reference : (image, bound), optional
         Replaces the scene's own: an image of shape (height, width) or (height, width, 3), and one bound on
         the errors of its values or an array of bounds, as returned by :func:`qmcjax.estimated_reference`.
-    progress : callable, optional
-        Called with the finished fraction in (0, 1] after each image.
+    progress : callable, optional, called with the finished fraction in (0, 1] after each image
     checkpoint : path or Checkpoint, optional
         A file for the rows of finished images, written every half minute. Calling the function again with the
         same arguments resumes from it, with the times that were measured then. The file is not deleted. Use
@@ -313,7 +311,6 @@ def _timed(
 
 
 def _errors(image: Array, reference: NDArray, regions: Mapping[str, Any]) -> dict[str, float]:
-    """Return the root mean square error of each region."""
     if image.shape != reference.shape:
         raise ValueError(
             f"reference must have the shape of the scene's image {image.shape}, got {reference.shape}"

@@ -48,13 +48,10 @@ class DiscrepancySearch(NamedTuple):
 
     points: NDArray[np.float64]
     """Shape (n, dims), in [0, 1)^dims, in the order of the first coordinate."""
-
     discrepancy: float
     """Their star discrepancy, as computed by :func:`star_discrepancy`."""
-
     steps: int
     """Number of steps taken."""
-
     seconds: float
     """Run time."""
 
@@ -74,13 +71,11 @@ class _Ranked:
             self.state = [ends, ranks, np.ascontiguousarray(order)]
 
     def copy(self) -> "_Ranked":
-        """Return an independent copy."""
         other = object.__new__(_Ranked)
         other.dims, other.level, other.state = self.dims, self.level, [array.copy() for array in self.state]
         return other
 
     def points(self) -> NDArray[np.float64]:
-        """Return the points."""
         if self.dims == 2:
             x, y, of_x, _ = self.state
             return np.stack([x, y[of_x]], axis=1)
@@ -144,8 +139,7 @@ def search_discrepancy(
 
     Returns
     -------
-    DiscrepancySearch
-        With ``points``, float64, and their exact ``discrepancy``.
+    DiscrepancySearch, with ``points``, float64, and their exact ``discrepancy``
 
     Notes
     -----

@@ -50,8 +50,7 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     ----------
     points : float ArrayLike, shape (n, d)
         At least one point in [0, 1)^d, d at most 3. Computed in float64, in which float32 points are exact.
-    torus : bool
-        Whether the unit cube is repeated periodically; otherwise only points of the cube count.
+    torus : bool, whether the unit cube is repeated periodically; otherwise only points of the cube count
 
     Returns
     -------
@@ -167,7 +166,6 @@ def _upper_bound(points: Floats, torus: bool) -> float:
 
 
 def _copies(points: Floats, low: Floats, high: Floats, torus: bool) -> Floats:
-    """Return the points and copies that are in a box."""
     for axis in range(points.shape[1]):
         parts = [points]
         for sign in (-1, 1):

@@ -35,8 +35,7 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     ----------
     points : float ArrayLike, shape (n, d)
         At least two points in [0, 1)^d. Computed in float64, in which float32 points are exact.
-    torus : bool
-        Whether the unit cube is repeated periodically; otherwise it stands alone.
+    torus : bool, whether the unit cube is repeated periodically; otherwise it stands alone
     shear : float
         Two-dimensional tilings only: each row of tiles is shifted by ``shear`` in x against the row
         below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Its
@@ -82,16 +81,14 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     points : integer ArrayLike, shape (n, d)
         At least two points in {0, ..., side - 1}^d.
     side : int, in [1, 2**32]: with 2**32 the points may be 32-bit fractions
-    torus : bool
-        Whether the cube of this side is repeated periodically.
+    torus : bool, whether the cube of this side is repeated periodically
     shear : int
         Two-dimensional tilings only: the shift of each row of tiles against the row below, in
         [-side, side]. ``2**(m - 2)`` for the permutation nets with even m, Fig. 5.18 of [1]_.
 
     Returns
     -------
-    int
-        The numerator under the root in Table 5.1 of [1]_.
+    int, the numerator under the root in Table 5.1 of [1]_
 
     References
     ----------

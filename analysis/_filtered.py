@@ -22,13 +22,11 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
         Of equal shape. The image is taken as periodic.
-    sigma : float
-        Standard deviation of the filter in pixels, positive.
+    sigma : float, standard deviation of the filter in pixels, positive
 
     Returns
     -------
-    float
-        At most the root mean square error.
+    float, at most the root mean square error
 
     Notes
     -----

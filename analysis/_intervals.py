@@ -112,7 +112,6 @@ def cells(points: NDArray, count: int) -> NDArray[np.int64]:
 
 
 def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
-    """Return the number of intervals along each axis."""
     base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
     if not isinstance(digits, Sequence | np.ndarray) or isinstance(digits, str):
         raise TypeError(f"digits must be {dims} integers, one per coordinate, got {checks.shown(digits)}")

@@ -162,8 +162,7 @@ def symmetric_discrepancy(points: ArrayLike) -> Array:
 
     Returns
     -------
-    float64 Array, shape ()
-        Twice the L2 star discrepancy in one dimension.
+    float64 Array, shape (), twice the L2 star discrepancy in one dimension
 
     References
     ----------

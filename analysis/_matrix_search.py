@@ -41,13 +41,10 @@ class MatrixSearch(NamedTuple):
 
     matrices: NDArray[np.uint8]
     """The upper left parts of C_1 and C_2, shape (2, M, M) for the largest target's M."""
-
     squared: dict[int, int]
     """The squared minimum distance of each net with a target."""
-
     reached: bool
     """Whether all of them reach their targets."""
-
     steps: int
     """Number of matrices tried."""
 
@@ -216,7 +213,6 @@ def _energy(nets: list[_Net], triangles: NDArray[np.uint8], limit: float) -> flo
 
 
 def _matrices(triangles: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return C_1 = L_1 U and C_2 = L_2 P U."""
     index = np.arange(triangles.shape[1])
     pascal = (index[:, None] & index == index[:, None]).astype(np.uint8)
     upper = triangles[2].T

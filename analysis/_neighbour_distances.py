@@ -24,20 +24,15 @@ class NearestStatistics:
 
     minimum: float
     """The minimum distance of the set."""
-
     mean: float
     """The mean distance of a point to its nearest neighbour."""
-
     deviation: float
     """The root of the mean square difference from the mean."""
-
     maximum: float
     """The largest distance of a point to its nearest neighbour."""
-
     relative_minimum: float | None
     """The minimum relative to that of the densest packing of n points per unit volume (Lagae and Dutre): at
     most 1 on the torus. None above three dimensions."""
-
     clark_evans: float
     """The mean relative to that of a Poisson process with n points per unit volume (Clark and Evans): 1 for
     random points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""

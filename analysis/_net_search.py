@@ -32,10 +32,8 @@ class NetSearch:
     points: NDArray[np.int64] | None
     """The best net, shape (2**m, dims), on the grid of side 2**m in order of the first coordinate;
     None if no net was found."""
-
     squared_distance: int | None
     """The square of its toroidal minimum distance on this grid."""
-
     exhausted: bool
     """Whether the search was complete. This proves that no net of this m has a larger distance, or,
     if none was found, that none reaches the requested distance."""
@@ -60,8 +58,7 @@ def search_net(
 
     Returns
     -------
-    NetSearch
-        Always the same without a budget, or with a sufficient one.
+    NetSearch, always the same without a budget, or with a sufficient one
 
     Notes
     -----

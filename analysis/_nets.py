@@ -38,8 +38,7 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
 
     Returns
     -------
-    int
-        In [0, m].
+    int, in [0, m]
 
     Notes
     -----
@@ -80,13 +79,11 @@ def projection_t_values(
     ----------
     points_or_matrices, base, m
         As for :func:`t_value`.
-    size : int
-        The number of coordinates of a projection, in [1, s].
+    size : int, the number of coordinates of a projection, in [1, s]
 
     Returns
     -------
-    dict
-        From the coordinates, in increasing order, to t.
+    dict, from the coordinates, in increasing order, to t
 
     Examples
     --------

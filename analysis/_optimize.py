@@ -46,8 +46,7 @@ def optimize_points(
 
     Returns
     -------
-    OptimizedPoints
-        ``points`` and ``values``.
+    OptimizedPoints, ``points`` and ``values``
 
     Notes
     -----

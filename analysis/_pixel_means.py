@@ -37,8 +37,7 @@ def pixel_means(
         function object compiles once.
     sampler : Sampler
     width, height : int, in [1, 65536]
-    spp : int
-        Samples per pixel, at least 1 and as many as the sampler allows.
+    spp : int, samples per pixel, at least 1 and as many as the sampler allows
     dims : tuple of int
         The coordinates of the points: the position in the pixel by default. Samplers that use one net for the
         whole screen have used these for the pixel: take later ones.

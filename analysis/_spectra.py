@@ -61,8 +61,7 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     frequency : float64 array, shape (max(height, width) // 2,)
         1, 2, ... up to the Nyquist frequency: cycles per longer side of the image. Annulus k contains
         frequencies in [k - 1/2, k + 1/2); the corners beyond the last are left out.
-    power : float64 array, of the same shape
-        The mean of each annulus.
+    power : float64 array, of the same shape, the mean of each annulus
 
     Notes
     -----
@@ -96,8 +95,7 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
 
     Returns
     -------
-    frequency : float64 array, shape (max(height, width) // 2,)
-        The annuli of :func:`radial_average`.
+    frequency : float64 array, shape (max(height, width) // 2,), the annuli of :func:`radial_average`
     anisotropy : float64 array, of the same shape
         10 log10(s^2 / mean^2), where s^2 is the sum of squared deviations divided by their number less 1:
         -inf if all are equal, NaN for annuli with a single value or zeros only.

@@ -111,8 +111,7 @@ def integrate(
         Index of the first point. Digital sequences in base 2 have a faster program for multiples of 4096.
     replicates : int, optional
         Number of randomised copies of the sequence, in [2, 65536], with ``n`` points each.
-    key : jax.random.key, or int in [0, 2**32)
-        Randomises the replicates.
+    key : jax.random.key, or int in [0, 2**32), randomises the replicates
     dtype : float32 or float64
         Dtype of points and, without ``replicates``, of sums. Sums are compensated: they are as accurate as
         the values.

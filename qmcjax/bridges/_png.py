@@ -23,13 +23,10 @@ class Png:
 
     pixels: NDArray
     """uint8 or uint16 (height, width, channels)."""
-
     texts: dict[str, str]
     """Text chunks, by keyword."""
-
     gamma: float | None
     """Exponent of the transfer from light to values, if the file has one."""
-
     srgb: bool
     """Whether it declares sRGB values."""
 

@@ -13,7 +13,6 @@ class Broken(NamedTuple):
     log_width: int
     log_height: int
     """The boxes are 2**-log_width wide and 2**-log_height high."""
-
     before: int
     stored: int
     """Number of boxes with a point, over all sets."""

@@ -25,13 +25,10 @@ class BakedTable:
 
     values: NDArray = field(repr=False)
     """uint8, uint16, uint32 or (for 24 bits) float32, shape (rows, columns, samples, coordinates)."""
-
     bits: int
     """8, 16 or 32 for unsigned integers; 24 for floats, exactly."""
-
     fractions: bool
     """Whether values are coordinates, or plain integers."""
-
     about: tuple[str, ...]
     """A description of the table, line by line."""
 

@@ -24,7 +24,6 @@ class PointSet:
 
     lines: list[int] = field(default_factory=list)
     """The line of each point, from 1 on."""
-
     points: list[list[float]] = field(default_factory=list)
     sealed: tuple[int, tuple[int, int, str]] | None = None
     """The line of the comment; numbers of points and coordinates, and the checksum."""

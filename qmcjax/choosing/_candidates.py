@@ -16,7 +16,6 @@ class Candidate:
 
     make: Callable[[int, int, int, int, Any], samplers.Sampler]
     """Makes a sampler from dimensions, width, height, samples per pixel and key."""
-
     most_dims: int = MOST
 
     powers_of_two: bool = False

@@ -40,8 +40,7 @@ class Recommendation:
 
         Returns
         -------
-        Sampler
-            For ``spp`` samples per pixel and ``dims`` dimensions.
+        Sampler, for ``spp`` samples per pixel and ``dims`` dimensions
 
         Raises
         ------
@@ -71,8 +70,7 @@ def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: boo
     needs : Scene, tuple of str, or int
         A scene, the names of its dimensions (``scene.needs``), or how many there are, in [2, 250]. The scene
         is never evaluated.
-    spp : int
-        Samples per pixel, in [1, 2**31].
+    spp : int, samples per pixel, in [1, 2**31]
     smooth : bool, optional
         Whether values have no jumps within pixels, in any dimension. By default known from the type of the
         scene; otherwise scenes of both kinds count.

@@ -94,8 +94,6 @@ def _converted(
 
 
 def _in_order(terms: Array) -> Array:
-    """Return the compensated sum along the first axis."""
-
     def added(state: summation.State, term: Array) -> tuple[summation.State, None]:
         return summation.compensated(state, term), None
 

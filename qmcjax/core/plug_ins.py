@@ -1,5 +1,6 @@
 """Objects of users under transformations of JAX."""
 
+import inspect
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import FunctionType
 from typing import Any
@@ -65,6 +66,14 @@ def _is_constant(value: Any) -> bool:
 def unheld(value: Any) -> Any:
     """Return the object that :func:`held` was given."""
     return value.identity.value if isinstance(value, Static) else value
+
+
+def parameters(value: Any) -> list[inspect.Parameter]:
+    """Return the parameters of a call; none if there is no call, or its parameters are not known."""
+    try:
+        return list(inspect.signature(value).parameters.values())
+    except (TypeError, ValueError):
+        return []
 
 
 def is_own(value: Any) -> bool:

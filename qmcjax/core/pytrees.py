@@ -37,8 +37,7 @@ def pytree(cls: T) -> T:
 
     Returns
     -------
-    type
-        ``cls``.
+    type, ``cls``
     """
     if not isinstance(cls, type) or not hasattr(cls, "__dataclass_fields__"):
         raise TypeError(f"cls must be a frozen dataclass, got {cls!r}")

@@ -64,7 +64,6 @@ def differences(
 
 
 def _standard_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard error of means over the last axis."""
     n = values.shape[-1]
     if n < FEWEST:
         return np.full(values.shape[:-1], np.inf)

@@ -209,7 +209,6 @@ def _batch(args, axes, *, term, pinned, sums):
 
 
 def _replaced(values: Any, places: list[int], others: Any) -> list[Any]:
-    """Return the values, with others in some places."""
     filled = list(values)
     for place, other in zip(places, others, strict=True):
         filled[place] = other

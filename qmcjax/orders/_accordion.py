@@ -45,8 +45,7 @@ def accordion(width: int, height: int) -> Accordion:
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
 
     Returns
     -------

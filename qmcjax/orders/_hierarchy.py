@@ -115,10 +115,8 @@ class ScrambledMorton(SquareOrder):
 
         Returns
         -------
-        position : uint32 Array, shape (...)
-            Below ``4**digits``.
-        node : uint32 Array, shape (...)
-            Node after the last digit.
+        position : uint32 Array, shape (...), below ``4**digits``
+        node : uint32 Array, shape (...), node after the last digit
 
         References
         ----------
@@ -141,8 +139,7 @@ class ScrambledMorton(SquareOrder):
 
         Returns
         -------
-        position, node : uint32 Array, shape (height, width)
-            As of :meth:`scrambled`.
+        position, node : uint32 Array, shape (height, width), as of :meth:`scrambled`
         """
         left = self.log_side
         node = jnp.broadcast_to(self.root, (1, self.width))
@@ -168,14 +165,12 @@ class ScrambledMorton(SquareOrder):
 
         Parameters
         ----------
-        digits : list of uint32 Array
-            In base 4, the first one first.
+        digits : list of uint32 Array, in base 4, the first one first
         node : uint32 Array, shape (...)
 
         Returns
         -------
-        position, node : uint32 Array, shape (...)
-            As of :meth:`scrambled`.
+        position, node : uint32 Array, shape (...), as of :meth:`scrambled`
         """
         position = jnp.zeros_like(node)
         for digit in digits:

@@ -19,7 +19,6 @@ class LookupTree(ScrambledMorton):
 
     production: Array
     """uint16 (letters, 4): the letters of the children, by their digits in the Morton code."""
-
     permutations: Array
     """uint8 (letters,): the permutation of each letter, below 24."""
 

@@ -57,8 +57,7 @@ def moore(width: int, height: int) -> Moore:
 
     Returns
     -------
-    Moore
-        From (side / 2 - 1, 0) to its right neighbour, around the square.
+    Moore, from (side / 2 - 1, 0) to its right neighbour, around the square
 
     References
     ----------

@@ -42,8 +42,7 @@ def morton(width: int, height: int) -> Morton:
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
 
     References
     ----------

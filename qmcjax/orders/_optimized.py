@@ -22,7 +22,6 @@ class OptimizedOrder(SquareOrder):
 
     positions: Array
     """uint16 (side, side): the order of the tile, [row, column]."""
-
     words: Array
     """uint32 (4,): symmetry of the tile, column and row of a smaller raster, seed for a larger one."""
 
@@ -54,7 +53,6 @@ class OptimizedOrder(SquareOrder):
 
     @property
     def _tiles(self) -> Hashed:
-        """The order of the tiles of a larger raster."""
         side = self.positions.shape[0]
         return Hashed(-(-self.width // side), -(-self.height // side), self.words[3])
 
@@ -67,8 +65,7 @@ class OptimizedOrder(SquareOrder):
 
         Returns
         -------
-        row, column : uint32 Array
-            Indices into tables of the tile.
+        row, column : uint32 Array, indices into tables of the tile
         """
         inside = np.uint32(self.tile - 1)
         column, row = self._exchanged(self._flipped(x & inside, 0), self._flipped(y & inside, 1))
@@ -158,8 +155,7 @@ def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedO
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
     spp : int
         Samples of each pixel: a power of two. There are tables for 1 to 64; more samples use the table for
         64.

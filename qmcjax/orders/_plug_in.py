@@ -125,8 +125,7 @@ def as_order(name: str, value: Any) -> Order:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for messages.
+    name : str, name of the argument, for messages
     value : Order, or object
         An object with ``width`` and ``height`` of its image, ``length``, the number of positions, and
         ``position(x, y)``, from uint32 Arrays of one shape to integers below ``length``. The inverse

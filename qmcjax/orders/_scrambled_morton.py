@@ -32,8 +32,7 @@ def scrambled_morton(
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
     key : jax.random.key, or int in [0, 2**32)
         A new key gives a new order without recompilation. For "multiplicative" an int is the paper's
         dimension d; a key draws one.

@@ -149,7 +149,7 @@ def _gradient(
         scene, sequence, n = parameters
         index = k * np.uint32(rows) + jax.lax.iota(jnp.uint32, rows)
         dims = tuple(range(len(scene.needs) - 1))
-        u = sequence(jnp.minimum(index, n - 1), dims, dtype)
+        u = sequence.coordinates(jnp.minimum(index, n - 1), dims, dtype)
         point, jump = scene.boundary(u)
         if point.shape != (rows, len(scene.needs)) or jump.shape != (rows,):
             raise ValueError(

@@ -50,17 +50,12 @@ def estimated_reference(
     ----------
     scene : Scene
     width, height : int, in [1, 65536]
-    spp : int
-        Samples per pixel of all replicates together, a multiple of 16; best 16 times a power of 2.
+    spp : int, samples per pixel of all replicates together, a multiple of 16; best 16 times a power of 2
     key : jax.random.key, or int in [0, 2**32)
-    dtype : float32 or float64
-        Of points, values and the sums of a replicate.
-    progress : callable, optional
-        Called with the finished part in (0, 1], several times in a long run.
-    checkpoint : path or Checkpoint, optional
-        File that keeps finished work, as for :func:`qmcjax.render`.
-    mesh : jax.sharding.Mesh, optional
-        Devices that share the pixels, as for :func:`qmcjax.render`.
+    dtype : float32 or float64, of points, values and the sums of a replicate
+    progress : callable, optional, called with the finished part in (0, 1], several times in a long run
+    checkpoint : path or Checkpoint, optional, file that keeps finished work, as for :func:`qmcjax.render`
+    mesh : jax.sharding.Mesh, optional, devices that share the pixels, as for :func:`qmcjax.render`
 
     Returns
     -------

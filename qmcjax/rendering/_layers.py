@@ -41,8 +41,7 @@ def render_layers(
         Used for each scene: with as many dimensions as either needs, and ``max(spp, still_spp)`` samples per
         pixel.
     width, height : int, in [1, 65536]
-    spp, still_spp : int
-        Samples for each layer.
+    spp, still_spp : int, samples for each layer
     shade : float
         The value of the object, finite.
     dtype : float32 or float64

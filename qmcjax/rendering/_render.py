@@ -50,8 +50,7 @@ def render(
         A function from pixel and sample to a point, made for this image size, with at least
         ``len(scene.needs)`` dimensions.
     width, height : int, in [1, 65536]
-    spp : int
-        Samples per pixel, at least 1 and at most as many as the sampler has.
+    spp : int, samples per pixel, at least 1 and at most as many as the sampler has
     dtype : float32 or float64
         Dtype of points, values and sums. Sums are compensated: they are as accurate as the values.
     progress : callable, optional

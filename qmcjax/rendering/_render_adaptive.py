@@ -42,11 +42,9 @@ def render_adaptive(
     sampler : Sampler
         Made by :func:`qmcjax.samplers.randomized` if there is a ``tolerance``.
     width, height : int, in [1, 65536]
-    spp : int
-        Samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass.
+    spp : int, samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass
     dtype : float32 or float64
-    progress : callable, optional
-        Called with the finished part in (0, 1], several times in a long run.
+    progress : callable, optional, called with the finished part in (0, 1], several times in a long run
     tolerance : float, optional
         Take passes in each pixel until the standard error of it and its neighbours is at most this, or until
         it has ``spp`` samples. At least four passes are taken. Positive.
@@ -104,8 +102,7 @@ def render_adaptive(
 
 def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
     """Raise unless passes can be stopped by this tolerance."""
-    if not isinstance(unbiased, bool):
-        raise TypeError(f"unbiased must be True or False, got {checks.shown(unbiased)}")
+    checks.flag("unbiased", unbiased)
     if tolerance is None:
         if unbiased:
             raise ValueError(

@@ -60,8 +60,7 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
 
     Parameters
     ----------
-    order : Order
-        The curve, for one size of image.
+    order : Order, the curve, for one size of image
     spp : int
         Points in the block of a pixel, at least 1. Powers of the base of the sequence are best. The sequence
         must have ``order.length * spp`` points.

@@ -72,8 +72,7 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
         and a digital (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, with
         permuted digits or not, puts one of each ``2**a * 3**b`` points into every pixel of a raster of
         ``2**a`` by ``3**b`` pixels, the smallest that covers the image.
-    width, height : int
-        In [1, 65536]. For a Halton sequence ``2**a * 3**b`` must be at most 2**32.
+    width, height : int, in [1, 65536]; for a Halton sequence ``2**a * 3**b`` must be at most 2**32
 
     Returns
     -------

@@ -33,10 +33,8 @@ class HaltonFullScreen(Sampler):
 
     flips: Array
     """uint32: bit k is set if the permutation of binary digit k swaps."""
-
     inverses: Array | None
     """uint32 (b, 3): row k maps ternary digit k of the second component to that of the index."""
-
     tables: Array | None
     """uint16: the reflection tables of the ternary digits from the b-th on."""
 
@@ -90,7 +88,6 @@ class HaltonFullScreen(Sampler):
         return (*self.raster, self.spp)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the sequence that fall into pixels."""
         x, y = state
         index, rest = self._index(x, y, sample)
         log_columns, _ = _exponents(self.width, self.height)

@@ -11,7 +11,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._base import InEveryPixel
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
 Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
@@ -33,22 +33,13 @@ _RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": _shift,
 
 
 @frozen_pytree
-class Independent(Sampler):
+class Independent(InEveryPixel):
     """The points of a sequence, randomised with a seed from pixel and coordinate."""
 
     sequence: Sequence
     seeds: Array
     """uint32 (dims, 2)."""
-
     randomizer: Randomizer = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*super().limits[:2], self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the seeds of pixels, one for each coordinate."""
@@ -61,18 +52,13 @@ class Independent(Sampler):
         values = [self.randomizer(self.sequence, sample, j, seed, dtype) for j, seed in seeds]
         return jnp.stack(values, axis=-1)
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_count(spp, self.sequence.limit, "for this sequence")
-
 
 def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -> Independent:
     """Sample every pixel with the first points of a sequence, randomised independently per pixel.
 
     Parameters
     ----------
-    sequence : Sequence
-        With ``bits``; any sequence for "shift".
+    sequence : Sequence, with ``bits``; any sequence for "shift"
     key : jax.random.key, or int in [0, 2**32)
     randomize : {"owen", "xor", "shift"}
         Owen scrambling by hashing, xor with a random word (a digital shift), or a random shift modulo 1 (a

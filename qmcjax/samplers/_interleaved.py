@@ -33,7 +33,6 @@ class Interleaved(Sampler):
 
     @property
     def _on_screen(self) -> int:
-        """Number of coordinates that are not shared."""
         return 0 if self.positions is None else _ON_SCREEN
 
     @property
@@ -84,12 +83,9 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler 
     sequence : Sequence
         Shared coordinates: all, or those after the first two with ``positions``. At least ``tile**2 * spp``
         points.
-    spp : int
-        Points in the block of a pixel, at least 1.
-    tile : int
-        Side of a tile in pixels, at least 1.
-    positions : Sampler, optional
-        Coordinates 0 and 1; at least two dimensions.
+    spp : int, points in the block of a pixel, at least 1
+    tile : int, side of a tile in pixels, at least 1
+    positions : Sampler, optional, coordinates 0 and 1; at least two dimensions
 
     References
     ----------

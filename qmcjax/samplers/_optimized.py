@@ -31,13 +31,10 @@ class Optimized(Sampler):
 
     orders: orders.OptimizedOrder
     """A family with one order for each pair of coordinates."""
-
     ranks: Array
     """uint8 (side, side): numbers of the first samples of the pixels of the tile."""
-
     seeds: Array
     """uint32 (pairs, 3): seeds of the scramblings of both coordinates, and of the orders of the samples."""
-
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
@@ -118,8 +115,7 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The orders fill the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
     spp : int
         Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered. There are tables for 1 to
         64; larger numbers use the order for 64, and their first samples are not optimised.

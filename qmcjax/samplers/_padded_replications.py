@@ -44,7 +44,6 @@ class PaddedReplications(Sampler):
         return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the shifted instances of the net that fall into pixels."""
         x, y = state
         # Whole pixels from the leading digits, in two steps: a shift by 32 is not defined. Subtracting them
         # from the point keeps its position inside the pixel.
@@ -56,7 +55,6 @@ class PaddedReplications(Sampler):
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
     def _word(self, index: Array, sample: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction, of the pixel or of the unit interval."""
         word = self.net.word(index, dim)
         if dim >= 2:
             return word + self._offset(sample, dim)
@@ -66,7 +64,6 @@ class PaddedReplications(Sampler):
         return inside
 
     def _offset(self, sample: Array, dim: int) -> Array:
-        """Return a coordinate of the offsets as a 32-bit fraction, rounded down."""
         return self.offsets.fixed_point(sample, dim)
 
     def check(self, width: int, height: int, spp: int) -> None:

@@ -1,6 +1,6 @@
 """One sequence partitioned into one sequence per pixel."""
 
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,13 +14,13 @@ from qmcjax.core.digits import word
 from qmcjax.core.permuted_digits import permuted_digit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import needed, plus, points_64, times
+from qmcjax.samplers._base import check_count, check_size
+from qmcjax.samplers._index_64 import Strided, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
 @frozen_pytree
-class Partitioned(Sampler):
+class Partitioned(Strided):
     """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
 
     order: Order
@@ -28,7 +28,6 @@ class Partitioned(Sampler):
     component: int = field(metadata={"static": True})
     """The partitioning component."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
-    """Whether 32-bit indices suffice for all samples."""
 
     @property
     def dims(self) -> int:
@@ -37,29 +36,11 @@ class Partitioned(Sampler):
 
     @property
     def most(self) -> int:
-        """Largest number of samples for which the indices suffice."""
         return self._limit // self.order.length
-
-    @property
-    def _limit(self) -> int:
-        """Number of indices; sample numbers have 32 bits in any case."""
-        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
-
-    @property
-    def _has_64_bits(self) -> bool:
-        return not self.short and needed(self.order.length * self.most, self.sequence)
-
-    def up_to(self, spp: int) -> Any:
-        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
-        return replace(self, short=not needed(self.order.length * spp, self.sequence))
 
     def _first(self, position: Array) -> Array:
         """Return the index of a pixel's first point, below N."""
         return position
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the first indices of pixels."""

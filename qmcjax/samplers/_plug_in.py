@@ -1,6 +1,5 @@
 """Samplers of users: any object with the protocol's methods, and any function."""
 
-import inspect
 from collections.abc import Callable
 from dataclasses import field
 from typing import Any
@@ -12,7 +11,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import below_one
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import held, parameters, unheld
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler
 
@@ -81,8 +80,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     f : callable
         From column, row and sample, uint32 Arrays of one shape (...), to points in [0, 1), floats of shape
         (..., dims). It is traced; the same function object compiles once.
-    dims : int
-        Number of coordinates, in [1, 65536].
+    dims : int, number of coordinates, in [1, 65536]
 
     Returns
     -------
@@ -107,8 +105,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for messages.
+    name : str, name of the argument, for messages
     value : Sampler, or object
         An object with ``dims``, the number of coordinates, and either a call ``(x, y, sample, dims, dtype)``
         or ``(x, y, sample, dims)`` that returns points ``[..., len(dims)]``, or the methods ``prepare`` and
@@ -145,12 +142,7 @@ def _prepares(value: Any) -> bool:
 
 def _positional(value: Any) -> int:
     """Return the number of positional arguments of a call, 0 if there is no call."""
-    if not callable(value):
-        return 0
-    try:
-        parameters = inspect.signature(value).parameters.values()
-    except (TypeError, ValueError):
-        return 0
-    if any(p.kind is p.VAR_POSITIONAL for p in parameters):
+    known = parameters(value)
+    if any(p.kind is p.VAR_POSITIONAL for p in known):
         return 5
-    return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
+    return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in known)

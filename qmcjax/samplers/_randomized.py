@@ -36,8 +36,7 @@ class Randomized(Sampler):
 
         Parameters
         ----------
-        number : uint32 Array, shape (), or int
-            Number of the pass, from 0.
+        number : uint32 Array, shape (), or int, number of the pass, from 0
 
         Returns
         -------
@@ -81,8 +80,7 @@ def randomized(
         From a ``jax.random.key`` to a sampler, e.g. ``lambda key: contiguous(order, owen(sequence, key),
         spp)``. The same function object compiles once. It is traced with the samples: arrays that it refers
         to become constants.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     spp : int, optional
         Samples of a pixel in a pass, by default the ``spp`` of the sampler. For a sequence over the whole
         screen this is the largest number that its indices allow: give a smaller one.

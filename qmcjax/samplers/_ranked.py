@@ -12,32 +12,22 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._base import InEveryPixel
 from qmcjax.sequences import BinarySequence, Owen, sobol
 
 
 @frozen_pytree
-class Ranked(Sampler):
+class Ranked(InEveryPixel):
     """Sample s of a pixel is point s xor its ranking key, xor its scrambling keys, of one sequence."""
 
     sequence: BinarySequence
 
     ranks: Array
     """uint32 (rows, columns), powers of two: ranking keys."""
-
     scrambles: Array
     """uint32 (rows, columns, dims): scrambling keys, as 32-bit fractions."""
-
     translation: Array
     """uint32 (2,): offsets of x and y."""
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*super().limits[:2], self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the rows and columns of pixels in the tile."""
@@ -56,10 +46,6 @@ class Ranked(Sampler):
             axis=-1,
         )
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_count(spp, self.sequence.limit, "for this sequence")
-
 
 def ranked(dims: int, key: Array | int) -> Ranked:
     """Sample with scrambling and ranking keys that distribute errors as blue noise.
@@ -70,8 +56,7 @@ def ranked(dims: int, key: Array | int) -> Ranked:
 
     Parameters
     ----------
-    dims : int
-        2, 3 or 4: optimised for all these dimensions together.
+    dims : int, 2, 3 or 4: optimised for all these dimensions together
     key : jax.random.key, or int in [0, 2**32)
         Translates the tile at random. A new key does not recompile.
 

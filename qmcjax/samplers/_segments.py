@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -15,13 +15,13 @@ from qmcjax.core import checks
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import needed, plus, points_64, times
+from qmcjax.samplers._base import check_count, check_size
+from qmcjax.samplers._index_64 import Strided, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
 @frozen_pytree
-class Segments(Sampler):
+class Segments(Strided):
     """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
 
     order: Order
@@ -31,11 +31,6 @@ class Segments(Sampler):
     doubling: bool = field(metadata={"static": True})
     """Whether each further iteration has as many samples as all before, otherwise as the first."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
-    """Whether 32-bit indices suffice for all samples."""
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
 
     @property
     def most(self) -> int:
@@ -43,27 +38,9 @@ class Segments(Sampler):
         iterations = self._limit // (self.order.length * self.spp)
         return self.spp * (2 ** (iterations.bit_length() - 1) if self.doubling else iterations)
 
-    @property
-    def _limit(self) -> int:
-        """Number of indices; sample numbers have 32 bits in any case."""
-        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
-
-    @property
-    def _has_64_bits(self) -> bool:
-        return not self.short and needed(self.order.length * self.most, self.sequence)
-
     def _whole(self, spp: int) -> int:
-        """Return the number of samples in all iterations up to that of sample ``spp - 1``."""
         iterations = -(-spp // self.spp)
         return self.spp * (2 ** (iterations - 1).bit_length() if self.doubling else iterations)
-
-    def up_to(self, spp: int) -> Any:
-        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
-        return replace(self, short=not needed(self.order.length * self._whole(spp), self.sequence))
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.order.raster, self.most)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         return self.order.unchecked_position(x, y)
@@ -102,8 +79,7 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
 
     Parameters
     ----------
-    order : Order
-        The curve, for one size of image.
+    order : Order, the curve, for one size of image
     spp : int
         Samples of a pixel in the first iteration, at least 1. Powers of the base of the sequence are best.
     doubling : bool

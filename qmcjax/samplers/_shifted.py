@@ -53,8 +53,7 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
 
     Parameters
     ----------
-    order : Order
-        The curve, for one size of image.
+    order : Order, the curve, for one size of image
     shifts : Sequence
         At least as many dimensions as ``sequence``, and as many points as the curve has positions.
     sequence : Sequence

@@ -25,10 +25,8 @@ class Z(Sampler):
 
     orders: ScrambledMorton | None
     """A family with one order for each constituent; None for Z0, which has Morton order for all."""
-
     sequence: BinarySequence
     """Each constituent has its first coordinates."""
-
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
@@ -134,7 +132,6 @@ class Z(Sampler):
         return {c: self.orders.member(c).scrambled_image() for c in self._wanted(dims)}
 
     def _wanted(self, dims: tuple[int, ...]) -> list[int]:
-        """Return the constituents of some coordinates."""
         return sorted({self._places[j][0] for j in dims})
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -21,13 +21,10 @@ class Ball(ExactScene):
 
     starts: Any
     """Position of the centre at the start of each line, shape (lines, 2)."""
-
     ends: Any
     """Position at the end, shape (lines, 2); None for no motion along the lines."""
-
     times: Any
     """Start times of all lines but the first, shape (lines - 1,)."""
-
     radius: Any
 
     @property
@@ -48,12 +45,10 @@ class Ball(ExactScene):
         return (x * x + y * y < scene.radius * scene.radius).astype(point.dtype)
 
     def _interval(self, line: int) -> tuple[Any, Any]:
-        """Return the start and end time of a line."""
         last = line == self.times.shape[0]
         return (self.times[line - 1] if line else 0.0), (1.0 if last else self.times[line])
 
     def _centre(self, line: int, time: Array) -> tuple[Any, Any]:
-        """Return the position of the centre on a line."""
         start = self.starts[line]
         if self.ends is None:
             return start[0], start[1]

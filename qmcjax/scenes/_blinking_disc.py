@@ -21,7 +21,6 @@ class BlinkingDisc(ExactScene):
 
     centre: Any
     """Shape (2,)."""
-
     radius: Any
 
     on: Any

@@ -25,7 +25,6 @@ class Checkerboard(ExactScene):
 
     squares: Array | float
     """Number of squares across the lower edge of the image."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:

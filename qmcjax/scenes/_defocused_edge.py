@@ -27,7 +27,6 @@ class DefocusedEdge(ExactScene):
 
     blur: Any
     """The radius of the blur disc, or half the side of the blur square, of a point; None is sharp."""
-
     aperture: str = field(metadata={"static": True})
 
     @property

@@ -29,7 +29,6 @@ class FlatCheckerboard(ExactScene):
     """Number of squares across the image."""
     angle: Array | NDArray[np.float64]
     """In radians, from x to y."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
@@ -109,8 +108,7 @@ def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) 
 
     Parameters
     ----------
-    squares : float
-        Number of squares across the image; positive.
+    squares : float, number of squares across the image; positive
     angle : float
         Rotation about the centre of the image, in radians, from x to y.
 

@@ -21,10 +21,8 @@ class Gaussian(ExactScene):
 
     centre: Any
     """Where it is 1, shape (2,)."""
-
     width: Any
     """Its standard deviation."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
@@ -50,8 +48,7 @@ def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
 
     Parameters
     ----------
-    centre : float array, shape (2,)
-        Position of the maximum 1; anywhere.
+    centre : float array, shape (2,), position of the maximum 1; anywhere
     width : float
         The standard deviation, in units of the unit square; positive.
 

@@ -29,10 +29,8 @@ class Genz(ExactScene):
 
     difficulty: Any
     """How fast the value changes along each coordinate, shape (dims,)."""
-
     shift: Any
     """Position of the peak, kink or jump, shape (dims,)."""
-
     family: str = field(metadata={"static": True})
 
     @property
@@ -84,8 +82,7 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     ----------
     family : str
         One of the six names above.
-    dims : int
-        The number of dimensions ``d``, in [2, 16].
+    dims : int, the number of dimensions ``d``, in [2, 16]
     difficulty : float array, scalar or shape (dims,)
         The parameters ``a``; positive. A scalar stands for all.
     shift : float array, scalar or shape (dims,)
@@ -106,17 +103,13 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     >>> genz("corner_peak", dims=3)(jnp.array([0.0, 1.0, 0.0]))
     Array(0.0625, dtype=float32)
     """
-    if not isinstance(family, str):
-        raise TypeError(f"family must be one of {FAMILIES}, got {checks.shown(family)}")
-    if family not in FAMILIES:
-        raise ValueError(f"family must be one of {FAMILIES}, got {family!r}")
+    checks.choice("family", family, FAMILIES)
     dims = checks.integer("dims", dims, 2, 16)
     checks.positive("difficulty", difficulty)
     return Genz(_for_each("difficulty", difficulty, dims), _for_each("shift", shift, dims), family)
 
 
 def _for_each(name: str, value: Any, dims: int) -> Any:
-    """Return one number for each dimension."""
     if isinstance(value, Sequence) or getattr(value, "shape", ()):
         return numbers(name, value, (dims,))
     value = numbers(name, value)

@@ -20,7 +20,6 @@ class MovingEdge(ExactScene):
 
     offset: Any
     """Position of the edge when the shutter opens."""
-
     velocity: Any
     """Distance until the shutter closes; None is still and does not need time."""
 
@@ -54,8 +53,7 @@ def moving_edge(offset: Any = 0.3, velocity: Any = 0.4) -> MovingEdge:
 
     Parameters
     ----------
-    offset : float
-        Position of the edge when the shutter opens, at time 0.
+    offset : float, position of the edge when the shutter opens, at time 0
     velocity : float or None
         Distance until the shutter closes, at time 1, in widths of the image; negative to the left. None is
         still: the scene then does not need time.

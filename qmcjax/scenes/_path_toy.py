@@ -21,13 +21,10 @@ class PathToy(ExactScene):
 
     emission: Any
     """The largest emission."""
-
     albedo: Any
     """The largest reflectance."""
-
     survival: Any
     """The survival probability at each bounce; None always continues."""
-
     bounces: int = field(metadata={"static": True})
 
     @property

@@ -58,10 +58,8 @@ def as_scene(name: str, value: Any) -> Any:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for error messages.
-    value : Scene
-        Any object with ``needs`` that can be called with points.
+    name : str, name of the argument, for error messages
+    value : Scene, any object with ``needs`` that can be called with points
 
     Raises
     ------
@@ -115,7 +113,6 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
 
 
 def _names(name: str, needs: Any) -> tuple[str, ...]:
-    """Return the names of dimensions as a tuple."""
     if not isinstance(needs, tuple | list) or not all(isinstance(each, str) for each in needs):
         raise TypeError(f"{name} must be a tuple of names such as ('x', 'y'), got {checks.shown(needs)}")
     if len(needs) < 2:

@@ -26,7 +26,6 @@ class SoftShadow(ExactScene):
 
     height: Any
     """The height of the half plane; that of the light is 1."""
-
     light: Any
     """The sides of the light, shape (2,); None is a point light."""
 

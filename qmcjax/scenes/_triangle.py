@@ -24,7 +24,6 @@ class Triangle(ExactScene):
 
     vertices: Array | Floats
     """The three corners (x, y), in either orientation, shape (3, 2)."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:

@@ -20,7 +20,6 @@ class ZonePlate(ExactScene):
 
     frequency: Array | float
     """The phase in radians at distance 1 from the corner."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:

@@ -36,10 +36,8 @@ def cornell_box(
     shutter : (float, float) or float, optional
         When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
         coordinate.
-    ball, mirror : bool, optional
-        Whether the ball and the mirror sphere exist.
-    blocks : bool, optional
-        Whether the two blocks of the original exist.
+    ball, mirror : bool, optional, whether the ball and the mirror sphere exist
+    blocks : bool, optional, whether the two blocks of the original exist
     light : float, optional
         The side of a square light below the ceiling, above 0 and below 2; by default a point light.
     bounces : int, optional

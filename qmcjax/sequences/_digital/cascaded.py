@@ -49,8 +49,7 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
     Parameters
     ----------
     m : int, in [1, 32]
-    dims : int
-        In [1, 32]. Fewer dimensions are the first of these.
+    dims : int, in [1, 32]; fewer dimensions are the first of these
 
     Returns
     -------

@@ -56,7 +56,6 @@ class NetByFrames:
     """Digital, in base 2."""
     inverse: Array
     """uint32 (2 * log_side,): column i has the lower index bits that change with digit i of the cell."""
-
     log_side: int = field(metadata={"static": True})
 
     called = "net_by_frames"

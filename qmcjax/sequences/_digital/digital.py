@@ -54,13 +54,10 @@ class Digital(BinarySequence):
 
     matrices: Array
     """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
-
     steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
     """Products with the first matrices in log steps, on bit-reversed words."""
-
     upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
     """Products of matrix ``dim`` with the upper words of indices, if columns from 32 on are known."""
-
     called: str = field(default="digital", metadata={"static": True})
     """Name of the function that makes such a sequence."""
 

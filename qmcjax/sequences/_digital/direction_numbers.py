@@ -25,8 +25,7 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
 
     Parameters
     ----------
-    path : path
-        Of a file such as ``new-joe-kuo-6.21201`` [1]_.
+    path : path, of a file such as ``new-joe-kuo-6.21201`` [1]_
 
     Returns
     -------
@@ -108,8 +107,7 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
 
     Returns
     -------
-    Digital
-        With one dimension more than ``numbers``.
+    Digital, with one dimension more than ``numbers``
 
     Examples
     --------

@@ -29,7 +29,6 @@ class PrimeDigital(DigitSequence):
     """The prime q, for all coordinates."""
     tables: Array
     """uint32 (dims, words, entries): the tables of all spans of digits, one after the other."""
-
     called: str = field(default="faure", metadata={"static": True})
     """Name of the function that makes such a sequence."""
 

@@ -104,12 +104,8 @@ class RadicalInverses(DigitSequence):
             return super().coordinates(index, dims, dtype)
         parts = []
         for wanted in alike(self.bases, dims):
-            together = len(wanted) > 1
-            parts.append(
-                self._together(index, wanted, dtype)
-                if together
-                else super().coordinates(index, wanted, dtype)
-            )
+            coordinates = self._together if len(wanted) > 1 else super().coordinates
+            parts.append(coordinates(index, wanted, dtype))
         return jnp.concatenate(parts, axis=-1)
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
@@ -171,13 +167,11 @@ def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
 
     Parameters
     ----------
-    base : int
-        In [2, 65536]. In base 2 the sequence has exact ``bits``.
+    base : int, in [2, 65536]; in base 2 the sequence has exact ``bits``
 
     Returns
     -------
-    Sequence
-        One dimension.
+    Sequence, one dimension
 
     References
     ----------

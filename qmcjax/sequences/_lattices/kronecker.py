@@ -122,8 +122,7 @@ def roberts(dims: int = 2) -> Kronecker:
 
     Parameters
     ----------
-    dims : int
-        d in [1, 64].
+    dims : int, d in [1, 64]
 
     Returns
     -------

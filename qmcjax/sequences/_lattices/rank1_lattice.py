@@ -95,8 +95,7 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
 
     Parameters
     ----------
-    n : int
-        Number of points, in [1, 2**32].
+    n : int, number of points, in [1, 2**32]
     dims : int, in [1, 65536]
     a : int, in [0, n)
 

@@ -33,9 +33,6 @@ class Net(BinarySequence):
     def _second(self, index: Array) -> Array:
         """Return the bit-reversed second coordinate."""
 
-    @abc.abstractmethod
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array: ...
-
     def bit_reversed(self, index: Array, dim: int) -> Array:
         return self._second(index) if dim else reverse(_fraction(index, self.m))
 
@@ -47,13 +44,7 @@ class Net(BinarySequence):
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side.
-
-        Returns
-        -------
-        int
-            ``2**(m - 2 * log_side)``.
-        """
+        """Return ``2**(m - 2 * log_side)``, the points in each of ``2**log_side`` x ``2**log_side`` cells."""
         if self.m < 2 * log_side:
             raise ValueError(
                 f"net's m must be at least {2 * log_side} for one point in each of "
@@ -61,6 +52,7 @@ class Net(BinarySequence):
             )
         return 2 ** (self.m - 2 * log_side)
 
+    @abc.abstractmethod
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of a point from its cell.
 
@@ -79,7 +71,6 @@ class Net(BinarySequence):
         ----------
         .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4.
         """
-        return self._index_in_cell(x, y, log_side, sample)
 
 
 def _fraction(numerator: Array, m: int) -> Array:
@@ -107,7 +98,7 @@ class HammersleyNet(Net):
     def _second(self, index: Array) -> Array:
         return index
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         return _above(x, self.m - log_side) | (sample << log_side) | _reverse_low(y, log_side)
 
 
@@ -122,7 +113,7 @@ class LarcherPillichshammerNet(Net):
     def _second(self, index: Array) -> Array:
         return gray_decode(index)
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         # The matrix is triangular: the lowest index bits fix the leading rows for all others.
         upper = _above(x, self.m - log_side) | (sample << log_side)
         wrong = _low(gray_decode(upper), log_side) ^ _reverse_low(y, log_side)
@@ -152,7 +143,7 @@ class PermutationNet(Net):
             y = (_low(rest, half) << half) | (upper << 2) | lowest
         return reverse(_fraction(y, self.m))
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         half = self.m // 2
         if self.m % 2:
             # With H = m - half: x = 2^half ((2 rev(k) + r) mod 2^H) + k and y = 2^half r + k. The cell
@@ -185,8 +176,7 @@ def hammersley_net(m: int) -> HammersleyNet:
 
     Returns
     -------
-    HammersleyNet
-        A (0,m,2)-net in base 2.
+    HammersleyNet, a (0,m,2)-net in base 2
 
     References
     ----------
@@ -212,8 +202,7 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
 
     Returns
     -------
-    LarcherPillichshammerNet
-        A (0,m,2)-net in base 2 of low star discrepancy.
+    LarcherPillichshammerNet, a (0,m,2)-net in base 2 of low star discrepancy
 
     References
     ----------
@@ -244,8 +233,7 @@ def permutation_net(m: int) -> Net:
 
     Returns
     -------
-    Net
-        A (0,m,2)-net in base 2, numbered by its first coordinate.
+    Net, a (0,m,2)-net in base 2, numbered by its first coordinate
 
     References
     ----------
@@ -270,8 +258,7 @@ def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Arra
     Parameters
     ----------
     m : int, in [1, 32]: 2**m points per pixel
-    row : uint32 Array, or int
-        Row of the pixel, counted along the second coordinate.
+    row : uint32 Array, or int, row of the pixel, counted along the second coordinate
     index : uint32 Array, broadcastable to ``row``, or int
         Below 2**m, in the numbering of :func:`permutation_net`.
 

@@ -202,8 +202,7 @@ def permutation_net_3d(m: int) -> PermutationNet3D:
 
     Returns
     -------
-    PermutationNet3D
-        Numbered by the first coordinate.
+    PermutationNet3D, numbered by the first coordinate
 
     References
     ----------

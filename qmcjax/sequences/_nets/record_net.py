@@ -23,8 +23,7 @@ def record_net(n: int, dims: int = 2) -> Tabulated:
 
     Returns
     -------
-    Tabulated
-        With ``size`` n, in the order of the first coordinate.
+    Tabulated, with ``size`` n, in the order of the first coordinate
 
     Notes
     -----

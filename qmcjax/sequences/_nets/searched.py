@@ -11,7 +11,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets_3d import OverPlane
-from qmcjax.sequences._nets.optimized_net import MatrixNet, _columns, _factors, _inverse
+from qmcjax.sequences._nets.optimized_net import MatrixNet, columns_of, matrix_net
 
 
 @frozen_pytree
@@ -20,7 +20,6 @@ class MatrixNet3D(OverPlane):
 
     plane: MatrixNet
     """The net of the first two coordinates."""
-
     columns: Array
     """uint32 (m,): column k of C_2, its first row in bit 0."""
 
@@ -61,11 +60,8 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
      [2 1 3]
      [3 2 1]]
     """
-    m = checks.integer("m", m, 2, 16)
-    first, second = _read("optimized_nets_3d.txt")[m]
-    lower, upper = _factors(first)
-    plane = MatrixNet(m, _columns(first), _columns(_inverse(lower)), _columns(_inverse(upper.T).T))
-    return MatrixNet3D(plane, _columns(second))
+    first, second = _read("optimized_nets_3d.txt")[checks.integer("m", m, 2, 16)]
+    return MatrixNet3D(matrix_net(first), columns_of(second))
 
 
 def optimized_sequence() -> Digital:

@@ -100,15 +100,12 @@ class Sequence(abc.ABC):
         ----------
         first : uint32 Array
             Multiples of ``count``; the blocks must end below ``limit``.
-        count : int
-            Number of points in a block.
-        dims : tuple of int
-            The coordinates that will be used.
+        count : int, number of points in a block
+        dims : tuple of int, the coordinates that will be used
 
         Returns
         -------
-        pytree of Array
-            For :meth:`block_points`.
+        pytree of Array, for :meth:`block_points`
         """
         return first
 
@@ -119,8 +116,7 @@ class Sequence(abc.ABC):
 
         Parameters
         ----------
-        block : pytree
-            From :meth:`prepare_block` for the same ``count`` and ``dims``.
+        block : pytree, from :meth:`prepare_block` for the same ``count`` and ``dims``
         k : uint32 Array, broadcastable to the blocks, below ``count``
         dims : tuple of int
         dtype : float32 or float64
@@ -144,8 +140,7 @@ class Sequence(abc.ABC):
 
         Parameters
         ----------
-        count : int
-            Number of digits.
+        count : int, number of digits
 
         Returns
         -------
@@ -255,6 +250,10 @@ class PointByPoint(Sequence):
     """A sequence with point i as a function of point i of another sequence."""
 
     sequence: Any
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims
 
     @property
     def size(self) -> int | None:

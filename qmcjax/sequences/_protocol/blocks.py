@@ -14,7 +14,6 @@ class Blocks:
 
     low: tuple[Array, Array]
     """uint32 (rows, dims), in both forms: the points of the low digits."""
-
     high: tuple[Array, Array]
     """uint32 (blocks, dims), in both forms: the first points of the blocks."""
 

@@ -73,8 +73,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for messages.
+    name : str, name of the argument, for messages
     value : object
         A sequence, or any object that has
 
@@ -110,12 +109,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
 def _takes(value: Any) -> str | None:
     """Return "index" or "dims" for a call with index, or also with dims and dtype; None for anything else."""
-    if not callable(value):
-        return None
-    try:
-        parameters = inspect.signature(value).parameters.values()
-    except (TypeError, ValueError):
-        return None
+    parameters = plug_ins.parameters(value)
     selects = {"dims", "dtype"} <= {p.name for p in parameters}
     needed = [
         p

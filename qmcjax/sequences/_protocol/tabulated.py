@@ -51,8 +51,7 @@ def tabulated(points: ArrayLike) -> Tabulated:
 
     Returns
     -------
-    Tabulated
-        With ``size`` n.
+    Tabulated, with ``size`` n
 
     Examples
     --------

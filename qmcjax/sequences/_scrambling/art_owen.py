@@ -79,8 +79,6 @@ class ArtOwen(Scrambled):
     called = "art_owen"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble the digits."""
-
         def word() -> Array:
             word = fraction.word()
             return self.codes.scrambled(word, of_dims(jax.lax.iota(jnp.uint32, self.dims), dims, word))
@@ -118,10 +116,8 @@ def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
 
     Parameters
     ----------
-    sequence : BinarySequence
-        With ``bits``.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    sequence : BinarySequence, with ``bits``
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

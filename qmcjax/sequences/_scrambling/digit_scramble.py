@@ -52,8 +52,7 @@ def digit_scramble(
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         In base 2 the permutations are the identity and the flip: this is the same object as from
         :func:`digital_shift` with the same key.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

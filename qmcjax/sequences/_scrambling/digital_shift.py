@@ -26,8 +26,6 @@ class DigitalShift(Scrambled):
     called = "digital_shift"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Flip the digits."""
-
         def word() -> Array:
             word = fraction.word()
             return word ^ of_dims(self.shifts, dims, word)
@@ -51,10 +49,8 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
 
     Parameters
     ----------
-    sequence : BinarySequence
-        With ``bits``.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    sequence : BinarySequence, with ``bits``
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     References
     ----------

@@ -56,8 +56,7 @@ def gray(sequence: BinarySequence) -> Gray:
 
     Parameters
     ----------
-    sequence : BinarySequence
-        Unbounded, or of 2**m points.
+    sequence : BinarySequence, unbounded, or of 2**m points
 
     References
     ----------

@@ -78,13 +78,11 @@ def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> Digita
     sequence : BinarySequence
         With ``bits``. For a :class:`Digital` sequence the generator matrices are multiplied, at no cost per
         point.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------
-    DigitalShift
-        The digital shift of the linearly scrambled sequence.
+    DigitalShift, the digital shift of the linearly scrambled sequence
 
     References
     ----------

@@ -25,8 +25,6 @@ class Owen(Scrambled):
     called = "owen"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble the digits."""
-
         def bit_reversed() -> Array:
             bit_reversed = fraction.bit_reversed()
             return owen_hash(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
@@ -44,8 +42,7 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         Digits are scrambled in their base.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

@@ -26,8 +26,6 @@ class OwenExact(Scrambled):
     called = "owen_exact"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble the digits."""
-
         def bit_reversed() -> Array:
             bit_reversed = fraction.bit_reversed()
             return _scramble(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
@@ -70,8 +68,7 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         Digits are scrambled in their base.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

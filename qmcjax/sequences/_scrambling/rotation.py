@@ -44,10 +44,6 @@ class Rotated(PointByPoint):
 
     called = "rotate"
 
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         return self.sequence.rotated_coordinate(index, dim, self.offsets[dim], dtype)
 

@@ -16,10 +16,6 @@ class Scrambled(PointByPoint, BinarySequence):
 
     sequence: BinarySequence
 
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
     @abc.abstractmethod
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
         """Scramble one coordinate, or some that are stacked last."""

@@ -103,11 +103,9 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
 
     Parameters
     ----------
-    n : int
-        Number of points, in [1, 2**32].
+    n : int, number of points, in [1, 2**32]
     dims : int, in [1, 65536]
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

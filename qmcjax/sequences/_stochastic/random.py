@@ -119,8 +119,7 @@ def jittered(side: int, dims: int, key: Array | int) -> Jittered:
 
     Parameters
     ----------
-    side : int
-        Number of cells per side, in [1, 65536].
+    side : int, number of cells per side, in [1, 65536]
     dims : int, at least 1, with ``side**dims`` at most 2**32
     key : jax.random.key, or int in [0, 2**32)
 

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["FLOATS", "array", "error", "points", "positive", "real", "real_array", "root", "shaped"]
-
 FLOATS = (np.float16, np.float32, np.float64)
 """Types of coordinates that float64 holds exactly."""
 
@@ -57,24 +55,11 @@ def points(
 ) -> Any:
     """Return points in their own dtype; raise unless they are in [0, 1)^d.
 
-    Parameters
-    ----------
-    value : ArrayLike
-        From NumPy, JAX, or nested lists.
-    name : str
-        Name of the argument, for messages.
-    least, least_dims, most_dims : int
-        Allowed numbers of points and dimensions.
-    vector : bool
-        Whether an array of one axis is a set in one dimension.
-    traced : bool
-        Whether JAX may trace them; their values are not checked then.
-    dtypes : tuple
-        Allowed dtypes of coordinates: floats in [0, 1), or uint32 fractions of 2**32.
-
-    Returns
-    -------
-    array, shape (n, d), or a Tracer of this shape
+    ``value``: from NumPy, JAX, or nested lists. ``name``: name of the argument, for messages. ``least``,
+    ``least_dims``, ``most_dims``: allowed numbers of points and dimensions. ``vector``: whether an array of
+    one axis is a set in one dimension. ``traced``: whether JAX may trace them; their values are not checked
+    then. ``dtypes``: allowed dtypes of coordinates: floats in [0, 1), or uint32 fractions of 2**32. Returns
+    array, shape (n, d), or a Tracer of this shape.
     """
     wanted = f"an array of {', '.join([np.dtype(dtype).name for dtype in dtypes])}"
     given: Any = value if traced and isinstance(value, Tracer) else array(name, value, wanted)
@@ -135,7 +120,7 @@ def positive(name: str, value: Any) -> float:
     return real(name, value, "positive and finite", lambda x: 0 < x < math.inf)
 
 
-def root(square: Array) -> Array:
+def root(square: Array) -> Any:
     """Return the square root of a traced number; its derivative at 0 is set to 0."""
     positive = square > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1)), 0)

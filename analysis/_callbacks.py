@@ -1,4 +1,4 @@
-"""Measures that NumPy computes, as functions of JAX: values by callbacks, derivatives where they are attained.
+"""Measures that NumPy computes, as functions of JAX: values by callbacks, and exact derivatives.
 
 The supremum that defines such a measure is attained at a pair, a box or a ball of a few points. Where it is
 attained only there, the measure has the derivative of that pair, box or ball; at ties that of one of them.
@@ -15,8 +15,6 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-__all__ = ["Attained", "called_back", "counted"]
-
 Floats = NDArray[np.float64]
 Attained = tuple[float | Floats, NDArray[np.integer], Floats]
 """A value of shape S, the indices of the m points that determine it, S + (m,), and its derivatives with
@@ -29,7 +27,7 @@ def called_back(
     points: Array,
     shape: tuple[int, ...],
     most: int,
-) -> Array:
+) -> Any:
     """Return a measure of traced points, shape (n, d).
 
     Parameters

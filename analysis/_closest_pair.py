@@ -19,8 +19,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["closest_pair"]
-
 _SLACK = 1 + 2.0**-20
 """Bars are wider than needed by this factor: more than all rounding errors."""
 
@@ -95,10 +93,8 @@ class _Closest:
 class _Bars(NamedTuple):
     columns: Floats
     """The points, sorted by bar and first coordinate."""
-
     keys: NDArray[np.int64]
     """The number of the bar, then the first coordinate, relative to the smallest and times ``scale``."""
-
     scale: float
 
     def window(self, best: _Closest) -> int:

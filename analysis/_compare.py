@@ -22,8 +22,6 @@ from qmcjax.rendering import render
 from qmcjax.samplers import Sampler, as_sampler
 from qmcjax.scenes import as_scene
 
-__all__ = ["compare"]
-
 MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
     "RMS error": lambda image, reference: float(np.sqrt(np.mean((image - reference) ** 2))),
     "filtered error": filtered_error,
@@ -61,16 +59,12 @@ def compare(
         Each is a sampler, or a function that makes one from those of ``width``, ``height``, ``spp`` and
         ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once, without confidence
         intervals.
-    scenes : mapping of names to scenes
-        With a ``reference(width, height)``.
-    spps : iterable of int
-        Different numbers of samples per pixel.
-    width, height : int
-        Size of the images in pixels, at least 32.
+    scenes : mapping of names to scenes, with a ``reference(width, height)``
+    spps : iterable of int, different numbers of samples per pixel
+    width, height : int, size of the images in pixels, at least 32
     keys : int
         Number of images, with keys 0, 1, ...; fewer than 4 give neither intervals nor ranks.
-    progress : callable, optional
-        Called with the finished fraction in (0, 1].
+    progress : callable, optional, called with the finished fraction in (0, 1]
 
     Returns
     -------
@@ -217,7 +211,6 @@ def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> C
 
 
 def _has_spectrum(image: NDArray, reference: NDArray) -> bool:
-    """Whether errors differ between pixels."""
     return bool(np.ptp(image - reference) > 0)
 
 

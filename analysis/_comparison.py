@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks, student
 
-__all__ = ["Comparison", "ComparisonRow"]
-
 
 @dataclass(frozen=True)
 class ComparisonRow:

@@ -23,8 +23,6 @@ from qmcjax.rendering import render
 from qmcjax.samplers import as_sampler
 from qmcjax.scenes import as_scene
 
-__all__ = ["ConvergenceRow", "ConvergenceTable", "convergence"]
-
 
 @dataclass(frozen=True)
 class ConvergenceRow:
@@ -76,7 +74,6 @@ class ConvergenceTable:
 
         Parameters
         ----------
-        sampler, region : str
         level : float
             In (0, 1): the probability that the interval contains the slope, if the logarithms of errors are
             independent and normal around a line. It does not account for curvature.
@@ -145,10 +142,8 @@ def convergence(
     samplers : mapping of names to samplers
         Each is a Sampler, or a function from the samples per pixel to one: nets and contiguous
         samplers are made for one number of samples.
-    spps : iterable of int
-        Different numbers of samples per pixel, at least 1.
-    width, height : int
-        In [1, 65536].
+    spps : iterable of int, different numbers of samples per pixel, at least 1
+    width, height : int, in [1, 65536]
     regions : mapping of names to numpy indices, optional
         Selections from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a mask. By
         default the whole image, and its "upper" and "lower" half: the first ``height // 2`` rows and the
@@ -158,8 +153,7 @@ def convergence(
     reference : (image, bound), optional
         Replaces the scene's own: an image of shape (height, width) or (height, width, 3), and one bound on
         the errors of its values or an array of bounds, as returned by :func:`qmcjax.estimated_reference`.
-    progress : callable, optional
-        Called with the finished fraction in (0, 1] after each image.
+    progress : callable, optional, called with the finished fraction in (0, 1] after each image
     checkpoint : path or Checkpoint, optional
         A file for the rows of finished images, written every half minute. Calling the function again with the
         same arguments resumes from it, with the times that were measured then. The file is not deleted. Use
@@ -168,7 +162,6 @@ def convergence(
         Devices, as in :func:`qmcjax.render`. All its processes make the same call and share the images; the
         devices of a process share the pixels of an image. Each process gets all rows. The time of an image is
         that of its process, while the others render theirs.
-
 
     Raises
     ------
@@ -318,7 +311,6 @@ def _timed(
 
 
 def _errors(image: Array, reference: NDArray, regions: Mapping[str, Any]) -> dict[str, float]:
-    """Return the root mean square error of each region."""
     if image.shape != reference.shape:
         raise ValueError(
             f"reference must have the shape of the scene's image {image.shape}, got {reference.shape}"

@@ -15,17 +15,6 @@ from numpy.typing import NDArray
 
 from analysis._callbacks import Attained
 
-__all__ = [
-    "CriticalGrid",
-    "LocalDiscrepancy",
-    "attained_by_box",
-    "contained",
-    "critical_grid",
-    "local_discrepancy",
-    "of_corner",
-    "rounding",
-]
-
 
 class LocalDiscrepancy(float):
     """The local discrepancy of one box: a float with the box's ends; of several, ``max`` keeps the box."""

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["curve_length", "segment_counts"]
-
 
 class Order(Protocol):
     @property
@@ -32,15 +30,12 @@ def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
 
     Parameters
     ----------
-    order : Order
-        Any object with ``width``, ``height`` and ``position``.
-    radius : int
-        In [0, 65535]; 1 for 3 x 3 neighbourhoods.
+    order : Order, any object with ``width``, ``height`` and ``position``
+    radius : int, in [0, 65535]; 1 for 3 x 3 neighbourhoods
 
     Returns
     -------
-    int64 array, shape (height, width)
-        At least 1.
+    int64 array, shape (height, width), at least 1
 
     Notes
     -----
@@ -98,8 +93,7 @@ def curve_length(order: Order) -> float:
 
     Parameters
     ----------
-    order : Order
-        Any object with ``width``, ``height`` and ``position``.
+    order : Order, any object with ``width``, ``height`` and ``position``
 
     Returns
     -------

@@ -15,8 +15,6 @@ from analysis._ranks_program import improved
 from analysis._star_discrepancy import star_discrepancy
 from qmcjax.core import checks
 
-__all__ = ["DiscrepancySearch", "search_discrepancy"]
-
 _LARGEST = {2: 4096, 3: 512}
 """Maximum number of points in two and three dimensions: beyond, one set of ranks would take minutes."""
 
@@ -50,13 +48,10 @@ class DiscrepancySearch(NamedTuple):
 
     points: NDArray[np.float64]
     """Shape (n, dims), in [0, 1)^dims, in the order of the first coordinate."""
-
     discrepancy: float
     """Their star discrepancy, as computed by :func:`star_discrepancy`."""
-
     steps: int
     """Number of steps taken."""
-
     seconds: float
     """Run time."""
 
@@ -76,13 +71,11 @@ class _Ranked:
             self.state = [ends, ranks, np.ascontiguousarray(order)]
 
     def copy(self) -> "_Ranked":
-        """Return an independent copy."""
         other = object.__new__(_Ranked)
         other.dims, other.level, other.state = self.dims, self.level, [array.copy() for array in self.state]
         return other
 
     def points(self) -> NDArray[np.float64]:
-        """Return the points."""
         if self.dims == 2:
             x, y, of_x, _ = self.state
             return np.stack([x, y[of_x]], axis=1)
@@ -133,13 +126,11 @@ def search_discrepancy(
 
     Parameters
     ----------
-    n : int
-        In [2, 4096] in two dimensions, in [2, 512] in three.
+    n : int, in [2, 4096] in two dimensions, in [2, 512] in three
     seconds : float, optional
         When to stop, positive. None stops by ``steps`` alone.
     key : jax.random.key, or int in [0, 2**32)
-    dims : int
-        2 or 3.
+    dims : int, 2 or 3
     steps : int, optional
         Maximum number of steps, positive. With ``seconds=None``, the result is a function of the
         other arguments.
@@ -148,8 +139,7 @@ def search_discrepancy(
 
     Returns
     -------
-    DiscrepancySearch
-        With ``points``, float64, and their exact ``discrepancy``.
+    DiscrepancySearch, with ``points``, float64, and their exact ``discrepancy``
 
     Notes
     -----

@@ -20,7 +20,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
@@ -29,8 +28,6 @@ from scipy.spatial import Delaunay, KDTree
 from analysis import _arguments
 from analysis._callbacks import Attained, called_back
 from qmcjax.core import checks
-
-__all__ = ["dispersion"]
 
 _ROUNDING = 2.0**-36
 """Relative effect of rounding errors on a radius."""
@@ -47,7 +44,7 @@ _COUNTED = 2**16
 Floats = NDArray[np.float64]
 
 
-def dispersion(points: ArrayLike, torus: bool = True) -> float | Array:
+def dispersion(points: ArrayLike, torus: bool = True) -> float:
     """Return the largest distance of a point in the unit cube to the nearest of the given points.
 
     It is also known as the covering radius.
@@ -56,8 +53,7 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float | Array:
     ----------
     points : float ArrayLike, shape (n, d)
         At least one point in [0, 1)^d, d at most 3. Computed in float64, in which float32 points are exact.
-    torus : bool
-        Whether the unit cube is repeated periodically; otherwise only points of the cube count.
+    torus : bool, whether the unit cube is repeated periodically; otherwise only points of the cube count
 
     Returns
     -------
@@ -228,7 +224,6 @@ def _upper_bound(points: Floats, torus: bool) -> float:
 
 
 def _copies(points: Floats, low: Floats, high: Floats, torus: bool) -> Floats:
-    """Return the points and copies that are in a box."""
     for axis in range(points.shape[1]):
         parts = [points]
         for sign in (-1, 1):

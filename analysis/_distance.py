@@ -10,7 +10,6 @@ import math
 from typing import Any
 
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
@@ -19,16 +18,6 @@ from analysis import _arguments
 from analysis._callbacks import Attained, called_back
 from analysis._closest_pair import closest_pair
 from qmcjax.core import checks
-
-__all__ = [
-    "checked_tiling",
-    "directions",
-    "min_distance",
-    "packing_distance",
-    "squared_min_distance",
-    "tree",
-    "unfold",
-]
 
 _MARGIN = 1 + 2.0**-40
 """Radius of the search for exact minima: more than the tree's rounding errors."""
@@ -41,15 +30,14 @@ _INTEGERS = 2.0**53
 """Smaller sums of squares of integers are exact in float64."""
 
 
-def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> float | Array:
+def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> float:
     """Return the smallest distance of two points, Eq. 5.5 of [1]_.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d)
         At least two points in [0, 1)^d. Computed in float64, in which float32 points are exact.
-    torus : bool
-        Whether the unit cube is repeated periodically; otherwise it stands alone.
+    torus : bool, whether the unit cube is repeated periodically; otherwise it stands alone
     shear : float
         Two-dimensional tilings only: each row of tiles is shifted by ``shear`` in x against the row
         below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Its
@@ -122,7 +110,7 @@ def directions(
     """Return unit vectors to points, shape (m, d), from the nearest copies of others; 0 from equal ones."""
     difference = ends - starts
     if torus:
-        rows = np.rint(difference[:, 1:2]) + [-1, 0, 1] if shear else np.zeros((1, 1))
+        rows = np.rint(difference[:, 1:2]) + np.arange(-1, 2) if shear else np.zeros((1, 1))
         along = difference[:, :1] - shear * rows
         along = along - np.rint(along)
         if shear:
@@ -142,18 +130,15 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     ----------
     points : integer ArrayLike, shape (n, d)
         At least two points in {0, ..., side - 1}^d.
-    side : int
-        In [1, 2**32]: with 2**32 the points may be 32-bit fractions.
-    torus : bool
-        Whether the cube of this side is repeated periodically.
+    side : int, in [1, 2**32]: with 2**32 the points may be 32-bit fractions
+    torus : bool, whether the cube of this side is repeated periodically
     shear : int
         Two-dimensional tilings only: the shift of each row of tiles against the row below, in
         [-side, side]. ``2**(m - 2)`` for the permutation nets with even m, Fig. 5.18 of [1]_.
 
     Returns
     -------
-    int
-        The numerator under the root in Table 5.1 of [1]_.
+    int, the numerator under the root in Table 5.1 of [1]_
 
     References
     ----------

@@ -19,8 +19,6 @@ from jax.typing import ArrayLike
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["riesz_energy", "soft_min_distance"]
-
 _PAIRS = 2**19
 """Pairs per batch of rows, if there is more than one row."""
 
@@ -37,8 +35,7 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
         At least two points in [0, 1)^d. The sum has the precision of the points, whatever the global flag.
     exponent : float
         s, at least 0; 0 stands for the logarithmic energy, the sum of -log d_ij.
-    torus : bool
-        Whether the distance is that to the nearest periodic copy; otherwise it is Euclidean.
+    torus : bool, whether the distance is that to the nearest periodic copy; otherwise it is Euclidean
 
     Returns
     -------
@@ -106,7 +103,6 @@ def _checked(points: Any, torus: Any) -> tuple[Any, bool]:
 class _Measure(NamedTuple):
     row: Callable[[Array, Array], tuple[Array, Array]]
     """Maps squared distances of a point to all (infinity to itself) and s to a sum and its derivatives."""
-
     combine: Callable[[Array], Array]
     """Maps all these sums, which count each pair twice, to the measure."""
 

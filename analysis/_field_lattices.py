@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 
 from analysis._loops import compiled
 
-__all__ = ["FieldLattice", "nearby", "random_lattice", "section"]
-
 Floats = NDArray[np.float64]
 
 _GOLDEN = (1 + np.sqrt(np.array([5.0, 5.0])) * [1, -1]) / 2

@@ -6,14 +6,11 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._spectra import error_spectrum, radial_average
-
-__all__ = ["filtered_error", "low_frequency_power", "weighted_rms"]
 
 _WIDE = 0.4
 """About 1 / sqrt(2 pi): the Gaussian that is its own transform."""
@@ -22,15 +19,14 @@ _TERMS = 8
 """Both sums have fewer terms than this on each side: further terms are below 1e-60."""
 
 
-def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float | Array:
+def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float:
     """Return the root mean square of an image's error after a Gaussian filter.
 
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
         Of equal shape. The image is taken as periodic.
-    sigma : float
-        Standard deviation of the filter in pixels, positive.
+    sigma : float, standard deviation of the filter in pixels, positive
 
     Returns
     -------
@@ -57,7 +53,7 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     return weighted_rms(error, _transfer(height, sigma)[:, None] * _transfer(width, sigma))
 
 
-def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float | Array:
+def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float:
     """Return the root mean square of an error, shape (height, width, channels), with its waves weighted."""
     traced = isinstance(error, Tracer)
     xp: Any = jnp if traced else np
@@ -87,7 +83,7 @@ def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
         return copies / copies[0]
 
 
-def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float | Array:
+def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
     """Return the mean radial power of an image's error below a frequency: 1 for white noise.
 
     Parameters
@@ -111,5 +107,5 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
     below = frequency < cutoff * max(np.shape(image)[:2])
     if not below.any():
         raise ValueError(f"cutoff must be above one cycle per image, got {cutoff!r} for {np.shape(image)}")
-    mean = power[below].mean()
+    mean: Any = power[below].mean()
     return mean if isinstance(mean, Tracer) else float(mean)

@@ -20,8 +20,6 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
-__all__ = ["direct_gradient", "direct_sums", "fast_sums"]
-
 _BATCH = 2**20
 """Numbers in one batch of waves or of kernel values, if there is more than one point."""
 
@@ -35,15 +33,8 @@ _SHAPE = 2.30 * _WIDTH
 def direct_sums(points: Array, highest: int) -> Array:
     """Return the sums at frequencies -highest..highest along all axes but the last, 0..highest along that.
 
-    Parameters
-    ----------
-    points : float64 Array, shape (n, d)
-    highest : int
-        At least 1, below 2^26.
-
-    Returns
-    -------
-    complex128 Array, shape (2 * highest + 1,) * (d - 1) + (highest + 1,)
+    ``points``: float64 Array, shape (n, d). ``highest``: at least 1, below 2^26. Returns complex128 Array,
+    shape (2 * highest + 1,) * (d - 1) + (highest + 1,).
     """
     dims = points.shape[1]
     both, positive = np.arange(-highest, highest + 1.0), np.arange(highest + 1.0)
@@ -66,14 +57,8 @@ def direct_gradient(points: Array, factors: Array) -> Array:
     That is 2 pi times the imaginary part of sum_k factor(k) k_j exp(-2 pi i k.x), for each point x and
     coordinate j: two matrix products over the last axis, with and without k_j.
 
-    Parameters
-    ----------
-    points : float64 Array, shape (n, d)
-    factors : complex128 Array, shape (2 * highest + 1,) * (d - 1) + (highest + 1,)
-
-    Returns
-    -------
-    float64 Array, shape (n, d)
+    ``points``: float64 Array, shape (n, d). ``factors``: complex128 Array, shape (2 * highest + 1,) * (d - 1)
+    + (highest + 1,). Returns float64 Array, shape (n, d).
     """
     n, dims = points.shape
     highest = factors.shape[-1] - 1

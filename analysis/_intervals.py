@@ -8,15 +8,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._callbacks import counted
 from qmcjax.core import checks, finite_field
-
-__all__ = ["cells", "fractions", "interval_counts", "is_latin_hypercube", "is_stratified"]
 
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
 """Maximum number of intervals along an axis that a dtype can resolve."""
@@ -27,7 +24,7 @@ _LOG_COUNTS = 28
 """At most 2**28 intervals are counted in one array."""
 
 
-def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> NDArray[np.int64] | Array:
+def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> NDArray[np.int64]:
     """Count the points in each elementary interval of one shape (Definition 3 of [1]_).
 
     Parameters
@@ -36,8 +33,7 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
         As for :func:`analysis.t_value`, but any number of points.
     digits : sequence of s ints
         d_1, ..., d_s: the interval's sides are base**-d_j. At most 2**28 intervals, and 64 coordinates.
-    base : int
-        In [2, 65535].
+    base : int, in [2, 65535]
 
     Returns
     -------
@@ -65,7 +61,7 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     return _counts(given, sides).reshape(sides)
 
 
-def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bool | Array:
+def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bool:
     """Return whether all elementary intervals of one shape contain equally many points.
 
     Parameters
@@ -92,7 +88,7 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     return bool((counts == counts[0]).all())
 
 
-def is_latin_hypercube(points: ArrayLike) -> bool | Array:
+def is_latin_hypercube(points: ArrayLike) -> bool:
     """Return whether, for each coordinate, each of n equal intervals contains one of the n points.
 
     Parameters
@@ -142,7 +138,6 @@ def cells(points: NDArray, count: int) -> NDArray[np.int64]:
 
 
 def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
-    """Return the number of intervals along each axis."""
     base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
     if not isinstance(digits, Sequence | np.ndarray) or isinstance(digits, str):
         raise TypeError(f"digits must be {dims} integers, one per coordinate, got {checks.shown(digits)}")

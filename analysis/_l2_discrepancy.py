@@ -17,15 +17,6 @@ from analysis._l2_merges import many_points_discrepancy
 from analysis._l2_pairs import pair_sum
 from analysis._loops import COMPILED
 
-__all__ = [
-    "centered_discrepancy",
-    "l2_star_discrepancy",
-    "mixture_discrepancy",
-    "periodic_discrepancy",
-    "symmetric_discrepancy",
-    "wraparound_discrepancy",
-]
-
 _POINTS = 2**24
 """Maximum number of points: beyond, sums over all pairs would not be exact."""
 
@@ -171,8 +162,7 @@ def symmetric_discrepancy(points: ArrayLike) -> Array:
 
     Returns
     -------
-    float64 Array, shape ()
-        Twice the L2 star discrepancy in one dimension.
+    float64 Array, shape (), twice the L2 star discrepancy in one dimension
 
     References
     ----------

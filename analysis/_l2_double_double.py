@@ -12,8 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-__all__ = ["Wide", "add", "constant", "multiply", "product", "rounded", "total", "two_product", "two_sum"]
-
 Wide = tuple[Array, Array]
 """A float64 array and the error of rounding to it."""
 

@@ -9,8 +9,6 @@ from jax import Array
 from analysis._l2_double_double import Wide, add, constant, multiply, two_product
 from qmcjax.core.pytrees import pytree
 
-__all__ = ["CENTERED", "MIXTURE", "PERIODIC", "STAR", "SYMMETRIC", "WRAPAROUND", "Kernel"]
-
 
 @pytree
 @dataclass(frozen=True)
@@ -76,7 +74,6 @@ class Kernel:
         return [zero, lower, one][:rank], [upper, zero, -2 * self.square * one][:rank]
 
     def _quadratic(self, x: Array, first: Array | float, second: Array | float) -> Wide:
-        """Return e(x) + first x + second x^2."""
         one = jnp.ones_like(x)
         line = two_product((self.linear + first) * one, x)
         bent = two_product(self.bend * one, jnp.abs(x - 0.5))
@@ -84,7 +81,6 @@ class Kernel:
         return add(add(line, bent), curve)
 
     def _with_third(self, whole: Array | float, thirds: Array | float) -> Wide:
-        """Return whole + thirds / 3."""
         one = jnp.ones(())
         return add((whole * one, 0 * one), multiply((thirds * one, 0 * one), constant(Fraction(1, 3))))
 

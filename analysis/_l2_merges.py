@@ -20,8 +20,6 @@ from analysis._l2_merges_space import merge_space, room_in_space, sort_space
 from analysis._l2_scalars import Scalars, add, multiply, quadratic
 from analysis._loops import compiled
 
-__all__ = ["many_points_discrepancy"]
-
 _PARTS = 16
 """Parts that threads share before they are merged: the last merges keep fewer threads busy."""
 

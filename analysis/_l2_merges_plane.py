@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from analysis._l2_scalars import Scalars, add, factor, multiply
 from analysis._loops import compiled
 
-__all__ = ["merge_plane", "room_in_plane", "sort_plane"]
-
 Floats = NDArray[np.float64]
 
 

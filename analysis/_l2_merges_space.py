@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from analysis._l2_scalars import Scalars, add, factor, multiply
 from analysis._loops import compiled
 
-__all__ = ["merge_space", "room_in_space", "sort_space"]
-
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Room = tuple[Floats, Flags, Floats, Flags]

@@ -21,8 +21,6 @@ from jax import Array, lax
 from analysis._l2_double_double import Wide, add, product, rounded, total, two_product, two_sum
 from analysis._l2_kernels import Kernel
 
-__all__ = ["pair_sum"]
-
 _TOGETHER = 4
 """Pairs that are added before they are split: saves operations, costs no accuracy."""
 
@@ -39,16 +37,8 @@ Sums = tuple[Wide, Array]
 def pair_sum(points: Array, kernel: Kernel, strips: int, rank: int, gradient: bool) -> Sums:
     """Return the sum of the kernel over all ordered pairs, a point and itself included.
 
-    Parameters
-    ----------
-    points : float64 Array, shape (n, d)
-    kernel : Kernel
-    strips : int
-        Number of strips per axis.
-    rank : int
-        Rank of the kernel; no effect with one strip.
-    gradient : bool
-        Whether to return derivatives.
+    ``points``: float64 Array, shape (n, d). ``strips``: number of strips per axis. ``rank``: rank of the
+    kernel; no effect with one strip. ``gradient``: whether to return derivatives.
     """
     if strips == 1:
         value, gradients = _all_pairs(points, kernel, gradient)

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from analysis._loops import compiled, fused
 
-__all__ = ["Scalars", "add", "factor", "multiply", "quadratic", "two_product", "two_sum"]
-
 Scalars = tuple[float, float]
 """A number and its rounding error."""
 

@@ -5,8 +5,6 @@ from fractions import Fraction
 from importlib.util import find_spec
 from typing import Any
 
-__all__ = ["COMPILED", "compiled", "fused"]
-
 COMPILED = find_spec("numba") is not None
 """Whether they are compiled; else they take a hundred times as long."""
 

@@ -23,8 +23,6 @@ from analysis import _arguments
 from analysis._distance import squared_min_distance
 from qmcjax.core import checks
 
-__all__ = ["MatrixSearch", "search_matrices"]
-
 LARGEST = 16
 """Bits of the words of coordinates; their differences wrap as on the torus."""
 
@@ -43,13 +41,10 @@ class MatrixSearch(NamedTuple):
 
     matrices: NDArray[np.uint8]
     """The upper left parts of C_1 and C_2, shape (2, M, M) for the largest target's M."""
-
     squared: dict[int, int]
     """The squared minimum distance of each net with a target."""
-
     reached: bool
     """Whether all of them reach their targets."""
-
     steps: int
     """Number of matrices tried."""
 
@@ -127,8 +122,7 @@ def search_matrices(
     dims : int
         3 to measure the (0,m,3)-nets of the points (i / 2**m, C_1 i, C_2 i), 2 for the (0,m,2)-nets of
         the first 2**m points of the sequence, truncated to m digits.
-    seed : int
-        In [0, 2**32).
+    seed : int, in [0, 2**32)
     steps : int
         Maximum number of matrices to try. Positive.
     budget_s : float
@@ -219,7 +213,6 @@ def _energy(nets: list[_Net], triangles: NDArray[np.uint8], limit: float) -> flo
 
 
 def _matrices(triangles: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return C_1 = L_1 U and C_2 = L_2 P U."""
     index = np.arange(triangles.shape[1])
     pascal = (index[:, None] & index == index[:, None]).astype(np.uint8)
     upper = triangles[2].T

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._callbacks import Attained, called_back
 from analysis._distance import checked_tiling, directions, packing_distance, tree, unfold
-
-__all__ = ["NearestStatistics", "nearest_distances", "nearest_statistics"]
 
 
 @jax.tree_util.register_dataclass
@@ -33,28 +31,21 @@ class NearestStatistics:
 
     minimum: float
     """The minimum distance of the set."""
-
     mean: float
     """The mean distance of a point to its nearest neighbour."""
-
     deviation: float
     """The root of the mean square difference from the mean."""
-
     maximum: float
     """The largest distance of a point to its nearest neighbour."""
-
     relative_minimum: float | None
     """The minimum relative to that of the densest packing of n points per unit volume (Lagae and Dutre): at
     most 1 on the torus. None above three dimensions."""
-
     clark_evans: float
     """The mean relative to that of a Poisson process with n points per unit volume (Clark and Evans): 1 for
     random points, less for clustered, more for evenly spaced ones. Without a torus the boundary raises it."""
 
 
-def nearest_distances(
-    points: ArrayLike, torus: bool = True, shear: float = 0.0
-) -> NDArray[np.float64] | Array:
+def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> NDArray[np.float64]:
     """Return the distance of each point to the nearest other point.
 
     Parameters
@@ -129,7 +120,7 @@ def nearest_statistics(points: ArrayLike, torus: bool = True, shear: float = 0.0
     distances = nearest_distances(points, torus, shear)
     n, dims = np.shape(points)
     traced = isinstance(distances, Tracer)
-    number = jnp.asarray if traced else float
+    number: Any = jnp.asarray if traced else float
     deviation = _arguments.root(distances.var()) if traced else distances.std()
     minimum, mean = number(distances.min()), number(distances.mean())
     # The probability of a ball without a point is exp(-n V): the mean is Gamma(1 + 1/d) times the radius with

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from analysis._curves import Order, positions
 from qmcjax import sequences
 
-__all__ = ["neighbour_differences"]
-
 
 def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the differences of the positions of pixels that share an edge, or of their radical inverses.
@@ -21,17 +19,14 @@ def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArra
 
     Parameters
     ----------
-    order : Order
-        Any object with ``width``, ``height`` and ``position``.
-    base : int, optional
-        In [2, 65536]: take the radical inverses of the positions in this base, in float64.
+    order : Order, any object with ``width``, ``height`` and ``position``
+    base : int, optional, in [2, 65536]: take the radical inverses of the positions in this base, in float64
 
     Returns
     -------
     across : int64 or float64 array, shape (height, width - 1)
         The absolute difference between pixels (x, y) and (x + 1, y) is element [y, x].
-    down : int64 or float64 array, shape (height - 1, width)
-        The same between (x, y) and (x, y + 1).
+    down : int64 or float64 array, shape (height - 1, width), the same between (x, y) and (x, y + 1)
 
     References
     ----------

@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks, finite_field
 
-__all__ = ["MatrixNet", "matrix_net"]
-
 _WORD = 32
 
 

@@ -21,8 +21,6 @@ from analysis import _arguments
 from analysis._distance import squared_min_distance
 from qmcjax.core import checks
 
-__all__ = ["NetSearch", "search_net"]
-
 _LARGEST = {2: 8, 3: 5}
 """Largest m by dims: beyond, the tables of mutual exclusion could take gigabytes."""
 
@@ -34,10 +32,8 @@ class NetSearch:
     points: NDArray[np.int64] | None
     """The best net, shape (2**m, dims), on the grid of side 2**m in order of the first coordinate;
     None if no net was found."""
-
     squared_distance: int | None
     """The square of its toroidal minimum distance on this grid."""
-
     exhausted: bool
     """Whether the search was complete. This proves that no net of this m has a larger distance, or,
     if none was found, that none reaches the requested distance."""
@@ -53,8 +49,7 @@ def search_net(
     m : int
         In [1, 8] in two dimensions, in [1, 5] in three. The search ends within seconds for m <= 5 in two
         and m <= 4 in three dimensions; beyond, request a distance and set a budget.
-    dims : int
-        2 or 3: in more dimensions there are no such nets with m > 1.
+    dims : int, 2 or 3: in more dimensions there are no such nets with m > 1
     minimum_squared_distance : int
         Only nets of at least this distance, squared and in units of the grid, count. Larger values end
         branches sooner.
@@ -63,8 +58,7 @@ def search_net(
 
     Returns
     -------
-    NetSearch
-        Always the same without a budget, or with a sufficient one.
+    NetSearch, always the same without a budget, or with a sufficient one
 
     Notes
     -----

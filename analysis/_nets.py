@@ -9,7 +9,6 @@ from typing import Any, Protocol
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
@@ -19,12 +18,10 @@ from analysis._intervals import cells, fractions
 from analysis._net_matrices import matrix_net
 from qmcjax.core import checks, finite_field
 
-__all__ = ["projection_t_values", "t_value"]
-
 _ONE_INTEGER = jax.ShapeDtypeStruct((), jnp.int32)
 
 
-def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int | Array:
+def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int:
     """Return the quality parameter t of a net: the smallest t for which it is a (t,m,s)-net.
 
     The base**m points are a (t,m,s)-net if every elementary interval of volume base**(t - m) contains
@@ -40,8 +37,7 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
         with column k of C_j as a word, its first row in bit 31 (the ``matrices`` of a digital
         sequence in base 2; without ``m`` these would be taken for points). Integers of three axes
         (s, rows, columns) are always generator matrices, over F_base, with entries modulo the base.
-    base : int
-        In [2, 65535]; a prime for matrices.
+    base : int, in [2, 65535]; a prime for matrices
     m : int, optional
         The net is the first base**m points of the matrices' sequence (any aligned block has the same
         t), given by their upper left m x m parts. By default the number of columns, for three axes.
@@ -85,15 +81,14 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
 
 def projection_t_values(
     points_or_matrices: ArrayLike, base: int = 2, m: int | None = None, size: int = 2
-) -> dict[tuple[int, ...], int] | dict[tuple[int, ...], Array]:
+) -> dict[tuple[int, ...], int]:
     """Return t of the projections of a net onto all pairs of coordinates, all triples, and so on.
 
     Parameters
     ----------
     points_or_matrices, base, m
         As for :func:`t_value`.
-    size : int
-        The number of coordinates of a projection, in [1, s].
+    size : int, the number of coordinates of a projection, in [1, s]
 
     Returns
     -------

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["OptimizedPoints", "optimize_points"]
-
 _BELOW_ONE = float(np.nextafter(1.0, 0.0))
 
 
@@ -48,8 +46,7 @@ def optimize_points(
 
     Returns
     -------
-    OptimizedPoints
-        ``points`` and ``values``.
+    OptimizedPoints, ``points`` and ``values``
 
     Notes
     -----

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 
-__all__ = ["OptimizedScrambling", "optimize_scrambling"]
-
 Floats = NDArray[np.float64]
 
 _RATE, _FIRST, _SECOND, _TINY = 0.1, 0.9, 0.99, 1e-12
@@ -61,25 +59,20 @@ def relaxed(points: NDArray[np.int64]) -> Relaxed:
 
 
 def optimize_scrambling(
-    points: ArrayLike,
-    measure: Callable[[Array], Array],
-    steps: int,
-    key: Array | int = 0,
+    points: ArrayLike, measure: Callable[[Array], Array], steps: int, key: Array | int = 0
 ) -> OptimizedScrambling:
     """Scramble a net to decrease a differentiable measure, by the gradient of relaxed permutations.
 
     Parameters
     ----------
-    points : int ArrayLike, shape (n, d)
-        Coordinates times n, in [0, n), of n = 2^m points, m from 1 to 16.
+    points : int ArrayLike, shape (n, d), coordinates times n, in [0, n), of n = 2^m points, m from 1 to 16
     measure : callable
         From float64 points, shape (n, d), in the centres of their cells, to a scalar that JAX differentiates,
         finite for the given points as is its gradient, for example :func:`l2_star_discrepancy`. It may depend
         on the order of the points, as errors of pixels do.
     steps : int
         Number of values with gradients in the descent, at least 1. At most three times as many values follow.
-    key : jax.random.key, or int in [0, 2**32)
-        Of the scrambling at the start of the descent.
+    key : jax.random.key, or int in [0, 2**32), of the scrambling at the start of the descent
 
     Returns
     -------
@@ -152,13 +145,11 @@ class _Search:
         self.values: list[float] = []
 
     def value(self, kept: Floats) -> float:
-        """Return the measure at numbers of -1 and 1."""
         with jax.enable_x64(True):
             self.values.append(float(self._value(kept)))
         return self.values[-1]
 
     def value_and_gradient(self, kept: Floats) -> tuple[float, Floats]:
-        """Return the measure and its gradient there."""
         value, slope = self._both(kept)
         self.values.append(value)
         return value, slope

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from jax import Array
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._filtered import weighted_rms
 
-__all__ = ["perceived_error"]
 
-
-def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 2000.0) -> float | Array:
+def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 2000.0) -> float:
     """Return the root mean square of an image's error, weighted by the contrast sensitivity of the eye.
 
     Parameters

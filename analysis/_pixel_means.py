@@ -14,8 +14,6 @@ from qmcjax.core import checks, devices, parts, plug_ins, summation
 from qmcjax.core.pytrees import is_traced, jit
 from qmcjax.samplers import as_sampler
 
-__all__ = ["pixel_means"]
-
 
 def pixel_means(
     function: Callable[[Array], Array],
@@ -38,10 +36,8 @@ def pixel_means(
         From points, shape (height, width, len(dims)), to values, shape (height, width, ...). The same
         function object compiles once.
     sampler : Sampler
-    width, height : int
-        In [1, 65536].
-    spp : int
-        Samples per pixel, at least 1 and as many as the sampler allows.
+    width, height : int, in [1, 65536]
+    spp : int, samples per pixel, at least 1 and as many as the sampler allows
     dims : tuple of int
         The coordinates of the points: the position in the pixel by default. Samplers that use one net for the
         whole screen have used these for the pixel: take later ones.
@@ -121,5 +117,6 @@ def _means(
         return summation.value(state) / spp.astype(dtype)
 
     starts = np.arange(0, height, rows, dtype=np.uint32)
-    made = parts.mapped(of_rows, mesh, traced, starts, function, sampler, spp)
+    mapped = parts.differentiable if traced else parts.mapped
+    made = mapped(of_rows, mesh, starts, function, sampler, spp)
     return made.reshape(-1, *made.shape[2:])[:height]

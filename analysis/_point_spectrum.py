@@ -14,8 +14,6 @@ from analysis import _arguments
 from analysis._fourier_sums import direct_gradient, direct_sums, fast_sums
 from qmcjax.core import checks
 
-__all__ = ["point_spectrum"]
-
 _FREQUENCIES = 2**24
 """Maximum number of frequencies: the grid of the FFT has at least 2^d times as many."""
 

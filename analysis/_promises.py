@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler, as_sampler
 
-__all__ = ["broken_promises"]
-
 _SIDE = 32
 """Side in pixels of the tested square."""
 
@@ -32,10 +30,8 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
     Parameters
     ----------
     sampler : Sampler
-    width, height : int
-        Size of an image in pixels; points of at most 32 x 32 of them are tested.
-    spp : int
-        Samples per pixel; at most 64 are tested.
+    width, height : int, size of an image in pixels; points of at most 32 x 32 of them are tested
+    spp : int, samples per pixel; at most 64 are tested
 
     Returns
     -------

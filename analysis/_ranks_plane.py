@@ -22,8 +22,6 @@ from numpy.typing import NDArray
 
 from analysis._loops import compiled
 
-__all__ = ["tighten", "walk"]
-
 _ROUNDING = 1e-14
 """Constraints that are violated by less count as satisfied."""
 

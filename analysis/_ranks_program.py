@@ -9,8 +9,6 @@ below it. A few programs later nothing changes any more.
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["improved"]
-
 _CLOSE = 0.08
 """Boxes within this part of the discrepancy are included."""
 
@@ -32,19 +30,9 @@ Ints = NDArray[np.int64]
 def improved(ends: Floats, ranks: Ints, level: float) -> tuple[Floats, float]:
     """Return better coordinates for the same ranks, and their level.
 
-    Parameters
-    ----------
-    ends : float array, shape (3, n)
-        Sorted coordinates along each axis, all positive.
-    ranks : int array, shape (3, n)
-        Of each point along each axis.
-    level : float
-        At least the star discrepancy.
-
-    Returns
-    -------
-    float array, shape (3, n)
-    float
+    ``ends``: float array, shape (3, n): sorted coordinates along each axis, all positive. ``ranks``: int
+    array, shape (3, n): of each point along each axis. ``level``: at least the star discrepancy.
+    Coordinates are returned in the shape of ``ends``.
     """
     from scipy.optimize import linprog
     from scipy.sparse import csr_array, vstack

@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from analysis._loops import compiled
 
-__all__ = ["tighten", "walk"]
-
 _ROUNDING = 1e-13
 """Relative violations of constraints up to this do not matter."""
 

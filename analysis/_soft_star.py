@@ -12,8 +12,6 @@ from jax.typing import ArrayLike
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["soft_star_discrepancy"]
-
 _BOXES = 2**24
 """Maximum number of boxes times points."""
 
@@ -40,8 +38,8 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
     Boxes end at all combinations of the points' coordinates and 1, however these are ordered. A closed box
     counts a point up to T behind an end in part, an open one a point up to T before it, by a polynomial of
     degree 5 in between: so neither count errs to the side that makes the discrepancy small, and a box of the
-    star discrepancy has its value. The maximum D of the soft differences is that of a box whose ends are moved
-    by T at most. The soft maximum is T log(sum exp(D_q / T)) over all 2 (n + 1)^d open and closed boxes q.
+    star discrepancy has its value. The soft differences D_q are at most those of boxes whose ends are moved
+    by T. The soft maximum is T log(sum exp(D_q / T)) over all 2 (n + 1)^d open and closed boxes q.
 
     O(n^(d + 1)) time and O(n^d) memory.
 

@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from qmcjax.core import checks
 
-__all__ = ["error_spectrum", "mean_spectrum", "radial_anisotropy", "radial_average"]
 
-
-Curve: TypeAlias = NDArray[np.float64] | Array
-"""Known, or an Array of the input's dtype where JAX traces that."""
-
-
-def error_spectrum(image: ArrayLike, reference: ArrayLike) -> Curve:
+def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
     """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.
 
     The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
@@ -64,7 +57,7 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> Curve:
     return power / total
 
 
-def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
+def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the mean power in annuli of width 1 around the mean, which is left out.
 
     Parameters
@@ -99,7 +92,7 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
     return frequency.astype(np.float64), total / count.astype(total.dtype)
 
 
-def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
+def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the variation of the power along annuli of width 1: variance / mean^2, in decibels.
 
     The power of one realisation of isotropic noise is exponentially distributed at each frequency, with an
@@ -112,8 +105,7 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
 
     Returns
     -------
-    frequency : float64 array, shape (max(height, width) // 2,)
-        The annuli of :func:`radial_average`.
+    frequency : float64 array, shape (max(height, width) // 2,), the annuli of :func:`radial_average`
     anisotropy : float64 array, of the same shape
         10 log10(s^2 / mean^2), where s^2 is the sum of squared deviations divided by their number less 1:
         -inf if all are equal, NaN for annuli with a single value or zeros only. If JAX traces the spectrum,
@@ -147,7 +139,7 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], Curve]:
         spread = variance > 0
         ratio = jnp.where(spread, variance, 1) / jnp.square(jnp.where(spread, mean, 1))
         limit = jnp.where((variance == 0) & (mean != 0), -jnp.inf, jnp.nan)
-        return frequency, jnp.where(spread, 10 * jnp.log10(ratio), limit)
+        return frequency, cast(Any, jnp.where(spread, 10 * jnp.log10(ratio), limit))
     with np.errstate(divide="ignore", invalid="ignore"):
         return frequency, 10 * np.log10(squares / (count - 1) / np.square(mean))
 
@@ -162,8 +154,7 @@ def mean_spectrum(
     make : Callable
         From a key to a spectrum of points or of an error image, or to anything computed from it, such as a
         radial average. All must have one shape. One at a time is stored.
-    keys : Iterable
-        At least two keys, for independent realisations.
+    keys : Iterable, at least two keys, for independent realisations
 
     Returns
     -------

@@ -17,8 +17,6 @@ from analysis._star_regions import refine
 from analysis._threshold_accepting import threshold_accepting
 from qmcjax.core import checks
 
-__all__ = ["star_discrepancy_bounds"]
-
 _COMPARISONS = 2**29
 """Regions times points times dimensions, unless a number of regions is given."""
 
@@ -28,7 +26,7 @@ _MANY = 2**18
 
 def star_discrepancy_bounds(
     points: ArrayLike, key: Array | int = 0, regions: int | None = None
-) -> tuple[float | Array, float | Array]:
+) -> tuple[float, float]:
     """Return a lower and an upper bound of the star discrepancy, proved for every input.
 
     Parameters

@@ -9,8 +9,6 @@ bracketing cover [E. Thiemard, "An algorithm to compute bounds for the star disc
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cell_bounds"]
-
 _CELLS = 2**24
 """Upper limit of the number of cells."""
 

@@ -3,7 +3,6 @@
 from typing import Any, cast
 
 import numpy as np
-from jax import Array
 from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,8 +14,6 @@ from analysis._star_plane import plane_star_discrepancy
 from analysis._star_plane_rows import many_star_discrepancy
 from analysis._star_regions import refine
 from analysis._star_space import space_star_discrepancy
-
-__all__ = ["star_discrepancy", "worst_box"]
 
 _REGIONS = 2**22
 """Regions that are examined before the computation gives up."""
@@ -31,7 +28,7 @@ _MANY = 2**17
 """Number of points in the plane from which on compiled loops are faster, including their compilation."""
 
 
-def star_discrepancy(points: ArrayLike) -> float | Array:
+def star_discrepancy(points: ArrayLike) -> float:
     """Return the largest difference between a box's volume and its share of the points.
 
     The supremum is over the boxes anchored at the origin, [0, q) for q in [0, 1]^d. A closed box is the

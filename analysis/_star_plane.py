@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from analysis._critical_grid import LocalDiscrepancy
 
-__all__ = ["plane_star_discrepancy"]
-
 _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""
 
@@ -110,16 +108,9 @@ def _below(ranks: NDArray[np.integer], limit: int | NDArray[np.integer]) -> NDAr
 def _inside(columns: NDArray[np.int64], rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Count the points of tiles that are below certain rows and each column.
 
-    Parameters
-    ----------
-    columns : int array, shape (tiles, side)
-        Of the points in the order of x; below 0 or at least ``side`` if outside of the tile.
-    rows : int array, shape (m,), sorted
-        Numbered through all tiles.
-
-    Returns
-    -------
-    int array, shape (m, side)
+    ``columns``: int array, shape (tiles, side): of the points in the order of x; below 0 or at least ``side``
+    if outside of the tile. ``rows``: int array, shape (m,), sorted: numbered through all tiles. Returns int
+    array, shape (m, side).
     """
     side = columns.shape[1]
     tile, row = np.nonzero((columns >= 0) & (columns < side))

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from analysis._loops import compiled
 
-__all__ = ["many_star_discrepancy"]
-
 _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""
 

@@ -34,8 +34,6 @@ from numpy.typing import NDArray
 
 from analysis._critical_grid import CriticalGrid, LocalDiscrepancy, contained, local_discrepancy, of_corner
 
-__all__ = ["climb", "refine", "region_bounds"]
-
 _CELLS = 2**20
 """Regions times points in one batch: fits the cache."""
 
@@ -131,18 +129,9 @@ def _halve(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[Corners, Co
 def region_bounds(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[NDArray[np.float64], Corners]:
     """Bound the local discrepancies of regions from above, as the module's docstring proves.
 
-    Parameters
-    ----------
-    grid : CriticalGrid
-    low, high : integer arrays, shape (m, d)
-        The corners l <= h.
-
-    Returns
-    -------
-    float64 array, shape (m,)
-        The larger bound of open and closed boxes.
-    integer array, shape (m, d)
-        The corners that attain the maxima of the larger bound.
+    ``low``, ``high``: integer arrays, shape (m, d): the corners l <= h. Returns float64 array, shape (m,):
+    the larger bound of open and closed boxes; integer array, shape (m, d): the corners that attain the maxima
+    of the larger bound.
     """
     m, dims = low.shape
     n, axis = grid.n, np.arange(dims)
@@ -201,8 +190,6 @@ def region_bounds(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[NDAr
     bound_open = opened.prod(axis=1) - share + gain_open.reshape(m, dims).sum(axis=1)
     bound_closed = share - closed.prod(axis=1) + gain_closed.reshape(m, dims).sum(axis=1)
     corners = np.where(
-        (bound_open > bound_closed)[:, None],
-        corner_open.reshape(m, dims),
-        corner_closed.reshape(m, dims),
+        (bound_open > bound_closed)[:, None], corner_open.reshape(m, dims), corner_closed.reshape(m, dims)
     )
     return np.maximum(bound_open, bound_closed), corners

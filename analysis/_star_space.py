@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 
 from analysis._critical_grid import LocalDiscrepancy
 
-__all__ = ["space_star_discrepancy"]
-
 _MARGIN = 2.0**-19
 """More than the rounding errors of a bound: 32 roundings to float32 of numbers of at most 1."""
 

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from analysis._critical_grid import CriticalGrid, LocalDiscrepancy, local_discrepancy
 from analysis._star_regions import climb
 
-__all__ = ["threshold_accepting"]
-
 _CHAINS = 64
 _THRESHOLDS = 32
 """Each is used for as many moves as there are thresholds."""

@@ -21,13 +21,10 @@ class Estimate(NamedTuple):
 
     integral: Any
     """The mean of the replicates."""
-
     standard_error: Any
     """Of the mean; see :func:`integrate` for counts."""
-
     replicates: int
     """Number of replicates."""
-
     rounding: Any
     """Error by rounding, which the replicates do not show: see :func:`integrate`."""
 
@@ -41,8 +38,7 @@ class Estimate(NamedTuple):
 
         Returns
         -------
-        low, high
-            float64, in the structure of the values.
+        low, high, float64, in the structure of the values
         """
         from scipy.special import stdtrit
 

@@ -1,7 +1,6 @@
 """The mean of a function over the points of a sequence, without storing them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, overload
 
 import jax
@@ -14,10 +13,8 @@ from jax.typing import DTypeLike
 
 from qmcjax._estimate import Estimate, columns, estimate, of_columns
 from qmcjax.core import checks, devices, parts, plug_ins, summation
-from qmcjax.core.pytrees import is_traced, jit, pytree
+from qmcjax.core.pytrees import frozen_pytree, is_traced, jit
 from qmcjax.sequences import BinarySequence, OwenDigits, Sequence, as_sequence, owen, rotate
-
-__all__ = ["Estimate", "integrate"]
 
 _ROWS = 4096
 """Points evaluated together: they and their sums fit a second-level cache."""
@@ -32,8 +29,7 @@ _SEARCHED = 2**16
 """Points searched at a time for the first non-finite value."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class _Converted:
     """A function, and separately the tracers that it closes over."""
 
@@ -115,8 +111,7 @@ def integrate(
         Index of the first point. Digital sequences in base 2 have a faster program for multiples of 4096.
     replicates : int, optional
         Number of randomised copies of the sequence, in [2, 65536], with ``n`` points each.
-    key : jax.random.key, or int in [0, 2**32)
-        Randomises the replicates.
+    key : jax.random.key, or int in [0, 2**32), randomises the replicates
     dtype : float32 or float64
         Dtype of points and, without ``replicates``, of sums. Sums are compensated: they are as accurate as
         the values.

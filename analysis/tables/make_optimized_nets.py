@@ -57,18 +57,9 @@ def second_coordinates(matrices: NDArray[np.uint8]) -> NDArray[np.int16]:
 def energies(y: NDArray[np.int16], target: int, limits: NDArray[np.float64]) -> NDArray[np.int64]:
     """Count the pairs of points (i, y_i) on the torus that are too close, as far as the count matters.
 
-    Parameters
-    ----------
-    y : int16 array, shape (chains, 2**m)
-    target : int
-        Pairs with a smaller squared distance are counted.
-    limits : float array, shape (chains,)
-        A chain is skipped once its count exceeds the limit.
-
-    Returns
-    -------
-    int64 array, shape (chains,)
-        Exact where it does not exceed the limit.
+    ``y``: int16 array, shape (chains, 2**m). ``target``: pairs with a smaller squared distance are counted.
+    ``limits``: float array, shape (chains,): a chain is skipped once its count exceeds the limit. Returns
+    int64 array, shape (chains,): exact where it does not exceed the limit.
     """
     n = y.shape[1]
     counts, alive = np.zeros(len(y), np.int64), np.arange(len(y))

@@ -46,15 +46,8 @@ def compositions(total: int, parts: int) -> Iterator[tuple[int, ...]]:
 def dependencies(rows: Matrices) -> tuple[NDArray[np.int64], Matrices]:
     """Return how many rows of each matrix depend on others over F_3, and the factors of a vanishing sum.
 
-    Parameters
-    ----------
-    rows : int8 array, shape (matrices, rows, columns)
-
-    Returns
-    -------
-    defects : int64 array, shape (matrices,)
-    factors : int8 array, shape (matrices, rows)
-        For the matrices with dependent rows.
+    ``rows``: int8 array, shape (matrices, rows, columns). Returns ``defects``, int64 array, shape
+    (matrices,); ``factors``, int8 array, shape (matrices, rows): for the matrices with dependent rows.
     """
     count, height, width = rows.shape
     unit = np.broadcast_to(np.eye(height, dtype=np.int8), (count, height, height))
@@ -77,17 +70,9 @@ def dependencies(rows: Matrices) -> tuple[NDArray[np.int64], Matrices]:
 def forms(matrices: Matrices, components: tuple[int, ...], total: int, order: int) -> Matrices | None:
     """Return the linear forms of a new column that must not be 0, or None if no column helps.
 
-    Parameters
-    ----------
-    matrices : int8 array, shape (4, ORDER, ORDER)
-        With ``order - 1`` known columns.
-    components : tuple of int
-        Components whose first rows, ``total`` together, must be independent in ``order`` columns.
-    total, order : int
-
-    Returns
-    -------
-    int8 array, shape (forms, 4, order), or None
+    ``matrices``: int8 array, shape (4, ORDER, ORDER): with ``order - 1`` known columns. ``components``:
+    components whose first rows, ``total`` together, must be independent in ``order`` columns. Returns int8
+    array, shape (forms, 4, order), or None.
     """
     if total == 0:
         return np.zeros((0, 4, order), np.int8)

@@ -76,28 +76,10 @@ def combined(images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 def make(name: str, side: int, spp: int, cache: Path, folder: Path = TRACED) -> Path:
     """Write the image of a scene with its default parameters into a folder.
 
-    Parameters
-    ----------
-    name : str
-        Name of the scene.
-    side : int
-        Side of the image in pixels.
-    spp : int
-        Samples per pixel, a multiple of REPLICATES.
-    cache : Path
-        Folder of the replicates.
-    folder : Path, optional
-        Folder of the image.
-
-    Returns
-    -------
-    Path
-        Of the file.
-
-    Raises
-    ------
-    ValueError
-        If a value of the image is not finite, or the file is too large.
+    ``name``: name of the scene. ``side``: side of the image in pixels. ``spp``: samples per pixel, a multiple
+    of REPLICATES. ``cache``: folder of the replicates. ``folder``: folder of the image.
+    Returns the path of the file. Raises ValueError if a value of the image is not finite, or the file is too
+    large.
     """
     scene = getattr(scenes, name)()
     image, error = combined(replicates(scene, side, spp // REPLICATES, cache))

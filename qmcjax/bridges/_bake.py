@@ -33,8 +33,7 @@ def bake(
         Any object with the methods of one. In base 2 the table has the exact leading bits of its points.
     tile : tuple of int
         Columns and rows of the pixels from (0, 0) on. Readers repeat the tile.
-    spp : int
-        Samples per pixel, from 0 on.
+    spp : int, samples per pixel, from 0 on
     dims : tuple of int
         The coordinates.
     bits : {8, 16, 24, 32}
@@ -96,15 +95,12 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
 
     Parameters
     ----------
-    mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels)
-        In [0, 1).
-    bits : {8, 16, 24, 32}
-        Bits per value, truncated as by :func:`bake`.
+    mask : float ArrayLike, shape (rows, columns) or (rows, columns, channels), in [0, 1)
+    bits : {8, 16, 24, 32}, bits per value, truncated as by :func:`bake`
 
     Returns
     -------
-    BakedTable
-        With one sample, and channels as coordinates.
+    BakedTable, with one sample, and channels as coordinates
 
     Examples
     --------
@@ -132,8 +128,7 @@ def bake_order(order: Any) -> BakedTable:
 
     Parameters
     ----------
-    order : Order
-        Any object with the methods of one, of at most 2**27 pixels.
+    order : Order, any object with the methods of one, of at most 2**27 pixels
 
     Returns
     -------
@@ -194,10 +189,8 @@ def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
 
     Parameters
     ----------
-    sampler : Ranked
-        From :func:`qmcjax.samplers.ranked`.
-    spp : int
-        Maximum number of samples of a pixel, in [1, 65536].
+    sampler : Ranked, from :func:`qmcjax.samplers.ranked`
+    spp : int, maximum number of samples of a pixel, in [1, 65536]
 
     Returns
     -------

@@ -19,8 +19,7 @@ def tabulate(generator: Any, n: int) -> Sequence:
         An engine of ``scipy.stats.qmc``, or any object with ``random(n)``, which draws the next points. Or a
         discrete distribution of QMCPy [1]_, or any object with ``gen_samples(n)``, which draws the first
         points.
-    n : int
-        Number of points.
+    n : int, number of points
 
     Returns
     -------
@@ -110,8 +109,7 @@ class SequenceEngine(qmc.QMCEngine):
 
         Parameters
         ----------
-        n : int
-            Number of points.
+        n : int, number of points
 
         Returns
         -------

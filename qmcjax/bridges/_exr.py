@@ -31,7 +31,6 @@ class _Header(NamedTuple):
     compression: int
     dtype: np.dtype
     """A field for each channel, in alphabetical order."""
-
     checksum: int | None
     end: int
 

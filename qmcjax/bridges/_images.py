@@ -27,8 +27,7 @@ def write_image(
     ----------
     path : path
         Ends in ``.exr`` or ``.npy``, for all values in float32; or in ``.png``, for values in [0, 1].
-    image : float ArrayLike, shape (height, width) or (height, width, 3)
-        Finite linear light.
+    image : float ArrayLike, shape (height, width) or (height, width, 3), finite linear light
     transfer : {"srgb", "linear"}
         Required for PNG files, which store it: sRGB values, which programs show as they are, or linear light.
         None for other files.

@@ -47,19 +47,9 @@ def pixel_points(
 ) -> NDArray:
     """Return points of valid pixels and samples.
 
-    Parameters
-    ----------
-    sampler : Sampler
-    corner, size : tuple of int
-        First column and row of the rectangle; number of columns and rows.
-    first, count : int
-        Samples.
-    dims : tuple of int
-    dtype : float32 or float64
-
-    Returns
-    -------
-    array of ``dtype``, shape (rows, columns, count, len(dims))
+    ``corner``, ``size``: first column and row of the rectangle; number of columns and rows. ``first``,
+    ``count``: samples. ``dtype``: float32 or float64. Returns array of ``dtype``, shape (rows, columns,
+    count, len(dims)).
     """
     (x, y), (width, height) = corner, size
     rows = max(1, min(height, PIECE // (width * count * len(dims))))

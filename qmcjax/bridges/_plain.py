@@ -27,8 +27,7 @@ class PlainSampler:
 
     Parameters
     ----------
-    sampler : Sampler
-        Any object with the methods of one.
+    sampler : Sampler, any object with the methods of one
     dtype : float32 or float64
         dtype of the coordinates.
 
@@ -73,8 +72,7 @@ class PlainSampler:
 
         Parameters
         ----------
-        pixel : tuple of int
-            Column and row.
+        pixel : tuple of int, column and row
         sample : int
             Its index.
         """
@@ -89,8 +87,7 @@ class PlainSampler:
 
         Returns
         -------
-        float
-            In [0, 1).
+        float, in [0, 1)
 
         Raises
         ------
@@ -104,8 +101,7 @@ class PlainSampler:
 
         Returns
         -------
-        tuple of float
-            In [0, 1).
+        tuple of float, in [0, 1)
 
         Raises
         ------
@@ -120,10 +116,8 @@ class PlainSampler:
 
         Parameters
         ----------
-        width, height : int
-            Of the image.
-        spp : int
-            Samples per pixel, from 0 on.
+        width, height : int, of the image
+        spp : int, samples per pixel, from 0 on
         dims : tuple of int, optional
             The coordinates, all by default.
 

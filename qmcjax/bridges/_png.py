@@ -23,13 +23,10 @@ class Png:
 
     pixels: NDArray
     """uint8 or uint16 (height, width, channels)."""
-
     texts: dict[str, str]
     """Text chunks, by keyword."""
-
     gamma: float | None
     """Exponent of the transfer from light to values, if the file has one."""
-
     srgb: bool
     """Whether it declares sRGB values."""
 
@@ -37,13 +34,8 @@ class Png:
 def encoded(pixels: NDArray, texts: dict[str, str], transfer: str | None = None) -> bytes:
     """Return the bytes of a PNG file.
 
-    Parameters
-    ----------
-    pixels : uint8 or uint16 array, shape (height, width, channels)
-    texts : dict
-        Latin-1 text by keyword.
-    transfer : {"srgb", "linear"}, optional
-        The transfer that the file declares.
+    ``pixels``: uint8 or uint16 array, shape (height, width, channels). ``texts``: Latin-1 text by keyword.
+    ``transfer``: the transfer that the file declares.
     """
     height, width, channels = pixels.shape
     kind = {n: k for k, n in _CHANNELS.items()}[channels]

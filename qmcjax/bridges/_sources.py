@@ -11,7 +11,6 @@ class Coding:
 
     bits: int
     """8, 16 or 32 for an unsigned integer; 24 for a float."""
-
     fractions: bool
     """Whether values are coordinates, or plain numbers."""
 

@@ -13,7 +13,6 @@ class Broken(NamedTuple):
     log_width: int
     log_height: int
     """The boxes are 2**-log_width wide and 2**-log_height high."""
-
     before: int
     stored: int
     """Number of boxes with a point, over all sets."""
@@ -30,17 +29,9 @@ def _length(log: int) -> str:
 def broken(words: NDArray[np.uint32], bits: int) -> Broken | None:
     """Return the boxes that lose most if only the leading bits of coordinates are kept.
 
-    Parameters
-    ----------
-    words : uint32 array, shape (sets, n, dims)
-        32-bit fractions. Boxes have volume 2**-m, where 2**m is the largest power of two up to n, in the
-        coordinates 0 and 1, 2 and 3, ...; intervals of single coordinates are the most slender boxes.
-    bits : int
-        Number of bits that are kept.
-
-    Returns
-    -------
-    Broken or None
+    ``words``: uint32 array, shape (sets, n, dims): 32-bit fractions. Boxes have volume 2**-m, where 2**m is
+    the largest power of two up to n, in the coordinates 0 and 1, 2 and 3, ...; intervals of single
+    coordinates are the most slender boxes. ``bits``: number of bits that are kept.
 
     Notes
     -----

@@ -25,13 +25,10 @@ class BakedTable:
 
     values: NDArray = field(repr=False)
     """uint8, uint16, uint32 or (for 24 bits) float32, shape (rows, columns, samples, coordinates)."""
-
     bits: int
     """8, 16 or 32 for unsigned integers; 24 for floats, exactly."""
-
     fractions: bool
     """Whether values are coordinates, or plain integers."""
-
     about: tuple[str, ...]
     """A description of the table, line by line."""
 
@@ -78,10 +75,6 @@ class BakedTable:
             its reader.
         name : str
             Prefix of the functions in GLSL, or name of the class; an identifier of C.
-
-        Returns
-        -------
-        str
         """
         language = checks.choice("language", language, ("glsl", "cpp"))
         depths = (8, 16, 24) if language == "glsl" else (16, 24)

@@ -15,11 +15,7 @@ _SEAL = re.compile(r"# ([0-9]+) points, ([0-9]+) coordinates, crc32 ([0-9a-f]{8}
 _SEALED = re.compile(r"# [0-9]+ points,|.*, crc32 ")
 _WORD = re.compile(r"[^ \t]+")
 
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-)
+_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 
 
 @dataclass
@@ -28,7 +24,6 @@ class PointSet:
 
     lines: list[int] = field(default_factory=list)
     """The line of each point, from 1 on."""
-
     points: list[list[float]] = field(default_factory=list)
     sealed: tuple[int, tuple[int, int, str]] | None = None
     """The line of the comment; numbers of points and coordinates, and the checksum."""

@@ -6,8 +6,6 @@ from typing import Any
 
 from qmcjax import orders, samplers, sequences
 
-__all__ = ["CANDIDATES", "Candidate"]
-
 MOST = 250
 """Dimensions of all candidates without a smaller limit: those of the lattice."""
 
@@ -18,7 +16,6 @@ class Candidate:
 
     make: Callable[[int, int, int, int, Any], samplers.Sampler]
     """Makes a sampler from dimensions, width, height, samples per pixel and key."""
-
     most_dims: int = MOST
 
     powers_of_two: bool = False

@@ -13,8 +13,6 @@ from qmcjax.core import checks
 from qmcjax.samplers import Sampler
 from qmcjax.scenes import as_scene
 
-__all__ = ["Recommendation", "recommend"]
-
 USUAL = "(0,2), Owen"
 """The default for comparison: independent points in each pixel."""
 
@@ -37,14 +35,12 @@ class Recommendation:
 
         Parameters
         ----------
-        width, height : int
-            In [1, 65536].
+        width, height : int, in [1, 65536]
         key : jax.random.key, or int in [0, 2**32)
 
         Returns
         -------
-        Sampler
-            For ``spp`` samples per pixel and ``dims`` dimensions.
+        Sampler, for ``spp`` samples per pixel and ``dims`` dimensions
 
         Raises
         ------
@@ -74,18 +70,13 @@ def recommend(needs: Any, spp: int, smooth: bool | None = None, *, filtered: boo
     needs : Scene, tuple of str, or int
         A scene, the names of its dimensions (``scene.needs``), or how many there are, in [2, 250]. The scene
         is never evaluated.
-    spp : int
-        Samples per pixel, in [1, 2**31].
+    spp : int, samples per pixel, in [1, 2**31]
     smooth : bool, optional
         Whether values have no jumps within pixels, in any dimension. By default known from the type of the
         scene; otherwise scenes of both kinds count.
     filtered : bool
         Minimise the error after a Gaussian filter of 1.5 pixels, as for viewing at a distance or before a
         denoiser, rather than the RMS error of pixels.
-
-    Returns
-    -------
-    Recommendation
 
     Notes
     -----

@@ -14,8 +14,6 @@ from qmcjax import scenes
 from qmcjax.choosing._candidates import CANDIDATES
 from qmcjax.core import student
 
-__all__ = ["ErrorRatio", "Measured", "has_edges"]
-
 SPPS = (1, 4, 16, 64)
 LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
 """By the largest number of dimensions of a level."""

@@ -13,19 +13,6 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-__all__ = [
-    "below_one",
-    "gray_decode",
-    "gray_encode",
-    "hash_pair",
-    "hash_word",
-    "high_product",
-    "owen_hash",
-    "pascal",
-    "reverse",
-    "to_unit",
-]
-
 
 def below_one(dtype: DTypeLike) -> np.ndarray:
     """Return the largest number below 1 of a floating dtype."""
@@ -39,13 +26,7 @@ def _word(value: int) -> np.uint32:
 def reverse(word: Array) -> Array:
     """Reverse the order of the 32 bits.
 
-    Parameters
-    ----------
-    word : uint32 Array, shape (...)
-
-    Returns
-    -------
-    uint32 Array, shape (...)
+    ``word``: uint32 Array, shape (...). Returns uint32 Array, shape (...).
 
     Examples
     --------
@@ -65,15 +46,8 @@ def pascal(reversed_bits: Array) -> Array:
     (thesis [1]_, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
     product of five sparse factors.
 
-    Parameters
-    ----------
-    reversed_bits : uint32 Array, shape (...)
-        The digits ``d_0, d_1, ...`` of the index in bits 0, 1, ...
-
-    Returns
-    -------
-    uint32 Array, shape (...)
-        The bit-reversed product: its first row in bit 0.
+    ``reversed_bits``: uint32 Array, shape (...): the digits ``d_0, d_1, ...`` of the index in bits 0, 1, ...
+    Returns uint32 Array, shape (...): the bit-reversed product: its first row in bit 0.
 
     References
     ----------
@@ -90,13 +64,7 @@ def gray_decode(word: Array) -> Array:
     On a bit-reversed fraction this is the product with the upper triangular matrix of ones, the
     Larcher-Pillichshammer generator matrix (thesis [1]_, Eq. 5.15).
 
-    Parameters
-    ----------
-    word : uint32 Array, shape (...)
-
-    Returns
-    -------
-    uint32 Array, shape (...)
+    ``word``: uint32 Array, shape (...). Returns uint32 Array, shape (...).
 
     References
     ----------
@@ -117,13 +85,7 @@ def high_product(a: Array, b: Array) -> Array:
 
     ``jax.lax.mulhi`` does the same, but XLA for CPUs cannot compile it for several devices (jax 0.10).
 
-    Parameters
-    ----------
-    a, b : uint32 Array, of one shape
-
-    Returns
-    -------
-    uint32 Array, shape of ``a``
+    ``a``, ``b``: uint32 Array, of one shape. Returns uint32 Array, shape of ``a``.
     """
     with jax.enable_x64(True):
         product = a.astype(jnp.uint64) * b.astype(jnp.uint64)
@@ -133,13 +95,7 @@ def high_product(a: Array, b: Array) -> Array:
 def hash_word(word: Array) -> Array:
     """Mix a word: a bijection of 32-bit words, with all output bits dependent on all input bits.
 
-    Parameters
-    ----------
-    word : uint32 Array, shape (...)
-
-    Returns
-    -------
-    uint32 Array, shape (...)
+    ``word``: uint32 Array, shape (...). Returns uint32 Array, shape (...).
 
     Notes
     -----
@@ -158,14 +114,8 @@ def hash_pair(one: Array, other: Array) -> Array:
     Both are mixed before they meet. If a mixed word met a raw one, ranges of the raw one would give shifted
     copies of each other wherever the mixed words are close.
 
-    Parameters
-    ----------
-    one, other : uint32 Array, broadcast together
-        For another hash of the same pairs, xor each with its own random word.
-
-    Returns
-    -------
-    uint32 Array
+    ``one``, ``other``: uint32 Array, broadcast together: for another hash of the same pairs, xor each with
+    its own random word. Returns uint32 Array.
     """
     # The factor is odd: it keeps (a, b) and (b, a) apart.
     return hash_word(hash_word(one) * _word(0x9E3779B9) + hash_word(other))
@@ -182,17 +132,9 @@ def owen_hash(reversed_bits: Array, seed: Array) -> Array:
     Digit ``k`` is flipped by a hash of the digits before it: sums and products carry only towards higher
     bits, so the map is a nested permutation for every seed [1]_.
 
-    Parameters
-    ----------
-    reversed_bits : uint32 Array, shape (...)
-        Fractions with the first digit in bit 0.
-    seed : uint32 Array, broadcastable to ``reversed_bits``
-        One well mixed word per realisation and coordinate.
-
-    Returns
-    -------
-    uint32 Array
-        The scrambled fractions, bit-reversed.
+    ``reversed_bits``: uint32 Array, shape (...): fractions with the first digit in bit 0. ``seed``: uint32
+    Array, broadcastable to ``reversed_bits``: one well mixed word per realisation and coordinate. Returns
+    uint32 Array: the scrambled fractions, bit-reversed.
 
     Notes
     -----
@@ -224,16 +166,9 @@ def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
     Rounding down keeps every point in its elementary interval and never gives 1, which rounding
     to nearest does for fractions of ``0xffffff80`` and above.
 
-    Parameters
-    ----------
-    bits : uint32 Array, shape (...)
-        Fractions; bit 31 is the first digit.
-    dtype : float32 or float64
-        float32 keeps the upper 24 bits, float64 all 32. float64 needs no global flag.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...)
+    ``bits``: uint32 Array, shape (...): fractions; bit 31 is the first digit. ``dtype``: float32 or float64:
+    float32 keeps the upper 24 bits, float64 all 32. float64 needs no global flag. Returns Array of ``dtype``,
+    shape (...).
 
     Examples
     --------

@@ -40,7 +40,6 @@ def checked(mesh: Any) -> Mesh | None:
 
 
 def _usual() -> Any:
-    """Return the device that JAX computes on by default."""
     usual = jax.config.values["jax_default_device"]
     return usual if isinstance(usual, jax.Device) else jax.local_devices(backend=usual)[0]
 

@@ -19,21 +19,6 @@ from jax.typing import DTypeLike
 
 from qmcjax.core.bits import below_one, reverse, to_unit
 
-__all__ = [
-    "Base",
-    "alike",
-    "base_of",
-    "cell_fraction",
-    "digit_count",
-    "digit_reversed",
-    "digit_spans",
-    "exact_fraction",
-    "quotient",
-    "radical_inverse",
-    "span_numbers",
-    "word",
-]
-
 _TABLE_SIZE = 8192
 """Largest table that permutes several digits together: it fits a first-level cache."""
 
@@ -84,23 +69,11 @@ def exact_fraction(
 ) -> Array:
     """Divide a numerator of ``K = digit_count(base)`` digits by ``base**K``, once.
 
-    Parameters
-    ----------
-    leading : uint32 Array, shape (...)
-        The first ``K - span`` digits after the radix point, as an integer.
-    last : uint32 Array, shape (...)
-        The last ``span`` digits, as an integer.
-    base : int, or int64 ndarray of the rank of the others
-        In [2, 2**16].
-    dtype : float32 or float64
-        In float64 the fraction is rounded to nearest. In float32 this value is rounded to nearest again,
-        but never up to 1.
-    span : int
-        In [1, K].
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
+    ``leading``: uint32 Array, shape (...): the first ``K - span`` digits after the radix point, as an
+    integer. ``last``: uint32 Array, shape (...): the last ``span`` digits, as an integer. ``base``: int, or
+    int64 ndarray of the rank of the others: in [2, 2**16]. ``dtype``: float32 or float64: in float64 the
+    fraction is rounded to nearest. In float32 this value is rounded to nearest again, but never up to 1.
+    ``span``: in [1, K]. Returns Array of ``dtype``, shape (...), in [0, 1).
     """
     with jax.enable_x64(True):
         exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64)
@@ -127,28 +100,14 @@ def cell_fraction(
     float64. So the point is more than a rounding error away from both ends of its interval, and the one
     division leaves it inside.
 
-    Parameters
-    ----------
-    leading : uint32 Array, shape (...)
-        The first ``count - span`` digits after the radix point, as an integer.
-    last : uint32 Array, shape (...)
-        The next ``span`` digits, as an integer.
-    tail : uint32 Array, shape (...)
-        The digits behind, as a fraction in base 2: its bit 31 is the first.
-    base : int, or int64 ndarray of the rank of the others
-        In [2, 2**16].
-    dtype : float32 or float64
-        In float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of
-        2**-24, unless that lies below its interval of length base**-k, with the largest k that leaves it
-        longer than 2**-24: then it is rounded up.
-    span : int
-        In [1, count].
-    count : int, optional
-        Number of digits, ``digit_count(base)`` by default. ``base**count`` is at most 2**48.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
+    ``leading``: uint32 Array, shape (...): the first ``count - span`` digits after the radix point, as an
+    integer. ``last``: uint32 Array, shape (...): the next ``span`` digits, as an integer. ``tail``: uint32
+    Array, shape (...): the digits behind, as a fraction in base 2: its bit 31 is the first. ``base``: int, or
+    int64 ndarray of the rank of the others: in [2, 2**16]. ``dtype``: float32 or float64: in float64 the
+    fraction is rounded to nearest. In float32 this value is rounded down to a multiple of 2**-24, unless that
+    lies below its interval of length base**-k, with the largest k that leaves it longer than 2**-24: then it
+    is rounded up. ``span``: in [1, count]. ``count``: number of digits, ``digit_count(base)`` by default.
+    ``base**count`` is at most 2**48. Returns Array of ``dtype``, shape (...), in [0, 1).
     """
     count = digit_count(base) if count is None else count
     total = base**count
@@ -172,18 +131,10 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
     The reflected digits are collected as an exact integer and divided once, in float64: no error
     accumulates, and every uint32 index has its own value.
 
-    Parameters
-    ----------
-    index : uint32 Array, shape (...)
-    base : int, or int64 ndarray of the rank of the others
-        In [2, 2**16].
-    dtype : float32 or float64
-        The result is rounded to nearest, but never up to 1 (see :func:`exact_fraction`); in base 2,
-        where float64 is exact, float32 is rounded down.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
+    ``index``: uint32 Array, shape (...). ``base``: int, or int64 ndarray of the rank of the others: in [2,
+    2**16]. ``dtype``: float32 or float64: the result is rounded to nearest, but never up to 1 (see
+    :func:`exact_fraction`); in base 2, where float64 is exact, float32 is rounded down. Returns Array of
+    ``dtype``, shape (...), in [0, 1).
 
     References
     ----------

@@ -9,8 +9,6 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import below_one, reverse, to_unit
 from qmcjax.core.digits import digit_count, digit_reversed, radical_inverse
 
-__all__ = ["limit_64", "radical_inverse_64"]
-
 
 def limit_64(base: int) -> int:
     """Return the number of indices of :func:`radical_inverse_64`, in [2**48, 2**64)."""
@@ -20,19 +18,10 @@ def limit_64(base: int) -> int:
 def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
     """Reflect the digits of a 64-bit index at the radix point.
 
-    Parameters
-    ----------
-    high, low : uint32 Array, shape (...)
-        The index ``high * 2**32 + low``, below :func:`limit_64`.
-    base : int
-        In [2, 2**16].
-    dtype : float32 or float64
-        In base 2 the first 32 digits. In other bases float64 is off by less than 2**-52, and float32 is this
-        value rounded to nearest; neither is ever 1.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
+    ``high``, ``low``: uint32 Array, shape (...): the index ``high * 2**32 + low``, below :func:`limit_64`.
+    ``base``: in [2, 2**16]. ``dtype``: float32 or float64: in base 2 the first 32 digits. In other bases
+    float64 is off by less than 2**-52, and float32 is this value rounded to nearest; neither is ever 1.
+    Returns Array of ``dtype``, shape (...), in [0, 1).
     """
     if base == 2:
         return to_unit(reverse(low), dtype)

@@ -7,8 +7,6 @@ import numpy as np
 
 from qmcjax.core import checks
 
-__all__ = ["FIELD_LIMIT", "inverse", "is_prime", "next_prime", "prime", "product", "rank"]
-
 FIELD_LIMIT = 2**16
 """Bound on the moduli: a product of two elements fits a 32-bit word."""
 
@@ -48,16 +46,8 @@ def prime(name: str, value: Any, low: int = 2, high: int = FIELD_LIMIT - 1) -> i
 def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
     """Multiply matrices over F_q.
 
-    Parameters
-    ----------
-    a, b : integer array, shape (..., m, m)
-        Entries are taken modulo ``q``.
-    q : int
-        A prime below 2**16.
-
-    Returns
-    -------
-    int64 ndarray, shape (..., m, m), in [0, q)
+    ``a``, ``b``: integer array, shape (..., m, m): entries are taken modulo ``q``. ``q``: a prime below
+    2**16. Returns int64 ndarray, shape (..., m, m), in [0, q).
 
     Examples
     --------
@@ -75,17 +65,8 @@ def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
 def rank(matrix: np.ndarray, q: int) -> int:
     """Return the rank of a matrix over F_q.
 
-    Parameters
-    ----------
-    matrix : integer array, shape (m, n)
-        Entries are taken modulo ``q``.
-    q : int
-        A prime below 2**16.
-
-    Returns
-    -------
-    int
-        In [0, min(m, n)].
+    ``matrix``: integer array, shape (m, n): entries are taken modulo ``q``. ``q``: a prime below 2**16.
+    Returns int: in [0, min(m, n)].
 
     Examples
     --------
@@ -102,16 +83,8 @@ def rank(matrix: np.ndarray, q: int) -> int:
 def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
     """Invert a square matrix over F_q; a singular one raises a ValueError.
 
-    Parameters
-    ----------
-    matrix : integer array, shape (m, m)
-        Entries are taken modulo ``q``.
-    q : int
-        A prime below 2**16.
-
-    Returns
-    -------
-    int64 ndarray, shape (m, m), in [0, q)
+    ``matrix``: integer array, shape (m, m): entries are taken modulo ``q``. ``q``: a prime below 2**16.
+    Returns int64 ndarray, shape (m, m), in [0, q).
 
     Examples
     --------

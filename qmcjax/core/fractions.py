@@ -16,18 +16,9 @@ from qmcjax.core.bits import below_one
 def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
     """Return floats in [0, 1) as 32-bit fractions, rounded down; uint32 arrays are such fractions already.
 
-    Parameters
-    ----------
-    name : str
-        Name of the argument, for messages.
-    value : float or uint32 ArrayLike
-        float32 or float64; products with 2**32 are exact in either.
-    shape : tuple of int, optional
-        The shape it must have.
-
-    Returns
-    -------
-    uint32 Array
+    ``name``: name of the argument, for messages. ``value``: float or uint32 ArrayLike: float32 or float64;
+    products with 2**32 are exact in either. ``shape``: tuple of int, optional: the shape it must have.
+    Returns uint32 Array.
     """
     try:
         array: Any = value if isinstance(value, Tracer) else np.asarray(value)
@@ -59,17 +50,8 @@ def fractions_or_key(name: str, value: Any, shape: tuple[int, ...]) -> Array:
 def plus_modulo_1(value: Array, offset: Array, dtype: DTypeLike) -> Array:
     """Add 32-bit fractions to float64 values in [0, 1) modulo 1: rounded once, and never to 1.
 
-    Parameters
-    ----------
-    value : float64 Array
-        In [0, 1); within ``jax.enable_x64``.
-    offset : uint32 Array
-        Fractions.
-    dtype : float32 or float64
-
-    Returns
-    -------
-    Array of ``dtype``, the broadcast shape
+    ``value``: float64 Array: in [0, 1); within ``jax.enable_x64``. ``offset``: uint32 Array: fractions.
+    ``dtype``: float32 or float64. Returns Array of ``dtype``, the broadcast shape.
     """
     # The comparison and the complement of the offset are exact.
     fraction = offset.astype(jnp.float64) * np.float64(2.0**-32)

@@ -14,16 +14,8 @@ def shortest_squares(n: int, a: NDArray[np.int64]) -> NDArray[np.int64]:
 
     By Lagrange-Gauss reduction: the shorter vector reduces the longer until nothing changes.
 
-    Parameters
-    ----------
-    n : int
-        At most 2**24, so that the quotients are right in float64.
-    a : int64 array, shape (k,)
-        In [0, n).
-
-    Returns
-    -------
-    int64 array, shape (k,)
+    ``n``: at most 2**24, so that the quotients are right in float64. ``a``: int64 array, shape (k,): in [0,
+    n). Returns int64 array, shape (k,).
     """
     ux, uy, vx, vy = np.ones_like(a), a, np.zeros_like(a), np.full_like(a, n)
     while True:
@@ -52,10 +44,7 @@ def best_spatial(n: int) -> tuple[int, int, int]:
     The search covers all pairs. A shortest vector is no longer than Hermite's bound for the volume n**2, so
     for each ``a`` only the few i with a short i (1, a) matter.
 
-    Parameters
-    ----------
-    n : int
-        At most 2**16, so that the squares fit their words. Takes n**2 bytes of memory.
+    ``n``: at most 2**16, so that the squares fit their words. Takes n**2 bytes of memory.
     """
     half = n // 2
     number = np.arange(half + 1, dtype=np.int64)

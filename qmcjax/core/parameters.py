@@ -23,13 +23,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     JAX arrays stay JAX arrays. Anything else becomes a float64 copy in NumPy: callers cannot change it, and
     references see all digits.
 
-    Parameters
-    ----------
-    name : str
-        Name of the argument, for messages.
-    value : ArrayLike
-    shape : tuple of int or None
-        None stands for any length of at least 1.
+    ``name``: name of the argument, for messages. ``shape``: None stands for any length of at least 1.
     """
     traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
     array = _of_jax(name, value) if traced else known(name, value)
@@ -48,23 +42,10 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
 def floats(name: str, value: Any, last: tuple[int | None, ...] = (), finite: bool = True) -> Array:
     """Return what a call is given as an array of JAX: floating arrays of JAX as they are.
 
-    Parameters
-    ----------
-    name : str
-        Of the argument, for messages.
-    value : ArrayLike
-        Integers become the default float.
-    last : tuple of int or None
-        Shape of the last axes; None stands for any length of at least 1.
-    finite : bool
-        Whether infinity and NaN are refused where they are known.
-
-    Raises
-    ------
-    TypeError
-        If the values are no real numbers; bools are none.
-    ValueError
-        If the last axes have another shape, or a value is known not to be finite, or too large for its dtype.
+    ``name``: of the argument, for messages. ``value``: integers become the default float. ``last``: shape of
+    the last axes; None stands for any length of at least 1. ``finite``: whether infinity and NaN are refused
+    where they are known. Raises TypeError if the values are no real numbers; bools are none; ValueError if
+    the last axes have another shape, or a value is known not to be finite, or too large for its dtype.
     """
     try:
         with np.errstate(over="ignore"):

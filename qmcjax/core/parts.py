@@ -23,34 +23,28 @@ _COPIED = 2**24
 """Largest size in bytes of the copies of tangents for more groups."""
 
 
-def mapped(function: Callable[..., Any], mesh: Mesh | None, traced: bool, parts: Any, *shared: Any) -> Any:
+def mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
     """Map ``function(part, *shared)`` over the parts, one after the other on each device.
 
-    Parameters
-    ----------
-    function : callable
-        Maps a part and the shared arguments to a pytree of arrays.
-    mesh : Mesh or None
-        From :func:`checked`.
-    traced : bool
-        Whether derivatives may be wanted: they are bit-identical on any devices.
-    parts : pytree of Arrays
-        Parts along their first axes.
-    *shared : pytrees
-
-    Returns
-    -------
-    pytree of Arrays
-        Results of the parts along the first axes, on all devices of the mesh.
+    Parts lie along the first axes of the arrays of ``parts``, and so do the results, on all devices of the
+    mesh, which is from :func:`checked`.
     """
-    if not traced:
-        return _mapped(function, mesh, parts, *shared)
+    if mesh is not None:
+        return devices.over(partial(mapped, function, None), mesh, parts, *shared)
+    if jax.tree.leaves(parts)[0].shape[0] == 1:  # A loop would copy its results.
+        made = function(jax.tree.map(lambda leaf: leaf[0], parts), *shared)
+        return jax.tree.map(lambda leaf: leaf[None], made)
+    return jax.lax.map(lambda part: function(part, *shared), parts)
+
+
+def differentiable(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
+    """Map a function over parts as :func:`mapped`, with derivatives that are bit-identical on any devices."""
     function, closed_over = _converted(function, mesh, parts, *shared)
 
     def moved(primals: Any, moves: Any) -> tuple[Any, Any]:
         return _moved(function, mesh, primals, moves)
 
-    return _with_tangents(partial(_mapped, function, mesh), moved)(parts, *shared, closed_over)
+    return _with_tangents(partial(mapped, function, mesh), moved)(parts, *shared, closed_over)
 
 
 def summed(
@@ -70,7 +64,7 @@ def summed(
 
 def _summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shared: Any) -> Array:
     if mesh is not None:
-        return _in_order(_mapped(function, mesh, parts, *shared))
+        return _in_order(mapped(function, mesh, parts, *shared))
     first = jax.tree.map(lambda leaf: leaf[0], parts)
     if jax.tree.leaves(parts)[0].shape[0] == 1:
         return function(first, *shared)
@@ -99,21 +93,7 @@ def _converted(
     return opened, tuple(closed_over)
 
 
-def _mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
-    def one_by_one(parts: Any, *shared: Any) -> Any:
-        if jax.tree.leaves(parts)[0].shape[0] == 1:  # A loop would copy its results.
-            made = function(jax.tree.map(lambda leaf: leaf[0], parts), *shared)
-            return jax.tree.map(lambda leaf: leaf[None], made)
-        return jax.lax.map(lambda part: function(part, *shared), parts)
-
-    if mesh is None:
-        return one_by_one(parts, *shared)
-    return devices.over(one_by_one, mesh, parts, *shared)
-
-
 def _in_order(terms: Array) -> Array:
-    """Return the compensated sum along the first axis."""
-
     def added(state: summation.State, term: Array) -> tuple[summation.State, None]:
         return summation.compensated(state, term), None
 
@@ -174,9 +154,9 @@ def _moved(
 
             return jax.jvp(of_moved, [values[j] for j in moves], list(moves.values()))
 
-        return _mapped(of_part, None, own)
+        return mapped(of_part, None, own)
 
-    made = mapped(of_group, mesh, True, (own, theirs), *shared)
+    made = differentiable(of_group, mesh, (own, theirs), *shared)
     return jax.tree.map(lambda leaf: leaf.reshape(-1, *leaf.shape[2:])[:length], made)
 
 

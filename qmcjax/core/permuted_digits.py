@@ -11,16 +11,6 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import to_unit
 from qmcjax.core.digits import Base, digit_spans, exact_fraction, span_numbers, word
 
-__all__ = [
-    "joined",
-    "looked_up",
-    "permuted_digit",
-    "permuted_radical_inverse",
-    "permuted_spans",
-    "reflection_tables",
-    "table_starts",
-]
-
 _SELECTED = 5
 """Largest base with single digits permuted without a gather."""
 
@@ -28,15 +18,9 @@ _SELECTED = 5
 def reflection_tables(rows: Any) -> list[Any]:
     """Return tables of the permuted and reflected digits of all numbers of each span of digits.
 
-    Parameters
-    ----------
-    rows : uint32 numpy or JAX array, shape (digit_count(base), base)
-        Row k permutes digit k, the digit of ``base**k``.
-
-    Returns
-    -------
-    list of uint16 arrays, numpy or JAX as ``rows``, shapes (base**span,)
-        One for each of ``digit_spans(base)``.
+    ``rows``: uint32 numpy or JAX array, shape (digit_count(base), base): row k permutes digit k, the digit of
+    ``base**k``. Returns list of uint16 arrays, numpy or JAX as ``rows``, shapes (base**span,): one for each
+    of ``digit_spans(base)``.
     """
     base = rows.shape[1]
     tables, first = [], 0
@@ -98,21 +82,11 @@ def permuted_radical_inverse(
     beyond. Where a permutation moves 0, the infinitely many zeros beyond would add the same constant to the
     values of all indices, between 0 and ``base**-K``, at most 2**-32.
 
-    Parameters
-    ----------
-    index : uint32 Array, shape (...)
-    base : int, or int64 ndarray of the rank of ``index``
-        In [2, 2**16).
-    tables : uint16 Array
-        The permutations: the :func:`reflection_tables`, one after the other.
-    dtype : float32 or float64
-        Rounded as by :func:`radical_inverse`.
-    offset : int, or int64 ndarray of the shape of ``base``
-        Where the tables of this base start.
-
-    Returns
-    -------
-    Array of ``dtype``, shape (...), in [0, 1)
+    ``index``: uint32 Array, shape (...). ``base``: int, or int64 ndarray of the rank of ``index``: in [2,
+    2**16). ``tables``: uint16 Array: the permutations: the :func:`reflection_tables`, one after the other.
+    ``dtype``: float32 or float64: rounded as by :func:`radical_inverse`. ``offset``: int, or int64 ndarray of
+    the shape of ``base``: where the tables of this base start. Returns Array of ``dtype``, shape (...), in
+    [0, 1).
 
     References
     ----------

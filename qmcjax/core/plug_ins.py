@@ -1,5 +1,6 @@
 """Objects of users under transformations of JAX."""
 
+import inspect
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import FunctionType
 from typing import Any
@@ -10,7 +11,7 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 
 _PLAIN = Array | np.ndarray | np.generic | int | float | str | FunctionType | type | None
 
@@ -31,8 +32,7 @@ class _Identity:
         return checks.shown(self.value)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Static:
     """A static object that is not a pytree: the same object compiles once, another one anew."""
 
@@ -42,11 +42,8 @@ class Static:
 def held(name: str, value: Any) -> Any:
     """Return a pytree that holds an object: itself if it is registered as one, else a :class:`Static`.
 
-    Raises
-    ------
-    TypeError
-        If an object that is not registered has an array as attribute: a compiled program would keep the
-        values that the array had at compile time. Nouns of this package may be attributes.
+    Raises TypeError if an object that is not registered has an array as attribute: a compiled program would
+    keep the values that the array had at compile time. Nouns of this package may be attributes.
     """
     if not jax.tree_util.all_leaves([value]):
         return value
@@ -69,6 +66,14 @@ def _is_constant(value: Any) -> bool:
 def unheld(value: Any) -> Any:
     """Return the object that :func:`held` was given."""
     return value.identity.value if isinstance(value, Static) else value
+
+
+def parameters(value: Any) -> list[inspect.Parameter]:
+    """Return the parameters of a call; none if there is no call, or its parameters are not known."""
+    try:
+        return list(inspect.signature(value).parameters.values())
+    except (TypeError, ValueError):
+        return []
 
 
 def is_own(value: Any) -> bool:

@@ -49,7 +49,6 @@ def equal(one: Any, other: Any) -> Any:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Return whether two leaves are known to be equal."""
     if one is other:
         return True
     if any(isinstance(leaf, Tracer) for leaf in (one, other)):

@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["differences", "interval"]
-
 ERROR = 0.05
 """Probability that an interval, or one of several joint comparisons, is wrong."""
 
@@ -15,15 +13,8 @@ FEWEST = 4
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     """Return a 95 % confidence interval of the mean.
 
-    Parameters
-    ----------
-    values : float64 array, shape (n,)
-        Independent, and nearly normal: heavy tails make the interval too long, a skew too short.
-
-    Returns
-    -------
-    low, high : float
-        Infinite if there are fewer than 4 values.
+    ``values``: float64 array, shape (n,): independent, and nearly normal: heavy tails make the interval too
+    long, a skew too short. Returns ``low, high``, float: infinite if there are fewer than 4 values.
     """
     from scipy.special import stdtrit
 
@@ -39,19 +30,10 @@ def differences(
     Where an interval lies above the margin, the first mean is larger by more than that: with 95 % confidence,
     all these statements about one set of samples are true, and each single interval holds its difference.
 
-    Parameters
-    ----------
-    values : float64 array, shape (..., conditions, samples, n)
-        Value k of one sample is paired with value k of the others. Differences of pairs must be independent
-        over k and nearly normal for each condition.
-    margin : float
-        Not negative.
-
-    Returns
-    -------
-    low, high : float64 arrays, shape (..., samples, samples)
-        Ends of the interval of the mean of sample i minus that of sample j, least and largest over the
-        conditions.
+    ``values``: float64 array, shape (..., conditions, samples, n): value k of one sample is paired with value
+    k of the others. Differences of pairs must be independent over k and nearly normal for each condition.
+    ``margin``: not negative. Returns ``low, high``, float64 arrays, shape (..., samples, samples): ends of
+    the interval of the mean of sample i minus that of sample j, least and largest over the conditions.
 
     Notes
     -----
@@ -82,7 +64,6 @@ def differences(
 
 
 def _standard_error(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard error of means over the last axis."""
     n = values.shape[-1]
     if n < FEWEST:
         return np.full(values.shape[:-1], np.inf)

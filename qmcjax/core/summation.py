@@ -56,36 +56,22 @@ def add_terms(
 
     Derivatives in forward and reverse mode use the same loop and constant memory.
 
-    Parameters
-    ----------
-    term : callable
-        A function of parameters and a uint32 number. Derivatives also flow to values that it closes over.
-    pinned : bool
-        Whether to keep all of a term inside the loop. Otherwise compilers hoist common subexpressions, once
-        for each time that a term computes them.
-    parameters : pytree
-        Floating point leaves are differentiable.
-    state : State
-        The sum so far.
-    first, count : uint32 Array, shape ()
-
-    Returns
-    -------
-    State
+    ``term``: a function of parameters and a uint32 number. Derivatives also flow to values that it closes
+    over. ``pinned``: whether to keep all of a term inside the loop. Otherwise compilers hoist common
+    subexpressions, once for each time that a term computes them. ``parameters``: floating point leaves are
+    differentiable. ``state``: the sum so far. ``first``, ``count``: uint32 Array, shape ().
     """
     state, first, parameters = alike((state, first, parameters))
     leaves, tree = jax.tree.flatten(parameters)
-
-    def of_leaves(k: Array, *leaves: Array) -> list[Array]:
-        return [term(tree.unflatten(leaves), k)]
-
     # Closed-over tracers become arguments of the inner program.
-    program = jax.make_jaxpr(of_leaves)(first, *leaves)
+    program = jax.make_jaxpr(term)(parameters, first)
     closed_over = program.consts if any(isinstance(const, Tracer) for const in program.consts) else []
 
     def of_operands(k: Array, *operands: Array) -> list[Array]:
         consts, leaves = operands[: len(closed_over)], operands[len(closed_over) :]
-        return eval_jaxpr(program.jaxpr, consts, k, *leaves) if consts else of_leaves(k, *leaves)
+        if consts:
+            return eval_jaxpr(program.jaxpr, consts, *leaves, k)
+        return [term(tree.unflatten(leaves), k)]
 
     operands = [jnp.asarray(each) for each in (*closed_over, *leaves)]
     total, excess = _bind(count, first, *state, *operands, term=of_operands, pinned=pinned, sums=1)
@@ -223,7 +209,6 @@ def _batch(args, axes, *, term, pinned, sums):
 
 
 def _replaced(values: Any, places: list[int], others: Any) -> list[Any]:
-    """Return the values, with others in some places."""
     filled = list(values)
     for place, other in zip(places, others, strict=True):
         filled[place] = other

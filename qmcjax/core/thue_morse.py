@@ -3,8 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CONTEXT", "children", "factors"]
-
 CONTEXT = 20
 """Letters of the Thue-Morse word in a symbol before its own."""
 

@@ -1,19 +1,16 @@
 """Accordion order: a square folded from a strip of pixels, back and forth."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Accordion(SquareOrder):
     """Four smaller accordions: two transposed, two transposed about the other diagonal.
 
@@ -29,11 +26,11 @@ class Accordion(SquareOrder):
         """The levels with y as lengthwise coordinate: the first, and every other one."""
         return np.uint32(0xAAAAAAAA if self.log_side % 2 == 0 else 0x55555555)
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         lengthwise = (y & self._vertical) | (x & ~self._vertical)
         return spread(x ^ y) | (spread(gray_encode(lengthwise)) << 1)
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         lengthwise = gray_decode(gather(position >> 1))
         differing = gather(position)
         return lengthwise ^ (differing & self._vertical), lengthwise ^ (differing & ~self._vertical)
@@ -48,8 +45,7 @@ def accordion(width: int, height: int) -> Accordion:
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
 
     Returns
     -------

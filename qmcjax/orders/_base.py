@@ -14,7 +14,10 @@ MAX_SIDE = checks.MAX_SIDE
 
 @dataclass(frozen=True)
 class Order(abc.ABC):
-    """A bijection between the pixels of a padded image and 0, ..., length - 1."""
+    """A bijection between the pixels of a padded image and 0, ..., length - 1.
+
+    :meth:`position` and :meth:`pixel` check their arguments. Samplers use the unchecked methods.
+    """
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
@@ -30,10 +33,12 @@ class Order(abc.ABC):
         """Width and height of the padded raster."""
 
     @abc.abstractmethod
-    def _position(self, x: Array, y: Array) -> Array: ...
+    def unchecked_position(self, x: Array, y: Array) -> Array:
+        """Return :meth:`position` of uint32 Arrays of one shape, within the padded raster."""
 
     @abc.abstractmethod
-    def _pixel(self, position: Array) -> tuple[Array, Array]: ...
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
+        """Return :meth:`pixel` of a uint32 Array below ``length``."""
 
     def position(self, x: Array | int, y: Array | int) -> Array:
         """Return the positions of pixels along the curve.
@@ -49,22 +54,21 @@ class Order(abc.ABC):
         """
         columns, rows = self.raster
         x, y = jnp.broadcast_arrays(checks.unsigned("x", x, columns), checks.unsigned("y", y, rows))
-        return self._position(x, y)
+        return self.unchecked_position(x, y)
 
     def pixel(self, position: Array | int) -> tuple[Array, Array]:
         """Return the pixels at positions of the curve: the inverse of :meth:`position`.
 
         Parameters
         ----------
-        position : integer Array, shape (...), or int
-            Below ``length``.
+        position : integer Array, shape (...), or int, below ``length``
 
         Returns
         -------
         x, y : uint32 Array, shape (...)
             Column and row, within the padded raster; the curve may leave the image.
         """
-        return self._pixel(checks.unsigned("position", position, self.length))
+        return self.unchecked_pixel(checks.unsigned("position", position, self.length))
 
 
 @dataclass(frozen=True)
@@ -78,7 +82,6 @@ class SquareOrder(Order):
 
     @property
     def length(self) -> int:
-        """Number of positions on the padded curve, ``4**log_side``."""
         return 4**self.log_side
 
     @property

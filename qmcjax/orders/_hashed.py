@@ -1,6 +1,6 @@
 """Scrambled Morton orders without tables: the permutation of a node is a hash of its digits."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._hierarchy import ScrambledMorton, permutation_number
 
 GOLDEN = np.uint32(0x9E3779B9)
@@ -21,8 +21,7 @@ def with_random_words(first: Array, keys: Array) -> Array:
     return jnp.concatenate([first[None], jax.vmap(lambda key: jax.random.bits(key, (), jnp.uint32))(keys)])
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Hashed(ScrambledMorton):
     """The word of a node is a hash of its parent's word and its digit; the root has the seed.
 
@@ -34,7 +33,6 @@ class Hashed(ScrambledMorton):
 
     @property
     def root(self) -> Array:
-        """The seed."""
         return self.seed
 
     def family(self, keys: Array) -> "Hashed":
@@ -51,8 +49,7 @@ class Hashed(ScrambledMorton):
         return hash_word(node + (digit + np.uint32(1)) * GOLDEN)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Multiplicative(ScrambledMorton):
     """The word of a node is its prefix of the Morton code; Eq. 8 of the Z paper hashes it."""
 
@@ -61,7 +58,6 @@ class Multiplicative(ScrambledMorton):
 
     @property
     def root(self) -> Array:
-        """The empty prefix, 0."""
         return jnp.uint32(0)
 
     def family(self, keys: Array) -> "Multiplicative":

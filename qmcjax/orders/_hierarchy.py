@@ -108,19 +108,15 @@ class ScrambledMorton(SquareOrder):
 
         Parameters
         ----------
-        code : uint32 Array, shape (...), or int
-            Below ``4**digits``.
-        digits : int
-            In [0, 16].
+        code : uint32 Array, shape (...), or int, below ``4**digits``
+        digits : int, in [0, 16]
         node : uint32 Array, shape (...), optional
             Node before the first digit, by default ``root``.
 
         Returns
         -------
-        position : uint32 Array, shape (...)
-            Below ``4**digits``.
-        node : uint32 Array, shape (...)
-            Node after the last digit.
+        position : uint32 Array, shape (...), below ``4**digits``
+        node : uint32 Array, shape (...), node after the last digit
 
         References
         ----------
@@ -143,8 +139,7 @@ class ScrambledMorton(SquareOrder):
 
         Returns
         -------
-        position, node : uint32 Array, shape (height, width)
-            As of :meth:`scrambled`.
+        position, node : uint32 Array, shape (height, width), as of :meth:`scrambled`
         """
         left = self.log_side
         node = jnp.broadcast_to(self.root, (1, self.width))
@@ -170,14 +165,12 @@ class ScrambledMorton(SquareOrder):
 
         Parameters
         ----------
-        digits : list of uint32 Array
-            In base 4, the first one first.
+        digits : list of uint32 Array, in base 4, the first one first
         node : uint32 Array, shape (...)
 
         Returns
         -------
-        position, node : uint32 Array, shape (...)
-            As of :meth:`scrambled`.
+        position, node : uint32 Array, shape (...), as of :meth:`scrambled`
         """
         position = jnp.zeros_like(node)
         for digit in digits:
@@ -185,10 +178,10 @@ class ScrambledMorton(SquareOrder):
             node = self._child(node, digit)
         return position, node
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return self._scrambled(spread(x) | (spread(y) << 1), self.log_side)[0]
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         node = jnp.broadcast_to(self.root, position.shape)
         code = jnp.zeros_like(position)
         for level in range(self.log_side - 1, -1, -1):

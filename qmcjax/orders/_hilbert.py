@@ -1,18 +1,15 @@
 """Hilbert order: a curve through neighbouring pixels only."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Hilbert(SquareOrder):
     """The Hilbert curve from (0, 0) to (side - 1, 0).
 
@@ -21,7 +18,7 @@ class Hilbert(SquareOrder):
     the pixel.
     """
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         ones = np.uint32(2**self.log_side - 1)
         position = jnp.zeros_like(x)
         for level in range(self.log_side - 1, -1, -1):
@@ -32,7 +29,7 @@ class Hilbert(SquareOrder):
             x, y = jnp.where(upper, y ^ flip, x), jnp.where(upper, x ^ flip, y)
         return position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         x = y = jnp.zeros_like(position)
         for level in range(self.log_side):
             quadrant = (position >> (2 * level)) & np.uint32(3)
@@ -56,10 +53,6 @@ def hilbert(width: int, height: int) -> Hilbert:
     width, height : int
         In [1, 65536]. The curve fills the next square with a power of two as side; pixels off the
         image are skipped, which breaks the curve where it leaves the image.
-
-    Returns
-    -------
-    Hilbert
 
     References
     ----------

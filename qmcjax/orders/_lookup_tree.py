@@ -1,6 +1,6 @@
 """Scrambled Morton orders by a self-similar tree: a grammar with a permutation for each letter."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Self
 
 import jax
@@ -9,24 +9,21 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import thue_morse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LookupTree(ScrambledMorton):
     """The word of a node is a letter, 0 at the root (Z paper, Eq. 13 to 18)."""
 
     production: Array
     """uint16 (letters, 4): the letters of the children, by their digits in the Morton code."""
-
     permutations: Array
     """uint8 (letters,): the permutation of each letter, below 24."""
 
     @property
     def root(self) -> Array:
-        """Letter 0."""
         return jnp.uint32(0)
 
     def family(self, keys: Array) -> Self:
@@ -46,8 +43,7 @@ class LookupTree(ScrambledMorton):
         )
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RandomTree(LookupTree):
     """The same with a random production; members of a family enter it at shifted letters.
 

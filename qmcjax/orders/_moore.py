@@ -1,19 +1,16 @@
 """Moore order: the closed Hilbert curve."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hilbert import Hilbert
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Moore(SquareOrder):
     """Four Hilbert curves, rotated by 90 degrees: up through the left half, and down through the right."""
 
@@ -22,7 +19,7 @@ class Moore(SquareOrder):
         half = 2**self.log_side // 2
         return Hilbert(half, half)
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         if self.log_side == 0:
             return jnp.zeros_like(x)
         level = self.log_side - 1
@@ -31,10 +28,10 @@ class Moore(SquareOrder):
         flip = jnp.where(right != 0, ones, np.uint32(0))
         x, y = x & ones, y & ones
         # On the left the x of a quarter runs against x and its y along y; on the right the reverse.
-        inside = self._quarter._position(y ^ flip, x ^ flip ^ ones)
+        inside = self._quarter.unchecked_position(y ^ flip, x ^ flip ^ ones)
         return (((right * np.uint32(3)) ^ low) << (2 * level)) | inside
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         if self.log_side == 0:
             return jnp.zeros_like(position), jnp.zeros_like(position)
         level = self.log_side - 1
@@ -43,7 +40,7 @@ class Moore(SquareOrder):
         right = quadrant >> 1
         low = (quadrant ^ right) & np.uint32(1)
         flip = jnp.where(right != 0, ones, np.uint32(0))
-        along, across = self._quarter._pixel(position & np.uint32(4**level - 1))
+        along, across = self._quarter.unchecked_pixel(position & np.uint32(4**level - 1))
         return (across ^ flip ^ ones) | (right << level), (along ^ flip) | (low << level)
 
 
@@ -60,8 +57,7 @@ def moore(width: int, height: int) -> Moore:
 
     Returns
     -------
-    Moore
-        From (side / 2 - 1, 0) to its right neighbour, around the square.
+    Moore, from (side / 2 - 1, 0) to its right neighbour, around the square
 
     References
     ----------

@@ -1,12 +1,10 @@
 """Morton order: the bits of both coordinates, interleaved."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 
 _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
@@ -28,15 +26,14 @@ def gather(word: Array) -> Array:
     return word
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Morton(SquareOrder):
     """Quadrants in the order upper left, upper right, lower left, lower right, recursively."""
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return spread(x) | (spread(y) << 1)
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         return gather(position), gather(position >> 1)
 
 
@@ -45,12 +42,7 @@ def morton(width: int, height: int) -> Morton:
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
-
-    Returns
-    -------
-    Morton
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
 
     References
     ----------

@@ -1,6 +1,6 @@
 """A Morton order with quadrants permuted by a search for small errors after a filter."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib import resources
 
@@ -11,19 +11,17 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hashed import Hashed
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class OptimizedOrder(SquareOrder):
     """A repeated tile, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
 
     positions: Array
     """uint16 (side, side): the order of the tile, [row, column]."""
-
     words: Array
     """uint32 (4,): symmetry of the tile, column and row of a smaller raster, seed for a larger one."""
 
@@ -38,8 +36,7 @@ class OptimizedOrder(SquareOrder):
         Parameters
         ----------
         key : jax.random.key
-        count : int
-            At least 1.
+        count : int, at least 1
 
         Returns
         -------
@@ -56,7 +53,6 @@ class OptimizedOrder(SquareOrder):
 
     @property
     def _tiles(self) -> Hashed:
-        """The order of the tiles of a larger raster."""
         side = self.positions.shape[0]
         return Hashed(-(-self.width // side), -(-self.height // side), self.words[3])
 
@@ -69,8 +65,7 @@ class OptimizedOrder(SquareOrder):
 
         Returns
         -------
-        row, column : uint32 Array
-            Indices into tables of the tile.
+        row, column : uint32 Array, indices into tables of the tile
         """
         inside = np.uint32(self.tile - 1)
         column, row = self._exchanged(self._flipped(x & inside, 0), self._flipped(y & inside, 1))
@@ -94,16 +89,16 @@ class OptimizedOrder(SquareOrder):
     def _log_tile(self) -> int:
         return self.tile.bit_length() - 1
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         # The positions in a square are consecutive; the quadrants of its corner give the first digits.
         position = self.positions.at[self.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         position = position & np.uint32(self.tile**2 - 1)
         if self._tiles.length == 1:
             return position
-        tile = self._tiles.position(x >> self._log_tile, y >> self._log_tile)
+        tile = self._tiles.unchecked_position(x >> self._log_tile, y >> self._log_tile)
         return (tile << (2 * self._log_tile)) | position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         left, top = self._corner
         part = jax.lax.dynamic_slice(self.positions, (top, left), (self.tile, self.tile))
         inside = np.uint32(self.tile**2 - 1)
@@ -113,7 +108,7 @@ class OptimizedOrder(SquareOrder):
         x, y = self._flipped(one, 0), self._flipped(other, 1)
         if self._tiles.length == 1:
             return x, y
-        column, row = self._tiles.pixel(position >> (2 * self._log_tile))
+        column, row = self._tiles.unchecked_pixel(position >> (2 * self._log_tile))
         return (column << self._log_tile) | x, (row << self._log_tile) | y
 
 
@@ -160,18 +155,13 @@ def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedO
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
     spp : int
         Samples of each pixel: a power of two. There are tables for 1 to 64; more samples use the table for
         64.
     key : jax.random.key, or int in [0, 2**32)
         Rotates or flips the tile, permutes the tiles of a larger raster and cuts a smaller one out of the
         tile. A new key does not recompile.
-
-    Returns
-    -------
-    OptimizedOrder
 
     Notes
     -----

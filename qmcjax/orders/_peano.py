@@ -1,13 +1,11 @@
 """Peano order: a curve through neighbouring pixels in base 3."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
 PEANO_SIDE = 3**10
@@ -20,8 +18,7 @@ def _reversed_if(odd: Array, digit: Array) -> Array:
     return jnp.where(odd != 0, np.uint32(2) - digit, digit)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Peano(Order):
     """The Peano curve from (0, 0) to (side - 1, side - 1).
 
@@ -40,14 +37,13 @@ class Peano(Order):
 
     @property
     def length(self) -> int:
-        """Number of positions on the padded curve, ``9**log_side``."""
         return 9**self.log_side
 
     @property
     def raster(self) -> tuple[int, int]:
         return 3**self.log_side, 3**self.log_side
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         position = odd_x = odd_y = jnp.zeros_like(x)
         for level in range(self.log_side - 1, -1, -1):
             column, row = ((v // np.uint32(3**level)) % np.uint32(3) for v in (x, y))
@@ -57,7 +53,7 @@ class Peano(Order):
             position = position * np.uint32(9) + pair
         return position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         x = y = odd_x = odd_y = jnp.zeros_like(position)
         for level in range(self.log_side - 1, -1, -1):
             pair = (position // np.uint32(9**level)) % np.uint32(9)
@@ -79,10 +75,6 @@ def peano(width: int, height: int) -> Peano:
     width, height : int
         In [1, 59049]: a larger image needs a side of 3**11, and positions beyond 32 bits. The curve fills
         the next square with a power of three as side; pixels off the image are skipped.
-
-    Returns
-    -------
-    Peano
 
     References
     ----------

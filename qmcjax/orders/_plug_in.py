@@ -1,6 +1,6 @@
 """Orders of users: any object with the protocol's methods, and any permutation of an image's pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,12 +11,11 @@ from jax.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import held, unheld
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn(Order):
     """An object with the methods of the protocol, without checks."""
 
@@ -30,10 +29,9 @@ class PlugIn(Order):
 
     @property
     def raster(self) -> tuple[int, int]:
-        """The raster of the object, by default width and height."""
         return getattr(unheld(self.held), "raster", (self.width, self.height))
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         position = _integers("position", unheld(self.held).position(x, y), x.shape)
         if not isinstance(position, Tracer) and position.size:
             most = int(np.max(np.asarray(position)))
@@ -41,7 +39,7 @@ class PlugIn(Order):
                 raise ValueError(f"order must have positions in [0, length={self.length}), got {most}")
         return position
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         inverse: Any = getattr(unheld(self.held), "pixel", None)
         if inverse is None:
             raise TypeError(
@@ -51,8 +49,7 @@ class PlugIn(Order):
         return _integers("pixel", x, position.shape), _integers("pixel", y, position.shape)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Permutation(Order):
     """Positions looked up in a table, and pixels in its inverse."""
 
@@ -63,18 +60,16 @@ class Permutation(Order):
 
     @property
     def length(self) -> int:
-        """Number of pixels."""
         return self.width * self.height
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height: nothing is padded."""
         return self.width, self.height
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return self.table.at[y, x].get(mode="promise_in_bounds")
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         number = self.inverse.at[position].get(mode="promise_in_bounds")
         return number % np.uint32(self.width), number // np.uint32(self.width)
 
@@ -130,8 +125,7 @@ def as_order(name: str, value: Any) -> Order:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for messages.
+    name : str, name of the argument, for messages
     value : Order, or object
         An object with ``width`` and ``height`` of its image, ``length``, the number of positions, and
         ``position(x, y)``, from uint32 Arrays of one shape to integers below ``length``. The inverse

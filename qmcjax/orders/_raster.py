@@ -1,34 +1,29 @@
 """Raster order: row by row."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Raster(Order):
     """Rows from top to bottom, each from left to right."""
 
     @property
     def length(self) -> int:
-        """Number of pixels."""
         return self.width * self.height
 
     @property
     def raster(self) -> tuple[int, int]:
-        """Width and height: nothing is padded."""
         return self.width, self.height
 
-    def _position(self, x: Array, y: Array) -> Array:
+    def unchecked_position(self, x: Array, y: Array) -> Array:
         return y * np.uint32(self.width) + x
 
-    def _pixel(self, position: Array) -> tuple[Array, Array]:
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
         return position % np.uint32(self.width), position // np.uint32(self.width)
 
 
@@ -37,12 +32,7 @@ def raster(width: int, height: int) -> Raster:
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536].
-
-    Returns
-    -------
-    Raster
+    width, height : int, in [1, 65536]
 
     Examples
     --------

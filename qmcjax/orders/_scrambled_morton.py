@@ -32,8 +32,7 @@ def scrambled_morton(
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
     key : jax.random.key, or int in [0, 2**32)
         A new key gives a new order without recompilation. For "multiplicative" an int is the paper's
         dimension d; a key draws one.
@@ -43,10 +42,6 @@ def scrambled_morton(
         node in a random grammar. "art": the same for a grammar of 4096 letters with equal letters far apart.
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
-
-    Returns
-    -------
-    ScrambledMorton
 
     Notes
     -----

@@ -1,5 +1,6 @@
 """Sums of samples over pixels: all of an image, or a list of them."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -54,9 +55,10 @@ def accumulate(
 
     def of_tile(part: tuple[Array, State], pair: tuple[Any, Any], first: Array, batches: Array) -> State:
         tile, state = part
-        return _added(pair, tile, state, first, batches, size, width, height, batch, dims)
+        batch_sum, parameters = _batch(pair, tile, size, width, height, batch, dims, state[0].dtype)
+        return summation.add_terms(batch_sum, True, parameters, state, first, batches)
 
-    return parts.mapped(of_tile, mesh, False, (tiles, states), pair, first, batches)
+    return parts.mapped(of_tile, mesh, (tiles, states), pair, first, batches)
 
 
 @jit("size", "width", "height", "batch", "dims", "dtype", "mesh", "traced")
@@ -78,25 +80,25 @@ def means(
     def of_tile(tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
         state = zeros(pair[0], (size,), dtype)
         batches = spp // np.uint32(batch)
-        state = _added(pair, tile, state, jnp.uint32(0), batches, size, width, height, batch, dims)
+        batch_sum, parameters = _batch(pair, tile, size, width, height, batch, dims, dtype)
+        state = summation.add_terms(batch_sum, True, parameters, state, jnp.uint32(0), batches)
         return mean(state, spp)
 
-    return parts.mapped(of_tile, mesh, traced, tiles, pair, spp)
+    mapped = parts.differentiable if traced else parts.mapped
+    return mapped(of_tile, mesh, tiles, pair, spp)
 
 
-def _added(
+def _batch(
     pair: tuple[Any, Any],
     tile: Array,
-    state: State,
-    first: Array,
-    batches: Array,
     size: int,
     width: int,
     height: int,
     batch: int,
     dims: tuple[int, ...],
-) -> State:
-    """Add samples of the pixels of a tile."""
+    dtype: DTypeLike,
+) -> tuple[Callable[[Any, Array], Array], Any]:
+    """Return the sum over batch k of the samples of a tile, a function of parameters and k, and these."""
     scene, sampler = pair
     if tile.ndim == 0:
         tile = jnp.minimum(tile + jax.lax.iota(jnp.uint32, size), np.uint32(width * height - 1))
@@ -107,7 +109,7 @@ def _added(
     def batch_sum(parameters: Any, k: Array) -> Array:
         scene, sampler, prepared, (x, y) = parameters
         block = jnp.broadcast_to(k, x.shape)
-        points = sampler.consecutive(prepared, block, batch, dims, state[0].dtype)
+        points = sampler.consecutive(prepared, block, batch, dims, dtype)
         values = []
         for point in points:
             whole = with_all_dims(point, dims, len(scene.needs))
@@ -115,7 +117,7 @@ def _added(
             values.append(value if own else or_nan(value, point))
         return summation.pairwise(values)
 
-    return summation.add_terms(batch_sum, True, (scene, sampler, prepared, pixels), state, first, batches)
+    return batch_sum, (scene, sampler, prepared, pixels)
 
 
 def or_nan(values: Array, points: Array) -> Array:

@@ -90,7 +90,6 @@ def _is_long(scene: Any) -> bool:
 
 @jit("width", "height", "dtype")
 def _centres(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
-    """Return the values at the centres of all pixels."""
     x, y = _accumulation.of_image(width, height)
     half = jnp.full((*x.shape, len(scene.needs)), 0.5, dtype)
     return scene(_accumulation.on_screen(half, x, y, width, height))

@@ -15,8 +15,6 @@ from qmcjax.core.pytrees import jit
 from qmcjax.scenes import as_scene
 from qmcjax.sequences import Sequence, as_sequence
 
-__all__ = ["boundary_gradient"]
-
 _PARTS = 8
 """Parts of the points, distributed over devices."""
 
@@ -63,8 +61,7 @@ def boundary_gradient(
         do not count. All parameters must move edges only.
     sequence : Sequence
         Points u: one dimension for scenes on the plane. Further dimensions are ignored.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     n : int
         Number of points on the edges of the whole image, in [1, 2**31].
     dtype : float32 or float64
@@ -152,7 +149,7 @@ def _gradient(
         scene, sequence, n = parameters
         index = k * np.uint32(rows) + jax.lax.iota(jnp.uint32, rows)
         dims = tuple(range(len(scene.needs) - 1))
-        u = sequence(jnp.minimum(index, n - 1), dims, dtype)
+        u = sequence.coordinates(jnp.minimum(index, n - 1), dims, dtype)
         point, jump = scene.boundary(u)
         if point.shape != (rows, len(scene.needs)) or jump.shape != (rows,):
             raise ValueError(

@@ -21,8 +21,6 @@ from qmcjax.rendering._render import rendered
 from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
 
-__all__ = ["estimated_reference"]
-
 REPLICATES = 16
 """Number of independent images to average: the standard error of the mean is known to about 18 %."""
 
@@ -51,19 +49,13 @@ def estimated_reference(
     Parameters
     ----------
     scene : Scene
-    width, height : int
-        In [1, 65536].
-    spp : int
-        Samples per pixel of all replicates together, a multiple of 16; best 16 times a power of 2.
+    width, height : int, in [1, 65536]
+    spp : int, samples per pixel of all replicates together, a multiple of 16; best 16 times a power of 2
     key : jax.random.key, or int in [0, 2**32)
-    dtype : float32 or float64
-        Of points, values and the sums of a replicate.
-    progress : callable, optional
-        Called with the finished part in (0, 1], several times in a long run.
-    checkpoint : path or Checkpoint, optional
-        File that keeps finished work, as for :func:`qmcjax.render`.
-    mesh : jax.sharding.Mesh, optional
-        Devices that share the pixels, as for :func:`qmcjax.render`.
+    dtype : float32 or float64, of points, values and the sums of a replicate
+    progress : callable, optional, called with the finished part in (0, 1], several times in a long run
+    checkpoint : path or Checkpoint, optional, file that keeps finished work, as for :func:`qmcjax.render`
+    mesh : jax.sharding.Mesh, optional, devices that share the pixels, as for :func:`qmcjax.render`
 
     Returns
     -------

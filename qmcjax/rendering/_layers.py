@@ -11,8 +11,6 @@ from qmcjax.rendering._adaptive import AdaptiveImage
 from qmcjax.rendering._render_adaptive import render_adaptive
 from qmcjax.scenes import as_scene
 
-__all__ = ["render_layers"]
-
 
 def render_layers(
     moving: Any,
@@ -42,10 +40,8 @@ def render_layers(
     sampler : Sampler
         Used for each scene: with as many dimensions as either needs, and ``max(spp, still_spp)`` samples per
         pixel.
-    width, height : int
-        In [1, 65536].
-    spp, still_spp : int
-        Samples for each layer.
+    width, height : int, in [1, 65536]
+    spp, still_spp : int, samples for each layer
     shade : float
         The value of the object, finite.
     dtype : float32 or float64

@@ -20,8 +20,6 @@ from qmcjax.rendering._render import render
 from qmcjax.rendering._task import check_progress, opened, task
 from qmcjax.scenes import as_scene
 
-__all__ = ["Passes", "render_passes"]
-
 
 class Passes(NamedTuple):
     """The mean of independent images."""
@@ -55,36 +53,26 @@ def render_passes(
 
     Parameters
     ----------
-    scene : Scene
-        As for :func:`render`.
+    scene : Scene, as for :func:`render`
     sampler : Randomized
         Made by :func:`qmcjax.samplers.randomized`, or any object with ``of_pass(number)``, the sampler of a
         pass; a pass has ``sampler.spp`` samples per pixel.
-    width, height : int
-        In [1, 65536].
-    passes : int
-        Number of passes, or the maximum, at least 2.
+    width, height : int, in [1, 65536]
+    passes : int, number of passes, or the maximum, at least 2
     tolerance : float, optional
         Stop after two or more passes as soon as ``error`` is at most this, a positive number.
     seconds : float, optional
         Stop after two or more passes as soon as this call has taken so long, a positive number.
-    dtype : float32 or float64
-        Dtype of the images; passes are added up in float64.
+    dtype : float32 or float64, dtype of the images; passes are added up in float64
     progress : callable, optional
         Called with the finished part in (0, 1] after each pass: of all passes, of the time, or of the way to
         the tolerance, whichever is largest.
     checkpoint : path or Checkpoint, optional
-        File that keeps the passes, written every 30 seconds and at the end. Calling the function again
-        resumes from it, with bit-identical results; ``passes``, ``tolerance`` and ``seconds`` may change. The
-        file is not deleted. Your own function that makes the sampler needs a :class:`qmcjax.Checkpoint` with
-        a label.
+        File that keeps the passes, as for :func:`render`; ``passes``, ``tolerance`` and ``seconds`` may
+        change. Your own function that makes the sampler needs a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
         ``seconds``.
-
-    Returns
-    -------
-    Passes
 
     Notes
     -----

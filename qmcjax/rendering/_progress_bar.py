@@ -6,8 +6,6 @@ from typing import Any
 
 from qmcjax.core import checks
 
-__all__ = ["progress_bar"]
-
 
 def progress_bar(label: str = "") -> Callable[[float], None]:
     """Return a bar with the remaining time, for any argument ``progress``.

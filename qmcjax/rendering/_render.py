@@ -18,8 +18,6 @@ from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
 
-__all__ = ["render"]
-
 _CALL = 2**26
 """Samples per call of the compiled program: progress is reported between calls."""
 
@@ -51,10 +49,8 @@ def render(
     sampler : Sampler
         A function from pixel and sample to a point, made for this image size, with at least
         ``len(scene.needs)`` dimensions.
-    width, height : int
-        In [1, 65536].
-    spp : int
-        Samples per pixel, at least 1 and at most as many as the sampler has.
+    width, height : int, in [1, 65536]
+    spp : int, samples per pixel, at least 1 and at most as many as the sampler has
     dtype : float32 or float64
         Dtype of points, values and sums. Sums are compensated: they are as accurate as the values.
     progress : callable, optional
@@ -96,25 +92,9 @@ def render(
 
 
 def rendered(
-    task: Task,
-    mesh: Mesh | None,
-    progress: Callable[[float], None] | None,
-    kept: checkpoints.Kept | None,
+    task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, kept: checkpoints.Kept | None
 ) -> Array:
-    """Render a checked task, resuming from its checkpoint."""
-    image, finite = _everywhere(task, mesh, progress, kept)
-    if not isinstance(finite, Tracer) and not finite:
-        refuse(task, image)
-    return image
-
-
-def _everywhere(
-    task: Task,
-    mesh: Mesh | None,
-    progress: Callable[[float], None] | None,
-    kept: checkpoints.Kept | None,
-) -> tuple[Array, Array]:
-    """Take all samples of all pixels, and return the means and whether they are finite."""
+    """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
     scene, sampler, width, height, spp, dtype = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
     with checks.precision(dtype):
@@ -166,8 +146,10 @@ def _everywhere(
                 jax.block_until_ready((image, state))
                 progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
         assert image is not None
-        shaped = _shaped if task.traced else _in_place
-        return shaped(image, width, height)
+        image, finite = (_shaped if task.traced else _in_place)(image, width, height)
+    if not isinstance(finite, Tracer) and not finite:
+        refuse(task, image)
+    return image
 
 
 def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> tuple[Array | None, int]:

@@ -14,8 +14,6 @@ from qmcjax.rendering._stopping import PILOT, until
 from qmcjax.rendering._task import Task, check_progress, refuse, task
 from qmcjax.samplers import Randomized
 
-__all__ = ["render_adaptive"]
-
 
 def render_adaptive(
     scene: Any,
@@ -43,13 +41,10 @@ def render_adaptive(
     scene : Scene
     sampler : Sampler
         Made by :func:`qmcjax.samplers.randomized` if there is a ``tolerance``.
-    width, height : int
-        In [1, 65536].
-    spp : int
-        Samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass.
+    width, height : int, in [1, 65536]
+    spp : int, samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass
     dtype : float32 or float64
-    progress : callable, optional
-        Called with the finished part in (0, 1], several times in a long run.
+    progress : callable, optional, called with the finished part in (0, 1], several times in a long run
     tolerance : float, optional
         Take passes in each pixel until the standard error of it and its neighbours is at most this, or until
         it has ``spp`` samples. At least four passes are taken. Positive.
@@ -107,8 +102,7 @@ def render_adaptive(
 
 def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
     """Raise unless passes can be stopped by this tolerance."""
-    if not isinstance(unbiased, bool):
-        raise TypeError(f"unbiased must be True or False, got {checks.shown(unbiased)}")
+    checks.flag("unbiased", unbiased)
     if tolerance is None:
         if unbiased:
             raise ValueError(

@@ -23,8 +23,7 @@ def sliding_means(images: Iterable[ArrayLike], count: int) -> Iterator[NDArray[n
     ----------
     images : iterable of real ArrayLike
         Finite, all of one shape. A generator is consumed lazily.
-    count : int
-        Number of images per frame, in [1, 65536]; so many are kept.
+    count : int, number of images per frame, in [1, 65536]; so many are kept
 
     Yields
     ------

@@ -31,12 +31,10 @@ class Task(NamedTuple):
 
     @property
     def traced(self) -> bool:
-        """Whether values are not known yet."""
         return is_traced((self.scene, self.sampler))
 
 
 def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any) -> Task:
-    """Check the arguments of a rendering."""
     scene = as_scene("scene", scene)
     sampler = as_sampler("sampler", sampler)
     width, height = checks.image_size(width, height)

@@ -42,13 +42,11 @@ class Sampler(abc.ABC):
         ----------
         x, y : uint32 Array, of one shape
             Valid pixels.
-        dims : tuple of int
-            The coordinates that will be used, static.
+        dims : tuple of int, the coordinates that will be used, static
 
         Returns
         -------
-        pytree of Arrays
-            By default the pixels themselves, ``(x, y)``.
+        pytree of Arrays, by default the pixels themselves, ``(x, y)``
         """
         return x, y
 
@@ -59,10 +57,8 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        width, height : int
-            In [1, 65536], the size that the sampler is made for.
-        dims : tuple of int
-            The coordinates that will be used, static.
+        width, height : int, in [1, 65536], the size that the sampler is made for
+        dims : tuple of int, the coordinates that will be used, static
 
         Returns
         -------
@@ -77,8 +73,7 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        state : pytree of Arrays
-            From :meth:`prepare` for the same ``dims``.
+        state : pytree of Arrays, from :meth:`prepare` for the same ``dims``
         sample : uint32 Array, of the pixels' shape
             Valid numbers of samples.
         dims : tuple of int
@@ -102,27 +97,24 @@ class Sampler(abc.ABC):
         state, dims, dtype
             As for :meth:`points`.
         block : uint32 Array, of the pixels' shape
-        count : int
-            Number of samples.
+        count : int, number of samples
 
         Returns
         -------
-        list of Array
-            The points of each sample.
+        list of Array, the points of each sample
         """
-        first = block * np.uint32(count)
-        return [
-            matching(self.points(state, first + np.uint32(i), dims, dtype), block.shape, dims, dtype)
-            for i in range(count)
-        ]
+        first, made = block * np.uint32(count), []
+        for i in range(count):
+            points = self.points(state, first + np.uint32(i), dims, dtype)
+            made.append(matching(points, block.shape, dims, dtype))
+        return made
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
         """Return the best number of samples per iteration of such a loop, a power of two.
 
         Parameters
         ----------
-        dims : tuple of int
-            The coordinates that will be used.
+        dims : tuple of int, the coordinates that will be used
 
         Returns
         -------
@@ -136,8 +128,7 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        spp : int
-            Number of samples, at least 1.
+        spp : int, number of samples, at least 1
 
         Returns
         -------
@@ -152,10 +143,8 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        width, height : int
-            In [1, 65536].
-        spp : int
-            Samples of each pixel, at least 1.
+        width, height : int, in [1, 65536]
+        spp : int, samples of each pixel, at least 1
         """
         checks.image_size(width, height)
         checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
@@ -191,10 +180,27 @@ class Sampler(abc.ABC):
         return matching(points, x.shape, wanted, dtype)
 
     def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
-        """Return pixels and samples in one shape."""
         named = zip(("x", "y", "sample"), (x, y, sample), self.limits, strict=True)
         x, y, sample = jnp.broadcast_arrays(*(checks.unsigned(*argument) for argument in named))
         return x, y, sample
+
+
+class InEveryPixel(Sampler):
+    """A sampler with the first points of one sequence in every pixel, randomised or shifted."""
+
+    sequence: Any
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        return (*super().limits[:2], self.sequence.limit)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        super().check(width, height, spp)
+        check_count(spp, self.sequence.limit, "for this sequence")
 
 
 def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: DTypeLike) -> Array:

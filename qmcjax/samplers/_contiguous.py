@@ -1,6 +1,6 @@
 """Contiguous blocks of one sequence along a curve through the pixels."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -8,15 +8,14 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Contiguous(Sampler):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
 
@@ -30,12 +29,11 @@ class Contiguous(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the points of a block."""
         return (*self.order.raster, self.spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the shared state of the block of a pixel; its position, if indices have 64 bits."""
-        position = self.order.position(x, y)
+        position = self.order.unchecked_position(x, y)
         if self._has_64_bits:
             return position
         return self.sequence.prepare_block(position * np.uint32(self.spp), self.spp, dims)
@@ -52,7 +50,6 @@ class Contiguous(Sampler):
         return needed(self.order.length * self.spp, self.sequence)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the order's image and no pixel needs more than its block."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.spp, "samples in the block of a pixel")
@@ -63,16 +60,10 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
 
     Parameters
     ----------
-    order : Order
-        The curve, for one size of image.
-    sequence : Sequence
+    order : Order, the curve, for one size of image
     spp : int
         Points in the block of a pixel, at least 1. Powers of the base of the sequence are best. The sequence
         must have ``order.length * spp`` points.
-
-    Returns
-    -------
-    Contiguous
 
     Notes
     -----

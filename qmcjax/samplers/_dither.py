@@ -1,6 +1,5 @@
 """One sequence in every pixel, shifted by a tiled mask."""
 
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
@@ -12,52 +11,34 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.fractions import fractions
-from qmcjax.core.pytrees import pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._base import InEveryPixel
 from qmcjax.sequences import Sequence, as_sequence
 
 _STRIDE = (0.5698402909980532, 0.7548776662466927)
 """1/p**2 and 1/p, where p**3 = p + 1: their multiples modulo 1 stay far apart."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
-class Dithered(Sampler):
+@frozen_pytree
+class Dithered(InEveryPixel):
     """Sample s of a pixel is point s of the sequence plus the pixel's vector in a mask, modulo 1."""
 
     offsets: Array
     """uint32 (rows, columns, channels): fractions."""
-
     sequence: Sequence
 
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of the sequence."""
-        return (*super().limits[:2], self.sequence.limit)
-
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the sequence, shifted for each pixel."""
         x, y = state
         rotated = self.sequence.rotated_coordinate
         return jnp.stack([rotated(sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1)
 
     def _offset(self, x: Array, y: Array, dim: int) -> Array:
-        """Return the shifts of one coordinate."""
         rows, columns, channels = self.offsets.shape
         copy, channel = divmod(dim, channels)
         down, right = (int(copy * s % 1 * n) for s, n in zip(_STRIDE, (rows, columns), strict=True))
         row = (y % np.uint32(rows) + np.uint32(down)) % np.uint32(rows)
         column = (x % np.uint32(columns) + np.uint32(right)) % np.uint32(columns)
         return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer than ``spp`` points."""
-        super().check(width, height, spp)
-        check_count(spp, self.sequence.limit, "for this sequence")
 
 
 def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:

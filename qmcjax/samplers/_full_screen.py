@@ -1,6 +1,6 @@
 """One net over the whole screen: each pixel takes the points that fall into it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,15 +9,14 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen, halton_full_screen
 from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class FullScreen(Sampler):
     """A net scaled to the smallest square that covers the image, its side a power of two."""
 
@@ -40,11 +39,9 @@ class FullScreen(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the points in a pixel."""
         return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the net that fall into pixels."""
         x, y = state
         index = self.net.index_in_cell(x, y, self.log_side, sample)
         # The leading bits of the first two coordinates are the pixel: shifted out, the rest has full
@@ -75,8 +72,7 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
         and a digital (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, with
         permuted digits or not, puts one of each ``2**a * 3**b`` points into every pixel of a raster of
         ``2**a`` by ``3**b`` pixels, the smallest that covers the image.
-    width, height : int
-        In [1, 65536]. For a Halton sequence ``2**a * 3**b`` must be at most 2**32.
+    width, height : int, in [1, 65536]; for a Halton sequence ``2**a * 3**b`` must be at most 2**32
 
     Returns
     -------

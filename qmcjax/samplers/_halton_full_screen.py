@@ -1,6 +1,6 @@
 """The Halton sequence over the whole screen: each pixel takes the points that fall into it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -14,13 +14,12 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.digits import digit_spans, radical_inverse
 from qmcjax.core.permuted_digits import permuted_digit, permuted_radical_inverse, reflection_tables
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import RadicalInverses
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class HaltonFullScreen(Sampler):
     """A Halton sequence scaled to the smallest raster of 2**a x 3**b pixels that covers the image.
 
@@ -34,10 +33,8 @@ class HaltonFullScreen(Sampler):
 
     flips: Array
     """uint32: bit k is set if the permutation of binary digit k swaps."""
-
     inverses: Array | None
     """uint32 (b, 3): row k maps ternary digit k of the second component to that of the index."""
-
     tables: Array | None
     """uint16: the reflection tables of the ternary digits from the b-th on."""
 
@@ -59,16 +56,9 @@ class HaltonFullScreen(Sampler):
     def index(self, x: Array, y: Array, sample: Array) -> Array:
         """Return the index of the point of a pixel in block ``sample``.
 
-        Parameters
-        ----------
-        x, y : uint32 Array
-            Column and row of the pixel, in the padded raster.
-        sample : uint32 Array
-            The block, below ``spp``: indices ``sample * 2**a * 3**b`` and following.
-
-        Returns
-        -------
-        uint32 Array, the broadcast shape
+        ``x``, ``y``: uint32 Array: column and row of the pixel, in the padded raster. ``sample``: uint32
+        Array: the block, below ``spp``: indices ``sample * 2**a * 3**b`` and following. Returns uint32 Array,
+        the broadcast shape.
         """
         return self._index(x, y, sample)[0]
 
@@ -95,11 +85,9 @@ class HaltonFullScreen(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the number of samples with indices."""
         return (*self.raster, self.spp)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the sequence that fall into pixels."""
         x, y = state
         index, rest = self._index(x, y, sample)
         log_columns, _ = _exponents(self.width, self.height)
@@ -117,7 +105,6 @@ class HaltonFullScreen(Sampler):
         return jnp.stack([coordinate(j) for j in dims], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough indices."""
         super().check(width, height, spp)
         check_size("sequence", (self.width, self.height), (width, height))
         columns, rows = self.raster

@@ -1,7 +1,7 @@
 """One sequence in every pixel, randomised independently."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import jax
 import jax.numpy as jnp
@@ -10,8 +10,8 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
-from qmcjax.core.pytrees import pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._base import InEveryPixel
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
 Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
@@ -32,25 +32,14 @@ def _shift(sequence: Sequence, sample: Array, dim: int, seed: Array, dtype: DTyp
 _RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": _shift, "xor": _xor}
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
-class Independent(Sampler):
+@frozen_pytree
+class Independent(InEveryPixel):
     """The points of a sequence, randomised with a seed from pixel and coordinate."""
 
     sequence: Sequence
     seeds: Array
     """uint32 (dims, 2)."""
-
     randomizer: Randomizer = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of the sequence."""
-        return (*super().limits[:2], self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the seeds of pixels, one for each coordinate."""
@@ -59,15 +48,9 @@ class Independent(Sampler):
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return the points of the sequence, randomised with the seeds of the pixels."""
         seeds = zip(dims, state, strict=True)
         values = [self.randomizer(self.sequence, sample, j, seed, dtype) for j, seed in seeds]
         return jnp.stack(values, axis=-1)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer than ``spp`` points."""
-        super().check(width, height, spp)
-        check_count(spp, self.sequence.limit, "for this sequence")
 
 
 def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -> Independent:
@@ -75,17 +58,12 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
 
     Parameters
     ----------
-    sequence : Sequence
-        With ``bits``; any sequence for "shift".
+    sequence : Sequence, with ``bits``; any sequence for "shift"
     key : jax.random.key, or int in [0, 2**32)
     randomize : {"owen", "xor", "shift"}
         Owen scrambling by hashing, xor with a random word (a digital shift), or a random shift modulo 1 (a
         Cranley-Patterson rotation [2]_), for sequences that are uniform on the torus, like lattices. The sum
         is exact in base 2; for any other sequence it is rounded once from float64, never to 1.
-
-    Returns
-    -------
-    Independent
 
     References
     ----------

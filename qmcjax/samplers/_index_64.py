@@ -1,5 +1,9 @@
 """64-bit indices, for more than 2**32 points: two words of 32 bits."""
 
+import abc
+from dataclasses import replace
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -8,6 +12,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
+from qmcjax.samplers._base import Sampler
 from qmcjax.sequences import BinarySequence, Sequence
 
 Index = tuple[Array, Array]
@@ -43,3 +48,43 @@ def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DT
         return beyond  # Exact in both ways.
     # Division by a long divisor rounds more often and differs in the last place.
     return jnp.where((high == 0)[..., None], sequence.coordinates(low, dims, dtype), beyond)
+
+
+class Strided(Sampler):
+    """A sampler along an order that needs 64-bit indices only for many samples."""
+
+    order: Any
+    sequence: Any
+    short: bool
+    """Whether 32-bit indices suffice for all samples."""
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims
+
+    @property
+    @abc.abstractmethod
+    def most(self) -> int:
+        """Largest number of samples for which the indices suffice."""
+
+    def _whole(self, spp: int) -> int:
+        """Return the number of samples in all iterations up to that of sample ``spp - 1``."""
+        return spp
+
+    @property
+    def _limit(self) -> int:
+        """Number of indices; sample numbers have 32 bits in any case."""
+        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
+
+    @property
+    def _has_64_bits(self) -> bool:
+        return not self.short and needed(self.order.length * self.most, self.sequence)
+
+    def up_to(self, spp: int) -> Any:
+        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
+        short = not needed(self.order.length * self._whole(spp), self.sequence)
+        return replace(self, short=short)  # pyright: ignore[reportArgumentType]
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        return (*self.order.raster, self.most)

@@ -1,6 +1,6 @@
 """Points shared by pixels at the same place in each tile."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count
 from qmcjax.samplers._plug_in import as_sampler
 from qmcjax.sequences import Sequence, as_sequence
@@ -17,8 +17,7 @@ from qmcjax.sequences import Sequence, as_sequence
 _ON_SCREEN = 2
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Interleaved(Sampler):
     """The pixels of a tile take consecutive blocks of the sequence, the same in every tile."""
 
@@ -34,12 +33,10 @@ class Interleaved(Sampler):
 
     @property
     def _on_screen(self) -> int:
-        """Number of coordinates that are not shared."""
         return 0 if self.positions is None else _ON_SCREEN
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of a block."""
         columns, rows, samples = super().limits if self.positions is None else self.positions.limits
         return columns, rows, min(samples, self.spp)
 
@@ -51,7 +48,6 @@ class Interleaved(Sampler):
         return first, self.positions.prepare(x, y, own) if self.positions and own else None
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the positions inside the pixels, if given, and the points of their blocks."""
         first, of_positions = state
         own = tuple(j for j in dims if j < self._on_screen)
         shared = tuple(j - self._on_screen for j in dims if j >= self._on_screen)
@@ -65,7 +61,6 @@ class Interleaved(Sampler):
         return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless no pixel needs more than its block."""
         super().check(width, height, spp)
         check_count(spp, self.spp, "samples in the block of a pixel")
         if self.positions is not None:
@@ -88,16 +83,9 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler 
     sequence : Sequence
         Shared coordinates: all, or those after the first two with ``positions``. At least ``tile**2 * spp``
         points.
-    spp : int
-        Points in the block of a pixel, at least 1.
-    tile : int
-        Side of a tile in pixels, at least 1.
-    positions : Sampler, optional
-        Coordinates 0 and 1; at least two dimensions.
-
-    Returns
-    -------
-    Interleaved
+    spp : int, points in the block of a pixel, at least 1
+    tile : int, side of a tile in pixels, at least 1
+    positions : Sampler, optional, coordinates 0 and 1; at least two dimensions
 
     References
     ----------

@@ -1,6 +1,6 @@
 """Contiguous blocks of Owen-scrambled Sobol' sequences along orders optimised for perceived error."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from qmcjax import orders
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed
 from qmcjax.samplers._z_index import append
@@ -25,20 +25,16 @@ MAX_DIMS = 2**16
 MAX_SPP = 2**31
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Optimized(Sampler):
     """Pixel p of the order of a pair of coordinates takes the points spp * p, ..., in its own order."""
 
     orders: orders.OptimizedOrder
     """A family with one order for each pair of coordinates."""
-
     ranks: Array
     """uint8 (side, side): numbers of the first samples of the pixels of the tile."""
-
     seeds: Array
     """uint32 (pairs, 3): seeds of the scramblings of both coordinates, and of the orders of the samples."""
-
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
@@ -50,7 +46,6 @@ class Optimized(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the samples of a pixel."""
         return (*self.orders.raster, self.spp)
 
     @property
@@ -66,7 +61,7 @@ class Optimized(Sampler):
 
     def _prepare_pair(self, pair: int, x: Array, y: Array) -> tuple[Array, Array, Array]:
         order = self.orders.member(pair)
-        position = order.position(x, y)
+        position = order.unchecked_position(x, y)
         rank = self.ranks.at[order.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         seed = hash_word(position ^ self.seeds[pair, 2])
         return position, rank, seed
@@ -85,7 +80,6 @@ class Optimized(Sampler):
         return number
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return points of the pixels' blocks."""
         indices = {}
         for pair, (position, first, seed) in state.items():
             indices[pair] = append(position, self._shuffled(sample, seed) ^ first, self._digits)
@@ -99,7 +93,6 @@ class Optimized(Sampler):
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough samples."""
         super().check(width, height, spp)
         check_size("sampler", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "samples of a pixel")
@@ -122,8 +115,7 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The orders fill the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
     spp : int
         Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered. There are tables for 1 to
         64; larger numbers use the order for 64, and their first samples are not optimised.
@@ -132,10 +124,6 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
     dims : int
         Number of coordinates, in [1, 65536]. They are padded: each pair has its own scrambled sequence, order
         of the pixels and order of their samples; if dims is odd, the last one is single.
-
-    Returns
-    -------
-    Optimized
 
     Notes
     -----

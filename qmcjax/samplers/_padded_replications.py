@@ -1,6 +1,6 @@
 """Replications of one net over the screen, each shifted by whole pixels and jittered."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,14 +10,13 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, uniform
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PaddedReplications(Sampler):
     """Sample s of all pixels: a net with one point per pixel, shifted by vector s of a sequence."""
 
@@ -42,11 +41,9 @@ class PaddedReplications(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the vectors of offsets."""
         return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the shifted instances of the net that fall into pixels."""
         x, y = state
         # Whole pixels from the leading digits, in two steps: a shift by 32 is not defined. Subtracting them
         # from the point keeps its position inside the pixel.
@@ -58,7 +55,6 @@ class PaddedReplications(Sampler):
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
     def _word(self, index: Array, sample: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction, of the pixel or of the unit interval."""
         word = self.net.word(index, dim)
         if dim >= 2:
             return word + self._offset(sample, dim)
@@ -68,22 +64,16 @@ class PaddedReplications(Sampler):
         return inside
 
     def _offset(self, sample: Array, dim: int) -> Array:
-        """Return a coordinate of the offsets as a 32-bit fraction, rounded down."""
         return self.offsets.fixed_point(sample, dim)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has an offset for each sample."""
         super().check(width, height, spp)
         check_size("net", (self.width, self.height), (width, height))
         check_count(spp, self.spp, "for the sequence of offsets")
 
 
 def padded_replications(
-    net: Invertible | Sequence,
-    width: int,
-    height: int,
-    offsets: Sequence | Array | int,
-    jitter: bool = True,
+    net: Invertible | Sequence, width: int, height: int, offsets: Sequence | Array | int, jitter: bool = True
 ) -> PaddedReplications:
     """Sample the screen repeatedly with one point of a net per pixel, with a new shift each time.
 
@@ -98,8 +88,7 @@ def padded_replications(
     net : sequence in base 2
         As for :func:`full_screen`, except the Halton sequence: a net of ``4**k`` points, or a digital
         sequence, with its first ``4**k`` points.
-    width, height : int
-        In [1, 65536].
+    width, height : int, in [1, 65536]
     offsets : Sequence, or jax.random.key, or int in [0, 2**32)
         Vector s holds the shifts of instance s, one for each coordinate of the net, followed by its jitter in
         x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster, the

@@ -1,6 +1,6 @@
 """One sequence partitioned into one sequence per pixel."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,16 +12,15 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.digits import word
 from qmcjax.core.permuted_digits import permuted_digit
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import needed, plus, points_64, times
+from qmcjax.samplers._base import check_count, check_size
+from qmcjax.samplers._index_64 import Strided, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
-class Partitioned(Sampler):
+@frozen_pytree
+class Partitioned(Strided):
     """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
 
     order: Order
@@ -29,7 +28,6 @@ class Partitioned(Sampler):
     component: int = field(metadata={"static": True})
     """The partitioning component."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
-    """Whether 32-bit indices suffice for all samples."""
 
     @property
     def dims(self) -> int:
@@ -38,34 +36,15 @@ class Partitioned(Sampler):
 
     @property
     def most(self) -> int:
-        """Largest number of samples for which the indices suffice."""
         return self._limit // self.order.length
-
-    @property
-    def _limit(self) -> int:
-        """Number of indices; sample numbers have 32 bits in any case."""
-        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
-
-    @property
-    def _has_64_bits(self) -> bool:
-        return not self.short and needed(self.order.length * self.most, self.sequence)
-
-    def up_to(self, spp: int) -> Any:
-        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
-        return replace(self, short=not needed(self.order.length * spp, self.sequence))
 
     def _first(self, position: Array) -> Array:
         """Return the index of a pixel's first point, below N."""
         return position
 
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the number of samples with indices."""
-        return (*self.order.raster, self.most)
-
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the first indices of pixels."""
-        return self._first(self.order.position(x, y))
+        return self._first(self.order.unchecked_position(x, y))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         """Return every N-th point from the pixels' first ones on."""
@@ -77,14 +56,12 @@ class Partitioned(Sampler):
         return self.sequence.coordinates(index, left, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class ExactlyPartitioned(Partitioned):
     """Pixel j takes the points with partitioning component in [j/N, (j+1)/N)."""
 
@@ -111,10 +88,7 @@ class ExactlyPartitioned(Partitioned):
 
 
 def partitioned(
-    order: Order,
-    sequence: Sequence,
-    component: int | None = None,
-    exact: bool = False,
+    order: Order, sequence: Sequence, component: int | None = None, exact: bool = False
 ) -> Partitioned | ExactlyPartitioned:
     """Give each pixel its own low discrepancy sequence, all of them parts of one.
 
@@ -128,8 +102,7 @@ def partitioned(
     order : Order
         The curve, for one size of image. Its length N must be a power of b: Hilbert, Moore or Morton order
         for b = 2, Peano for b = 3.
-    sequence : Sequence
-        At least two dimensions and N points.
+    sequence : Sequence, at least two dimensions and N points
     component : int, optional
         The partitioning component: one of the Halton sequence, with permuted digits or not, or one of a
         digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled or

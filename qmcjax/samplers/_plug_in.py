@@ -1,8 +1,7 @@
 """Samplers of users: any object with the protocol's methods, and any function."""
 
-import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,8 +11,8 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import below_one
-from qmcjax.core.plug_ins import held, unheld
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.plug_ins import held, parameters, unheld
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler
 
 MAX_DIMS = 2**16
@@ -21,8 +20,7 @@ MAX_DIMS = 2**16
 _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the methods prepare and points"
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn(Sampler):
     """An object with the methods of the protocol, without defaults."""
 
@@ -42,7 +40,6 @@ class PlugIn(Sampler):
         return self.sampler.prepare(x, y, dims) if _prepares(self.sampler) else (x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the object for a state, or for pixels."""
         if _prepares(self.sampler):
             return self.sampler.points(state, sample, dims, dtype)
         if _positional(self.sampler) > 4:
@@ -55,8 +52,7 @@ class PlugIn(Sampler):
             self.sampler.check(width, height, spp)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Function(Sampler):
     """The points of a function of pixel and sample."""
 
@@ -68,7 +64,6 @@ class Function(Sampler):
         return self.coordinates
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the wanted coordinates of the function's points."""
         values = unheld(self.held)(*state, sample)
         wanted = (*sample.shape, self.dims)
         if jnp.shape(values) != wanted:
@@ -85,8 +80,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     f : callable
         From column, row and sample, uint32 Arrays of one shape (...), to points in [0, 1), floats of shape
         (..., dims). It is traced; the same function object compiles once.
-    dims : int
-        Number of coordinates, in [1, 65536].
+    dims : int, number of coordinates, in [1, 65536]
 
     Returns
     -------
@@ -111,8 +105,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for messages.
+    name : str, name of the argument, for messages
     value : Sampler, or object
         An object with ``dims``, the number of coordinates, and either a call ``(x, y, sample, dims, dtype)``
         or ``(x, y, sample, dims)`` that returns points ``[..., len(dims)]``, or the methods ``prepare`` and
@@ -149,12 +142,7 @@ def _prepares(value: Any) -> bool:
 
 def _positional(value: Any) -> int:
     """Return the number of positional arguments of a call, 0 if there is no call."""
-    if not callable(value):
-        return 0
-    try:
-        parameters = inspect.signature(value).parameters.values()
-    except (TypeError, ValueError):
-        return 0
-    if any(p.kind is p.VAR_POSITIONAL for p in parameters):
+    known = parameters(value)
+    if any(p.kind is p.VAR_POSITIONAL for p in known):
         return 5
-    return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
+    return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in known)

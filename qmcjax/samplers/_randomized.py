@@ -1,7 +1,7 @@
 """Freshly randomised passes."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -11,14 +11,13 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.varying import alike
 from qmcjax.samplers._base import Sampler
 from qmcjax.samplers._plug_in import as_sampler
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Randomized(Sampler):
     """Sample s is sample ``s % spp`` of a sampler made with a separate key for pass ``s // spp``."""
 
@@ -37,8 +36,7 @@ class Randomized(Sampler):
 
         Parameters
         ----------
-        number : uint32 Array, shape (), or int
-            Number of the pass, from 0.
+        number : uint32 Array, shape (), or int, number of the pass, from 0
 
         Returns
         -------
@@ -62,7 +60,6 @@ class Randomized(Sampler):
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless passes are made for this image; their number is unbounded."""
         super().check(width, height, spp)
         as_sampler("sampler_of_key", self.of_pass(0)).check(width, height, self.spp)
 
@@ -83,8 +80,7 @@ def randomized(
         From a ``jax.random.key`` to a sampler, e.g. ``lambda key: contiguous(order, owen(sequence, key),
         spp)``. The same function object compiles once. It is traced with the samples: arrays that it refers
         to become constants.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     spp : int, optional
         Samples of a pixel in a pass, by default the ``spp`` of the sampler. For a sequence over the whole
         screen this is the largest number that its indices allow: give a smaller one.

@@ -1,6 +1,5 @@
 """One scrambled sequence in every pixel, with keys that distribute errors as blue noise."""
 
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any
 
@@ -12,35 +11,23 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
-from qmcjax.core.pytrees import pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._base import InEveryPixel
 from qmcjax.sequences import BinarySequence, Owen, sobol
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
-class Ranked(Sampler):
+@frozen_pytree
+class Ranked(InEveryPixel):
     """Sample s of a pixel is point s xor its ranking key, xor its scrambling keys, of one sequence."""
 
     sequence: BinarySequence
 
     ranks: Array
     """uint32 (rows, columns), powers of two: ranking keys."""
-
     scrambles: Array
     """uint32 (rows, columns, dims): scrambling keys, as 32-bit fractions."""
-
     translation: Array
     """uint32 (2,): offsets of x and y."""
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        """Any pixel, and the points of the sequence."""
-        return (*super().limits[:2], self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the rows and columns of pixels in the tile."""
@@ -49,7 +36,6 @@ class Ranked(Sampler):
         return (y + self.translation[1]) & np.uint32(rows - 1), column
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the sequence, ranked and scrambled with the keys of the pixels."""
 
         def keys(table: Array) -> Array:
             return table.at[state].get(mode="promise_in_bounds")
@@ -59,11 +45,6 @@ class Ranked(Sampler):
             [to_unit(self.sequence.word(index, j) ^ keys(self.scrambles[:, :, j]), dtype) for j in dims],
             axis=-1,
         )
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        """Raise if the sequence has fewer than ``spp`` points."""
-        super().check(width, height, spp)
-        check_count(spp, self.sequence.limit, "for this sequence")
 
 
 def ranked(dims: int, key: Array | int) -> Ranked:
@@ -75,8 +56,7 @@ def ranked(dims: int, key: Array | int) -> Ranked:
 
     Parameters
     ----------
-    dims : int
-        2, 3 or 4: optimised for all these dimensions together.
+    dims : int, 2, 3 or 4: optimised for all these dimensions together
     key : jax.random.key, or int in [0, 2**32)
         Translates the tile at random. A new key does not recompile.
 

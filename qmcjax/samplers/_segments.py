@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from dataclasses import dataclass, field, replace
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -13,16 +13,15 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.digits import word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import Sampler, check_count, check_size
-from qmcjax.samplers._index_64 import needed, plus, points_64, times
+from qmcjax.samplers._base import check_count, check_size
+from qmcjax.samplers._index_64 import Strided, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
-class Segments(Sampler):
+@frozen_pytree
+class Segments(Strided):
     """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
 
     order: Order
@@ -32,11 +31,6 @@ class Segments(Sampler):
     doubling: bool = field(metadata={"static": True})
     """Whether each further iteration has as many samples as all before, otherwise as the first."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
-    """Whether 32-bit indices suffice for all samples."""
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
 
     @property
     def most(self) -> int:
@@ -44,34 +38,14 @@ class Segments(Sampler):
         iterations = self._limit // (self.order.length * self.spp)
         return self.spp * (2 ** (iterations.bit_length() - 1) if self.doubling else iterations)
 
-    @property
-    def _limit(self) -> int:
-        """Number of indices; sample numbers have 32 bits in any case."""
-        return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
-
-    @property
-    def _has_64_bits(self) -> bool:
-        return not self.short and needed(self.order.length * self.most, self.sequence)
-
     def _whole(self, spp: int) -> int:
-        """Return the number of samples in all iterations up to that of sample ``spp - 1``."""
         iterations = -(-spp // self.spp)
         return self.spp * (2 ** (iterations - 1).bit_length() if self.doubling else iterations)
 
-    def up_to(self, spp: int) -> Any:
-        """Return a sampler with 64-bit indices only if the first ``spp`` samples need them."""
-        return replace(self, short=not needed(self.order.length * self._whole(spp), self.sequence))
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the number of samples with indices."""
-        return (*self.order.raster, self.most)
-
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        return self.order.position(x, y)
+        return self.order.unchecked_position(x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the pixels' blocks."""
         before, count = self._iteration(sample)
         if self._has_64_bits:
             block = plus(times(state, count), sample - before)
@@ -90,7 +64,6 @@ class Segments(Sampler):
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and its iterations have indices."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"
@@ -106,9 +79,7 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
 
     Parameters
     ----------
-    order : Order
-        The curve, for one size of image.
-    sequence : Sequence
+    order : Order, the curve, for one size of image
     spp : int
         Samples of a pixel in the first iteration, at least 1. Powers of the base of the sequence are best.
     doubling : bool

@@ -1,19 +1,16 @@
 """One sequence in every pixel, shifted by another one along a curve."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.sequences import Sequence, as_sequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class ShiftedAlong(Sampler):
     """Sample s of pixel j is point s of one sequence plus point j of another, modulo 1."""
 
@@ -27,12 +24,11 @@ class ShiftedAlong(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The order's raster, and the points of the sequence."""
         return (*self.order.raster, self.sequence.limit)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the shifts of pixels as 32-bit fractions, rounded down."""
-        position = self.order.position(x, y)
+        position = self.order.unchecked_position(x, y)
         return tuple(self.shifts.fixed_point(position, j) for j in dims)
 
     def points(
@@ -44,7 +40,6 @@ class ShiftedAlong(Sampler):
         return jnp.stack(rotated, axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler is made for this image and has enough points."""
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.sequence.limit, "for this sequence")
@@ -58,8 +53,7 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
 
     Parameters
     ----------
-    order : Order
-        The curve, for one size of image.
+    order : Order, the curve, for one size of image
     shifts : Sequence
         At least as many dimensions as ``sequence``, and as many points as the curve has positions.
     sequence : Sequence

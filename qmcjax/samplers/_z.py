@@ -36,8 +36,7 @@ def z(
 
     Parameters
     ----------
-    width, height : int
-        In [1, 65536]. The orders fill the next square with a power of two as side.
+    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
     spp : int
         Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered, see Notes; for more, see
         ``Z.extended``; for different numbers per pixel, ``Z.adaptive``.
@@ -57,10 +56,6 @@ def z(
         for each sample of the padded raster.
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
-
-    Returns
-    -------
-    Z
 
     Notes
     -----

@@ -1,6 +1,6 @@
 """The classes of the Z-sampler: with one number of samples for all pixels, or one for each."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import jax
@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import ScrambledMorton, log_side, morton
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import Index, needed
@@ -19,17 +19,14 @@ from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled
 from qmcjax.sequences import BinarySequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Z(Sampler):
     """Pixel p in the order of a constituent takes the points spp * p, ..., in its own order."""
 
     orders: ScrambledMorton | None
     """A family with one order for each constituent; None for Z0, which has Morton order for all."""
-
     sequence: BinarySequence
     """Each constituent has its first coordinates."""
-
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
@@ -120,28 +117,24 @@ class Z(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The padded raster, and the samples of all rounds."""
         return 2**self.log_side, 2**self.log_side, self.rounds * self.spp
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the positions and nodes of pixels in each wanted order, by its number."""
-        code = morton(self.width, self.height).position(x, y)
+        code = morton(self.width, self.height).unchecked_position(x, y)
         if self.orders is None:
             return code
         return {c: self.orders.member(c).scrambled(code, self.log_side) for c in self._wanted(dims)}
 
     def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        """Return the same for all pixels."""
         if self.orders is None:
             return super().prepare_image(width, height, dims)
         return {c: self.orders.member(c).scrambled_image() for c in self._wanted(dims)}
 
     def _wanted(self, dims: tuple[int, ...]) -> list[int]:
-        """Return the constituents of some coordinates."""
         return sorted({self._places[j][0] for j in dims})
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return points of the pixels' blocks."""
         return self.numbered(state, Number(sample), dims, dtype, self.log_spp)
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
@@ -158,12 +151,7 @@ class Z(Sampler):
         return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
 
     def numbered(
-        self,
-        state: Any,
-        number: Number,
-        dims: tuple[int, ...],
-        dtype: DTypeLike,
-        log_count: int | Array,
+        self, state: Any, number: Number, dims: tuple[int, ...], dtype: DTypeLike, log_count: int | Array
     ) -> Array:
         """Return points of blocks of ``2**log_count``, by numbers with some known bits."""
         wanted = [self._places[j] for j in dims]
@@ -198,14 +186,12 @@ class Z(Sampler):
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the sampler's image and each pixel has so many samples."""
         super().check(width, height, spp)
         check_size("sampler", (self.width, self.height), (width, height))
         check_count(spp, self.rounds * self.spp, "samples of a pixel")
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class AdaptiveZ(Sampler):
     """The Z-sampler with a separate number of samples for each pixel."""
 
@@ -219,7 +205,6 @@ class AdaptiveZ(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """The image, and the largest number of samples of a pixel."""
         return self.sampler.width, self.sampler.height, self.sampler.limits[2]
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
@@ -227,11 +212,9 @@ class AdaptiveZ(Sampler):
         return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
 
     def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        """Return the same for all pixels."""
         return self.sampler.prepare_image(width, height, dims), self.log_counts
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return points of the pixels' blocks."""
         of_sampler, log_count = state
         return self.sampler.numbered(of_sampler, Number(sample), dims, dtype, log_count)
 
@@ -250,7 +233,6 @@ class AdaptiveZ(Sampler):
         return x, y, sample
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless this is the sampler's image and each pixel has so many samples."""
         super().check(width, height, spp)
         check_size("sampler", (self.sampler.width, self.sampler.height), (width, height))
         check_count(spp, int(self._counts.min()), "samples of the pixel that has fewest")

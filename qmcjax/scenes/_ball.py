@@ -1,6 +1,5 @@
 """A disc on a path with jumps."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,26 +9,22 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._ball_reference import swept_means
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import disc_sides
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Ball(ExactScene):
     """A disc, 1 inside, that moves at constant speed along straight lines and may jump between them."""
 
     starts: Any
     """Position of the centre at the start of each line, shape (lines, 2)."""
-
     ends: Any
     """Position at the end, shape (lines, 2); None for no motion along the lines."""
-
     times: Any
     """Start times of all lines but the first, shape (lines - 1,)."""
-
     radius: Any
 
     @property
@@ -39,7 +34,6 @@ class Ball(ExactScene):
         return ("x", "y") if still else ("x", "y", "time")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         time = point[..., 2] if len(self.needs) > 2 else jnp.zeros_like(point[..., 0])
         cx, cy = scene._centre(0, time)
@@ -51,12 +45,10 @@ class Ball(ExactScene):
         return (x * x + y * y < scene.radius * scene.radius).astype(point.dtype)
 
     def _interval(self, line: int) -> tuple[Any, Any]:
-        """Return the start and end time of a line."""
         last = line == self.times.shape[0]
         return (self.times[line - 1] if line else 0.0), (1.0 if last else self.times[line])
 
     def _centre(self, line: int, time: Array) -> tuple[Any, Any]:
-        """Return the position of the centre on a line."""
         start = self.starts[line]
         if self.ends is None:
             return start[0], start[1]
@@ -142,8 +134,7 @@ def ball(
         does not need time.
     times : float array, shape (lines - 1,)
         Start times of all lines but the first, increasing between 0 and 1.
-    radius : float
-        Positive.
+    radius : float, positive
 
     Examples
     --------

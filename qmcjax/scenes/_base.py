@@ -47,8 +47,7 @@ class Scene(Protocol):
 
         Parameters
         ----------
-        point : float Array, shape (..., len(needs))
-            Points in [0, 1).
+        point : float Array, shape (..., len(needs)), points in [0, 1)
 
         Returns
         -------

@@ -1,6 +1,5 @@
 """A disc that is visible for a part of the time."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,20 +9,18 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._constancy import disc_sides
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class BlinkingDisc(ExactScene):
     """A disc, 1 inside, visible for ``on[0] <= time < on[1]``."""
 
     centre: Any
     """Shape (2,)."""
-
     radius: Any
 
     on: Any
@@ -35,7 +32,6 @@ class BlinkingDisc(ExactScene):
         return ("x", "y") if self.on is None else ("x", "y", "time")
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         x, y = point[..., 0] - scene.centre[0], point[..., 1] - scene.centre[1]
         inside = x * x + y * y < scene.radius * scene.radius
@@ -72,8 +68,7 @@ def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25,
     Parameters
     ----------
     centre : float array, shape (2,)
-    radius : float
-        Positive.
+    radius : float, positive
     on : float array, shape (2,), or None
         When the disc appears and disappears, ``0 <= on[0] < on[1] <= 1``. None is always visible: the scene
         then does not need time.

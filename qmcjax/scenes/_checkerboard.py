@@ -1,6 +1,5 @@
 """A checkerboard on a ground plane that extends to the horizon."""
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -10,13 +9,12 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Checkerboard(ExactScene):
     """A checkerboard in perspective up to the horizon, the upper edge of the image.
 
@@ -27,7 +25,6 @@ class Checkerboard(ExactScene):
 
     squares: Array | float
     """Number of squares across the lower edge of the image."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:

@@ -83,7 +83,7 @@ def _strips(distances: NDArray[np.int64], width: int, edges: Floats) -> Floats:
     starts = np.searchsorted(v, edges[:-1])
     low, high = v[:-1], v[1:]
     middle = 0.5 * (low + high)
-    weight = (high - low) * _sign(np.floor(1 / middle))
+    weight = (high - low) * parity(np.floor(1 / middle))
 
     sums = np.empty((len(distances), len(starts)))
     for part in _chunks(len(distances), len(low)):
@@ -92,7 +92,7 @@ def _strips(distances: NDArray[np.int64], width: int, edges: Floats) -> Floats:
         at_low, at_high = c - k * low, c - k * high
         total = abs(at_low) + abs(at_high)
         kink = np.maximum(-at_low * at_high, 0) / np.maximum(total, np.finfo(float).tiny)
-        sign = _sign(k)
+        sign = parity(k)
         mean = 0.5 * (1 - sign) * middle + sign * (0.5 * total - kink)
         sums[part] = np.add.reduceat(weight * mean, starts, axis=1)
     return sums
@@ -111,7 +111,7 @@ def _to_horizon(distances: NDArray[np.int64], width: int, period: int, first: in
         (-1) ** j * math.comb(j + 2, 2) * zeta(3 + j, centre) / float(period) ** (3 + j) for j in range(4)
     ]
     numerator = 2 * (first % period + np.arange(period)) + 1
-    square = _sign(first + np.arange(period))
+    square = parity(first + np.arange(period))
 
     sums = np.empty(len(distances))
     for part in _chunks(len(distances), period):
@@ -126,7 +126,7 @@ def _to_horizon(distances: NDArray[np.int64], width: int, period: int, first: in
         moment += taylor[1] * inside * (squared / 3 - 0.25)
         moment += taylor[2] * (squared * squared / 6 + 1 / 32 + outside / 12)
         moment += taylor[3] * inside * (squared * squared / 10 - 1 / 32)
-        sign = _sign(k)
+        sign = parity(k)
         whole = 0.5 * (1 - sign) * (taylor[0] + taylor[2] / 12)
         sums[part] = np.sum(square * (whole + sign * distance / (2 * width) * moment), axis=1)
     return sums
@@ -143,7 +143,7 @@ def _bound(squares: float, width: int, height: int, first: float) -> float:
     return truncation + 16 * width * float(np.finfo(float).eps)
 
 
-def _sign(integers: NDArray) -> Floats:
+def parity(integers: NDArray) -> Floats:
     """Return 1 for even and -1 for odd integers."""
     half = 0.5 * integers
     return 1 - 4 * (half - np.floor(half))

@@ -1,7 +1,7 @@
 """A half plane out of focus."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box, smeared_by_disc
 from qmcjax.scenes._constancy import linear, sign_varies
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class DefocusedEdge(ExactScene):
     """A half plane out of focus; see `defocused_edge`."""
 
@@ -28,7 +27,6 @@ class DefocusedEdge(ExactScene):
 
     blur: Any
     """The radius of the blur disc, or half the side of the blur square, of a point; None is sharp."""
-
     aperture: str = field(metadata={"static": True})
 
     @property
@@ -41,7 +39,6 @@ class DefocusedEdge(ExactScene):
         return -self.offset, [jnp.cos(self.angle), jnp.sin(self.angle)]
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast_edges(self, point.dtype)
         constant, slopes = scene._edge()
         distance = linear(point, constant, slopes)
@@ -80,10 +77,7 @@ class DefocusedEdge(ExactScene):
 
 
 def defocused_edge(
-    angle: Any = 0.4,
-    offset: Any = 0.6,
-    blur: Any = 0.15,
-    aperture: str = "disc",
+    angle: Any = 0.4, offset: Any = 0.6, blur: Any = 0.15, aperture: str = "disc"
 ) -> DefocusedEdge:
     """Return a half plane seen by a camera that is focused at another distance.
 

@@ -1,7 +1,6 @@
 """A disc."""
 
 import math
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._constancy import disc_sides
@@ -20,8 +19,7 @@ from qmcjax.scenes._edges import spread
 from qmcjax.scenes._pixel_cuts import split
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Disc(ExactScene):
     """A disc: 1 where the distance from ``centre`` is less than ``radius``, 0 elsewhere."""
 
@@ -118,8 +116,7 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
     ----------
     centre : array_like, shape (2,)
         (x, y); it may lie outside of the image.
-    radius : float
-        Positive, in widths of the image.
+    radius : float, positive, in widths of the image
 
     Examples
     --------

@@ -8,15 +8,9 @@ from jax import Array
 def visible(start: Array, end: Array) -> tuple[Array, Array]:
     """Return the part of segments inside the unit square, in fractions of them [1]_.
 
-    Parameters
-    ----------
-    start, end : float Array, shape (..., 2)
-
-    Returns
-    -------
-    low, high : float Array, shape (...)
-        Both 0 where nothing is visible. They have no derivatives: moving the point where an edge is clipped
-        does not change the area that the edge sweeps.
+    ``start``, ``end``: float Array, shape (..., 2). Returns ``low, high``, float Array, shape (...): both 0
+    where nothing is visible. They have no derivatives: moving the point where an edge is clipped does not
+    change the area that the edge sweeps.
 
     References
     ----------
@@ -38,17 +32,9 @@ def visible(start: Array, end: Array) -> tuple[Array, Array]:
 def spread(u: Array, lengths: Array) -> tuple[Array, Array]:
     """Return the piece, of consecutive ones, that contains ``u`` in [0, 1), and the distance from its start.
 
-    Parameters
-    ----------
-    u : float Array, shape (...)
-    lengths : float Array, shape (pieces,)
-        Pieces of length 0 are not hit, unless all are.
-
-    Returns
-    -------
-    piece : int32 Array, shape (...)
-    position : float Array, shape (...)
-        Derivatives flow from ``u`` only.
+    ``u``: float Array, shape (...). ``lengths``: float Array, shape (pieces,): pieces of length 0 are not
+    hit, unless all are. Returns ``piece``, int32 Array, shape (...); ``position``, float Array, shape (...):
+    derivatives flow from ``u`` only.
     """
     lengths = jax.lax.stop_gradient(lengths)
     ends = jnp.cumsum(lengths)
@@ -61,16 +47,8 @@ def spread(u: Array, lengths: Array) -> tuple[Array, Array]:
 def along(starts: Array, ends: Array, u: Array) -> tuple[Array, Array]:
     """Return points on the visible parts of segments, uniform by length, and the segment of each.
 
-    Parameters
-    ----------
-    starts, ends : float Array, shape (segments, 2)
-    u : float Array, shape (...)
-        In [0, 1).
-
-    Returns
-    -------
-    point : float Array, shape (..., 2)
-    segment : int32 Array, shape (...)
+    ``starts``, ``ends``: float Array, shape (segments, 2). ``u``: float Array, shape (...): in [0, 1).
+    Returns ``point``, float Array, shape (..., 2); ``segment``, int32 Array, shape (...).
     """
     low, high = visible(starts, ends)
     span = ends - starts

@@ -1,6 +1,5 @@
 """A flat checkerboard at any angle."""
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import jax
@@ -11,14 +10,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _flat_checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast, cast_edges
 from qmcjax.scenes._edges import visible
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class FlatCheckerboard(ExactScene):
     """A checkerboard seen from above, rotated about the centre of the image.
 
@@ -31,7 +29,6 @@ class FlatCheckerboard(ExactScene):
     """Number of squares across the image."""
     angle: Array | NDArray[np.float64]
     """In radians, from x to y."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
@@ -111,8 +108,7 @@ def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) 
 
     Parameters
     ----------
-    squares : float
-        Number of squares across the image; positive.
+    squares : float, number of squares across the image; positive
     angle : float
         Rotation about the centre of the image, in radians, from x to y.
 

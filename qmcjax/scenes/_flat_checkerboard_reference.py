@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qmcjax.scenes._base import EPS
+from qmcjax.scenes._checkerboard_reference import parity
 from qmcjax.scenes._pixel_cuts import split_segments
 
 Floats = NDArray[np.float64]
@@ -66,7 +67,7 @@ def pixel_gradients(squares: float, angle: float, width: int, height: int) -> tu
             pieces = split_segments(feet - onward, feet + onward, width, height, others)
             doubt = max(doubt, pieces.doubt)
             line, along = lines[pieces.curve], 2 * pieces.middle - 1
-            swept = -2 * pieces.length * _sign(line + np.floor(squares * along))
+            swept = -2 * pieces.length * parity(line + np.floor(squares * along))
             sizes += pieces.image(-swept * line / squares**2)
             turns += pieces.image(sense * swept * along)
     return sizes, turns, 4 * doubt * many**2 * max(1, 1 / squares) * width * height
@@ -81,14 +82,8 @@ def _on_board(x: Floats | float, y: Floats | float, axis: tuple[float, float]) -
 def _along(start: tuple[Floats, Floats], end: tuple[Floats, Floats], sides: int) -> tuple[Floats, Floats]:
     """Integrate ``T(X) S(Y) dY`` and ``S(Y) dY`` over each of ``sides`` equal parts of parallel segments.
 
-    Parameters
-    ----------
-    start, end : (X, Y), each an ndarray of shape (segments,)
-
-    Returns
-    -------
-    ndarray, ndarray
-        Shape (segments, sides).
+    ``start``, ``end``: (X, Y), each an ndarray of shape (segments,). Returns ndarray, ndarray: shape
+    (segments, sides).
     """
     spans = [float(b[0] - a[0]) for a, b in zip(start, end, strict=True)]
     counts = [math.ceil(abs(span)) for span in spans]
@@ -103,7 +98,7 @@ def _along(start: tuple[Floats, Floats], end: tuple[Floats, Floats], sides: int)
             breaks.append((lines - at) / span if span else 0 * lines)
         t = np.sort(np.clip(np.concatenate(breaks, axis=1), 0, 1), axis=1)
         middle = 0.5 * (t[:, 1:] + t[:, :-1])
-        signed = _sign(np.floor(origin[1] + spans[1] * middle)) * spans[1] * np.diff(t, axis=1)
+        signed = parity(np.floor(origin[1] + spans[1] * middle)) * spans[1] * np.diff(t, axis=1)
         height = _zigzag(origin[0] + spans[0] * t)
         part = np.minimum((middle * sides).astype(np.intp), sides - 1)
         part += sides * np.arange(len(t))[:, None]
@@ -116,9 +111,3 @@ def _along(start: tuple[Floats, Floats], end: tuple[Floats, Floats], sides: int)
 def _zigzag(t: Floats) -> Floats:
     """Return the distance to the nearest even integer."""
     return np.abs(t - 2 * np.rint(0.5 * t))
-
-
-def _sign(integers: NDArray) -> Floats:
-    """Return 1 for even and -1 for odd integers."""
-    half = 0.5 * integers
-    return 1 - 4 * (half - np.floor(half))

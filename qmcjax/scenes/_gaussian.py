@@ -1,7 +1,6 @@
 """A Gaussian bump."""
 
 import math
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -11,22 +10,19 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import bell_means, separable
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Gaussian(ExactScene):
     """The bump ``exp(-|p - centre|**2 / (2 width**2))``."""
 
     centre: Any
     """Where it is 1, shape (2,)."""
-
     width: Any
     """Its standard deviation."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
@@ -52,8 +48,7 @@ def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
 
     Parameters
     ----------
-    centre : float array, shape (2,)
-        Position of the maximum 1; anywhere.
+    centre : float array, shape (2,), position of the maximum 1; anywhere
     width : float
         The standard deviation, in units of the unit square; positive.
 

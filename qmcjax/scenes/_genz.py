@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import reduce
 from operator import mul
 from typing import Any
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _genz_reference
 from qmcjax.scenes._base import ExactScene, cast, in_float64
 from qmcjax.scenes._parameters import named
@@ -23,17 +23,14 @@ from qmcjax.scenes._parameters import named
 FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous", "discontinuous")
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Genz(ExactScene):
     """An integrand of one of Genz's families; see `genz`."""
 
     difficulty: Any
     """How fast the value changes along each coordinate, shape (dims,)."""
-
     shift: Any
     """Position of the peak, kink or jump, shape (dims,)."""
-
     family: str = field(metadata={"static": True})
 
     @property
@@ -85,8 +82,7 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     ----------
     family : str
         One of the six names above.
-    dims : int
-        The number of dimensions ``d``, in [2, 16].
+    dims : int, the number of dimensions ``d``, in [2, 16]
     difficulty : float array, scalar or shape (dims,)
         The parameters ``a``; positive. A scalar stands for all.
     shift : float array, scalar or shape (dims,)
@@ -107,17 +103,13 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
     >>> genz("corner_peak", dims=3)(jnp.array([0.0, 1.0, 0.0]))
     Array(0.0625, dtype=float32)
     """
-    if not isinstance(family, str):
-        raise TypeError(f"family must be one of {FAMILIES}, got {checks.shown(family)}")
-    if family not in FAMILIES:
-        raise ValueError(f"family must be one of {FAMILIES}, got {family!r}")
+    checks.choice("family", family, FAMILIES)
     dims = checks.integer("dims", dims, 2, 16)
     checks.positive("difficulty", difficulty)
     return Genz(_for_each("difficulty", difficulty, dims), _for_each("shift", shift, dims), family)
 
 
 def _for_each(name: str, value: Any, dims: int) -> Any:
-    """Return one number for each dimension."""
     if isinstance(value, Sequence) or getattr(value, "shape", ()):
         return numbers(name, value, (dims,))
     value = numbers(name, value)

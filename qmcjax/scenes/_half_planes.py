@@ -2,7 +2,6 @@
 
 import abc
 import math
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._constancy import sign_varies
 from qmcjax.scenes._edges import along
@@ -116,8 +115,7 @@ def half_plane_means(angle: float, offset: float, width: int, height: int) -> Fl
     return np.where(depth < rest, share, 1 - share)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Step(HalfPlanes):
     """A half plane: 1 where ``x cos(angle) + y sin(angle) < offset``, 0 elsewhere."""
 
@@ -134,8 +132,7 @@ class Step(HalfPlanes):
         return Step(angle, offset), bound  # pyright: ignore[reportArgumentType]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Staircase(HalfPlanes):
     """A staircase: the part of the offsets with ``x cos(angle) + y sin(angle) < offset``."""
 
@@ -156,8 +153,7 @@ class Staircase(HalfPlanes):
         return Staircase(angle, np.stack(offsets, axis=-1)), bound  # pyright: ignore[reportArgumentType]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Line(HalfPlanes):
     """A straight line: 1 where ``-thickness/2 <= x cos(angle) + y sin(angle) - offset < thickness/2``."""
 
@@ -224,8 +220,7 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
         The direction across the line, in radians: 0 for a vertical, pi/2 for a horizontal line.
     offset : float
         The distance of its middle from the corner (0, 0) along that direction.
-    thickness : float
-        Positive, in widths of the image.
+    thickness : float, positive, in widths of the image
 
     Examples
     --------

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges
 from qmcjax.scenes._half_planes import Step
 from qmcjax.scenes._parameters import named
@@ -20,8 +20,7 @@ from qmcjax.scenes._parameters import named
 Floats = NDArray[np.float64]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Heaviside(ExactScene):
     """A half space: 1 where the sum of all coordinates is less than ``threshold``, 0 elsewhere."""
 

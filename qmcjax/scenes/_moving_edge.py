@@ -1,6 +1,5 @@
 """A half plane that moves."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -9,20 +8,18 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class MovingEdge(ExactScene):
     """The half plane ``x < offset + velocity time``: 1 inside, 0 outside."""
 
     offset: Any
     """Position of the edge when the shutter opens."""
-
     velocity: Any
     """Distance until the shutter closes; None is still and does not need time."""
 
@@ -37,7 +34,6 @@ class MovingEdge(ExactScene):
         return -self.offset, slopes if self.velocity is None else [*slopes, -self.velocity]
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return (linear(point, *cast_edges(self, point.dtype)._edge()) < 0).astype(point.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -57,8 +53,7 @@ def moving_edge(offset: Any = 0.3, velocity: Any = 0.4) -> MovingEdge:
 
     Parameters
     ----------
-    offset : float
-        Position of the edge when the shutter opens, at time 0.
+    offset : float, position of the edge when the shutter opens, at time 0
     velocity : float or None
         Distance until the shutter closes, at time 1, in widths of the image; negative to the left. None is
         still: the scene then does not need time.

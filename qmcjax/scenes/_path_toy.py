@@ -1,6 +1,6 @@
 """Light paths through a room without geometry: any number of dimensions, and a closed form."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -11,24 +11,20 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PathToy(ExactScene):
     """Light gathered along a path of random bounces with Russian roulette; see `path_toy`."""
 
     emission: Any
     """The largest emission."""
-
     albedo: Any
     """The largest reflectance."""
-
     survival: Any
     """The survival probability at each bounce; None always continues."""
-
     bounces: int = field(metadata={"static": True})
 
     @property
@@ -38,7 +34,6 @@ class PathToy(ExactScene):
         return ("x", "y", *(f"{name}{k}" for k in range(1, self.bounces + 1) for name in each))
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         scene = cast(self, point.dtype)
         coordinates = iter([point[..., j] for j in range(len(self.needs))])
         x, y = next(coordinates), next(coordinates)
@@ -64,12 +59,7 @@ class PathToy(ExactScene):
         return image, (8 + self.bounces) * EPS * float(image.max())
 
 
-def path_toy(
-    bounces: int = 8,
-    albedo: Any = 0.9,
-    survival: Any = 0.5,
-    emission: Any = 1.0,
-) -> PathToy:
+def path_toy(bounces: int = 8, albedo: Any = 0.9, survival: Any = 0.5, emission: Any = 1.0) -> PathToy:
     r"""Return light paths through a room without geometry, in any number of dimensions.
 
     The room is the unit square with opposite edges identified. The point ``p = (x, y)`` emits
@@ -87,8 +77,7 @@ def path_toy(
 
     Parameters
     ----------
-    bounces : int
-        In [1, 340]; each takes three dimensions, or two without roulette.
+    bounces : int, in [1, 340]; each takes three dimensions, or two without roulette
     albedo : float
         The largest reflectance, in (0, 1].
     survival : float or None

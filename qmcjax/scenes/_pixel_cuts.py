@@ -43,11 +43,7 @@ class Pieces(NamedTuple):
 
 
 def split(
-    breaks: Floats,
-    point: Callable[[NDArray[np.intp], Floats], Floats],
-    width: int,
-    height: int,
-    doubt: float,
+    breaks: Floats, point: Callable[[NDArray[np.intp], Floats], Floats], width: int, height: int, doubt: float
 ) -> Pieces:
     """Split curves at ``breaks``, shape (curves, any), in any order; ``point(curve, parameter)`` is on it."""
     breaks = np.sort(breaks, axis=1)

@@ -1,7 +1,7 @@
 """Custom scenes: any object with ``needs`` and a call, or a function."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from jax import Array
@@ -9,15 +9,14 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats
 from qmcjax.core.plug_ins import held, unheld
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene
 
 _OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled")
 """Optional attributes of a scene; see `Scene`."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn:
     """An object that is not a pytree, as a scene: static by identity."""
 
@@ -28,7 +27,6 @@ class PlugIn:
         return tuple(unheld(self.held).needs)
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return unheld(self.held)(floats("point", point, (len(self.needs),)))
 
     def __getattr__(self, name: str) -> Any:
@@ -40,8 +38,7 @@ class PlugIn:
         return repr(unheld(self.held))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Function:
     """A function of points with named dimensions; see `function`."""
 
@@ -49,7 +46,6 @@ class Function:
     needs: tuple[str, ...] = field(metadata={"static": True})
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return unheld(self.held)(floats("point", point, (len(self.needs),)))
 
     def __repr__(self) -> str:
@@ -62,11 +58,8 @@ def as_scene(name: str, value: Any) -> Any:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for error messages.
-    value : Scene
-        Any object with ``needs`` that can be called with points.
-
+    name : str, name of the argument, for error messages
+    value : Scene, any object with ``needs`` that can be called with points
 
     Raises
     ------
@@ -120,7 +113,6 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
 
 
 def _names(name: str, needs: Any) -> tuple[str, ...]:
-    """Return the names of dimensions as a tuple."""
     if not isinstance(needs, tuple | list) or not all(isinstance(each, str) for each in needs):
         raise TypeError(f"{name} must be a tuple of names such as ('x', 'y'), got {checks.shown(needs)}")
     if len(needs) < 2:

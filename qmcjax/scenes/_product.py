@@ -1,6 +1,5 @@
 """Sobol's g-function, a product of as many factors as there are dimensions."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,14 +9,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
 from qmcjax.scenes._factors import separable
 from qmcjax.scenes._parameters import named
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Product(ExactScene):
     """The product over ``j`` of ``(|4 x_j - 2| + a_j) / (1 + a_j)``, whose integral is 1."""
 

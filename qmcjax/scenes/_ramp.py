@@ -1,6 +1,6 @@
 """A grey ramp over one dimension."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,13 +8,12 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene
 from qmcjax.scenes._parameters import named
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Ramp(ExactScene):
     """The scene that shows one of the coordinates."""
 
@@ -27,7 +26,6 @@ class Ramp(ExactScene):
         return named(max(self.dimension + 1, 2))
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return point[..., self.dimension]
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:

@@ -1,7 +1,6 @@
 """The shadow of a half plane lit by a rectangle."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,14 +10,13 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class SoftShadow(ExactScene):
     """The shadow of a half plane lit by a rectangle; see `soft_shadow`."""
 
@@ -28,7 +26,6 @@ class SoftShadow(ExactScene):
 
     height: Any
     """The height of the half plane; that of the light is 1."""
-
     light: Any
     """The sides of the light, shape (2,); None is a point light."""
 
@@ -48,7 +45,6 @@ class SoftShadow(ExactScene):
         return middle - 0.5 * (sides[0] + sides[1]) - self.offset, [*slopes, *sides]
 
     def __call__(self, point: Array) -> Array:
-        """Evaluate the scene at points of shape (..., len(needs)); see `Scene`."""
         return (linear(point, *cast_edges(self, point.dtype)._edge()) >= 0).astype(point.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -71,10 +67,7 @@ class SoftShadow(ExactScene):
 
 
 def soft_shadow(
-    angle: Any = 0.4,
-    offset: Any = 0.6,
-    height: Any = 0.4,
-    light: Any = (0.5, 0.3),
+    angle: Any = 0.4, offset: Any = 0.6, height: Any = 0.4, light: Any = (0.5, 0.3)
 ) -> SoftShadow:
     """Return the ground below a half plane with a rectangular light above.
 

@@ -1,6 +1,5 @@
 """A triangle."""
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
 from qmcjax.scenes._edges import along
 from qmcjax.scenes._pixel_cuts import split_segments
@@ -19,14 +18,12 @@ from qmcjax.scenes._pixel_cuts import split_segments
 Floats = NDArray[np.float64]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Triangle(ExactScene):
     """A triangle: 1 inside, 0 elsewhere."""
 
     vertices: Array | Floats
     """The three corners (x, y), in either orientation, shape (3, 2)."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:

@@ -1,7 +1,6 @@
 """The zone plate test pattern."""
 
 import math
-from dataclasses import dataclass
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -11,18 +10,16 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene, coordinates
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class ZonePlate(ExactScene):
     """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: finer circles away from a corner."""
 
     frequency: Array | float
     """The phase in radians at distance 1 from the corner."""
-
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:

@@ -1,6 +1,7 @@
 """The way from scene and sampler to image."""
 
-from dataclasses import dataclass
+import sys
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -123,6 +124,23 @@ def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
     split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
     assert parts == [32 / 48, 1.0], "the second call has half as many samples"
     assert np.array_equal(whole, split)
+
+
+def test_at_most_18_frames_of_the_library_lie_between_the_call_and_the_bits_of_a_point():
+    depths = []
+
+    def identity(reversed_bits):
+        frame, depth = sys._getframe(), 1
+        while frame := frame.f_back:
+            depth += frame.f_globals["__name__"].startswith("qmcjax.")
+        depths.append(depth)
+        return reversed_bits
+
+    sobol = sequences.sobol(2)
+    spied = replace(sobol, steps=(identity, sobol.steps[1]))
+    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.owen(spied, 1), 4)
+    qj.render(scenes.checkerboard(), sampler, 8, 8, 4)
+    assert 10 < max(depths) <= 18
 
 
 def test_one_trace_per_shape():

@@ -260,7 +260,7 @@ def test_all_ways_to_a_coordinate_agree(wrap, dims):
     @jax.jit
     def ways(seq, index):
         one_by_one = {j: (seq.word(index, j), reverse(seq.bit_reversed(index, j))) for j in (0, 1, dims - 1)}
-        return one_by_one, seq.bits(index), reverse(seq.fractions(index, tuple(range(dims))).bit_reversed)
+        return one_by_one, seq.bits(index), reverse(seq.fractions(index, tuple(range(dims))).bit_reversed())
 
     one_by_one, words, bit_reversed = ways(wrap(sequences.sobol(dims)), first(40))
     assert np.array_equal(words, bit_reversed)

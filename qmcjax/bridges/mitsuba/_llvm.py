@@ -29,8 +29,7 @@ def check_llvm() -> str:
 
     Returns
     -------
-    str
-        Such as "19.1.7".
+    str, such as "19.1.7"
 
     Raises
     ------

@@ -127,7 +127,6 @@ class Blocks:
     window: Window
     corners: NDArray[np.int64]
     """(blocks, 2): column and row of the first pixel in the window, by number."""
-
     side: int
 
     def found(self, seed: int) -> tuple[int, int]:

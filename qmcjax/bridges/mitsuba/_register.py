@@ -84,8 +84,7 @@ def held(sampler: Any) -> Any:
 
     Returns
     -------
-    mitsuba.Object
-        For ``{"type": "qmcjax", "sampler": held(sampler), "film": film}``.
+    mitsuba.Object, for ``{"type": "qmcjax", "sampler": held(sampler), "film": film}``
     """
     mitsuba = imported()
     sampler = as_sampler("sampler", sampler)

@@ -1,6 +1,6 @@
 """A ray-traced scene of the package: an estimator and a stored reference image."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -10,15 +10,14 @@ from numpy.typing import NDArray
 
 from qmcjax import tracing
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes.traced import _stored
 
 _DEVIATIONS = 5
 """The bound in standard errors."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Traced:
     """A named ray-traced scene, made by `cornell_box`, `helicopter` etc."""
 

@@ -36,10 +36,8 @@ def cornell_box(
     shutter : (float, float) or float, optional
         When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
         coordinate.
-    ball, mirror : bool, optional
-        Whether the ball and the mirror sphere exist.
-    blocks : bool, optional
-        Whether the two blocks of the original exist.
+    ball, mirror : bool, optional, whether the ball and the mirror sphere exist
+    blocks : bool, optional, whether the two blocks of the original exist
     light : float, optional
         The side of a square light below the ceiling, above 0 and below 2; by default a point light.
     bounces : int, optional
@@ -109,9 +107,7 @@ def _sides() -> list[tracing.Object]:
 
 def _lights(size: float | None) -> list[Any]:
     if size is None:
-        return [
-            tracing.point_light((0.3, 1.75, 1.7), (12.0, 11.6, 10.6)),
-        ]
+        return [tracing.point_light((0.3, 1.75, 1.7), (12.0, 11.6, 10.6))]
     # The same power for all sizes; the normal points down.
     radiance = np.array([9.0, 8.0, 6.5]) * 0.25 / size**2
     corner = (-0.5 * size, 1.999, -0.5 * size)

@@ -61,8 +61,7 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
 
     Parameters
     ----------
-    shutter : (float, float) or float, optional
-        See :func:`cornell_box`.
+    shutter : (float, float) or float, optional, see :func:`cornell_box`
     turns : float, optional
         Turns of each rotor between the times 0 and 1; from -100 to 100 with "analytic".
     visibility : str, optional
@@ -94,12 +93,10 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
 
 
 def _materials() -> tuple[Any, Any, Any]:
-    """Return the materials of hull, canopy and rotors."""
     return tracing.diffuse(GREEN), tracing.glossy(0.5, 0.15, (0.02, 0.03, 0.05)), tracing.diffuse(DARK)
 
 
 def _parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
-    """Return hull, canopy and rotors on curves."""
     green, glass, dark = _materials()
     hub = tracing.sphere([0.0, 0.0, 0.0], HUB)
     return [

@@ -9,17 +9,9 @@ Points = NDArray[np.float64]
 def loft(rings: ArrayLike, start: ArrayLike, end: ArrayLike) -> Points:
     """Join successive closed outlines to a mesh, and close the ends by fans.
 
-    Parameters
-    ----------
-    rings : float ArrayLike, shape (k, n, 3)
-        k outlines of n vertices; counterclockwise for a viewer on the side of the next outline.
-    start, end : float ArrayLike, shape (3,)
-        Tips of the fans.
-
-    Returns
-    -------
-    float64 ndarray, shape (2 n k, 3, 3)
-        Triangles with outward normals.
+    ``rings``: float ArrayLike, shape (k, n, 3): k outlines of n vertices; counterclockwise for a viewer on
+    the side of the next outline. ``start``, ``end``: float ArrayLike, shape (3,): tips of the fans. Returns
+    float64 ndarray, shape (2 n k, 3, 3): triangles with outward normals.
     """
     rings = np.asarray(rings, np.float64)
     following = np.roll(rings, -1, axis=1)
@@ -33,14 +25,9 @@ def loft(rings: ArrayLike, start: ArrayLike, end: ArrayLike) -> Points:
 def hull(stations: ArrayLike, count: int, roundness: float) -> Points:
     """Return outlines perpendicular to the x-axis for :func:`loft`, shape (k, count, 3).
 
-    Parameters
-    ----------
-    stations : float ArrayLike, shape (k, 4)
-        x, increasing; the height y of the centre; half the extent in y and in z.
-    count : int
-        Vertices of each outline.
-    roundness : float
-        1 is an ellipse, values towards 0 a rectangle: coordinates are those of the circle to this power.
+    ``stations``: float ArrayLike, shape (k, 4): x, increasing; the height y of the centre; half the extent in
+    y and in z. ``count``: vertices of each outline. ``roundness``: 1 is an ellipse, values towards 0 a
+    rectangle: coordinates are those of the circle to this power.
     """
     angle = 2 * np.pi * (np.arange(count) + 0.5) / count
     across, up = (np.sign(f(angle)) * np.abs(f(angle)) ** roundness for f in (np.cos, np.sin))
@@ -58,14 +45,8 @@ def circle(count: int, radius: float, height: float, turn: float = 0.0) -> Point
 def table(centre: ArrayLike, size: ArrayLike, thickness: float) -> tuple[Points, Points]:
     """Return the boxes of a table on y = 0, low and high, shape (5, 3) each.
 
-    Parameters
-    ----------
-    centre : float ArrayLike, shape (2,)
-        x and z.
-    size : float ArrayLike, shape (3,)
-        Along x, y and z.
-    thickness : float
-        Of the top and the legs.
+    ``centre``: float ArrayLike, shape (2,): x and z. ``size``: float ArrayLike, shape (3,): along x, y and z.
+    ``thickness``: of the top and the legs.
     """
     (x, z), (wide, tall, deep) = np.asarray(centre), np.asarray(size)
     top = [[x - wide / 2, tall - thickness, z - deep / 2], [x + wide / 2, tall, z + deep / 2]]
@@ -81,12 +62,8 @@ def table(centre: ArrayLike, size: ArrayLike, thickness: float) -> tuple[Points,
 def chair(centre: ArrayLike, back: ArrayLike) -> tuple[Points, Points]:
     """Return the boxes of a chair on y = 0, low and high, shape (8, 3) each.
 
-    Parameters
-    ----------
-    centre : float ArrayLike, shape (2,)
-        x and z.
-    back : int ArrayLike, shape (2,)
-        The direction in x and z, a unit vector along an axis, of its back rest.
+    ``centre``: float ArrayLike, shape (2,): x and z. ``back``: int ArrayLike, shape (2,): the direction in x
+    and z, a unit vector along an axis, of its back rest.
     """
     (x, z), forth = np.asarray(centre, np.float64), np.asarray(back)
     aside, half, thin = forth[::-1], 0.21, 0.04

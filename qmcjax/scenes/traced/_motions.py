@@ -1,6 +1,5 @@
 """Motions of the scenes as pytrees: their numbers are leaves, so that a new speed does not recompile."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -8,12 +7,11 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core.parameters import cast
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing import motion
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Spin:
     """Rotations about an axis at constant speed, as unit quaternions."""
 
@@ -40,8 +38,7 @@ class Spin:
         return motion.rotation_box(corners, axis, 2 * np.pi * start, 2 * np.pi * (start + turns))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Carried:
     """The motion of a part of a moving whole: first the inner one, then the outer one."""
 
@@ -61,8 +58,7 @@ class Carried:
         return self.outer.reach(*self.inner.reach(low, high))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Drift:
     """The motion of a pattern: a path in the plane, coordinate by coordinate."""
 

@@ -21,10 +21,8 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
 
     Parameters
     ----------
-    count : int, optional
-        Number of triangles, in [1, 4096].
-    shutter : (float, float) or float, optional
-        See :func:`cornell_box`.
+    count : int, optional, number of triangles, in [1, 4096]
+    shutter : (float, float) or float, optional, see :func:`cornell_box`
     visibility : str, optional
         "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
 

@@ -38,10 +38,8 @@ def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
 
     Parameters
     ----------
-    shutter : (float, float) or float, optional
-        See :func:`cornell_box`.
-    distance : float, optional
-        Distance that the car moves between the times 0 and 1; its length is 4.2.
+    shutter : (float, float) or float, optional, see :func:`cornell_box`
+    distance : float, optional, distance that the car moves between the times 0 and 1; its length is 4.2
 
     References
     ----------

@@ -81,13 +81,8 @@ def save(
 
     Differences of neighbouring levels are small numbers, which a compressed archive stores in few bytes.
 
-    Parameters
-    ----------
-    target : Path or binary file
-    image : float64 array, shape (side, side, 3)
-    error : float64 array, shape (side, side)
-    of : Content
-        Content of the scene.
+    ``image``: float64 array, shape (side, side, 3). ``error``: float64 array, shape (side, side). ``of``:
+    content of the scene.
     """
     known = error[error > 0]
     # Errors too small for a byte are rounded up.

@@ -1,13 +1,13 @@
 """Nets with (0,m,2)-nets in all consecutive pairs of dimensions, by cascaded Sobol' components."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._digital.joe_kuo import matrices_of
 from qmcjax.sequences._protocol.binary import BinarySequence
@@ -22,8 +22,7 @@ _CHOSEN = (
 CASCADED_DIMS = 1 + len(_CHOSEN)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class DigitalNet(Digital):
     """The first 2**m points of matrices of order m, which do not extend to a sequence."""
 
@@ -34,7 +33,6 @@ class DigitalNet(Digital):
 
     @property
     def size(self) -> int:
-        """Number of points, 2**m."""
         return 2**self.m
 
     def inverted(self, log_side: int) -> Any:
@@ -50,10 +48,8 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
 
     Parameters
     ----------
-    m : int
-        In [1, 32].
-    dims : int
-        In [1, 32]. Fewer dimensions are the first of these.
+    m : int, in [1, 32]
+    dims : int, in [1, 32]; fewer dimensions are the first of these
 
     Returns
     -------

@@ -17,7 +17,7 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core.bits import reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.matrix_products import selected
 
 
@@ -48,8 +48,7 @@ class Invertible(Protocol):
         ...
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class NetByFrames:
     """A (0,2)-sequence split into frames with one point in each cell of a raster."""
 
@@ -57,7 +56,6 @@ class NetByFrames:
     """Digital, in base 2."""
     inverse: Array
     """uint32 (2 * log_side,): column i has the lower index bits that change with digit i of the cell."""
-
     log_side: int = field(metadata={"static": True})
 
     called = "net_by_frames"
@@ -65,7 +63,6 @@ class NetByFrames:
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.sequence.dims
 
     @property
@@ -74,7 +71,6 @@ class NetByFrames:
         return
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.sequence.word(index, dim)
 
     def points_per_cell(self, log_side: int) -> int:
@@ -86,18 +82,9 @@ class NetByFrames:
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of the point of a cell in frame ``sample``.
 
-        Parameters
-        ----------
-        x, y : uint32 Array
-            Column and row of the cell.
-        log_side : int
-            As of the frames.
-        sample : uint32 Array
-            The frame: indices ``sample * 4**log_side`` and following.
-
-        Returns
-        -------
-        uint32 Array, the broadcast shape
+        ``x``, ``y``: uint32 Array: column and row of the cell. ``log_side``: as of the frames. ``sample``:
+        uint32 Array: the frame: indices ``sample * 4**log_side`` and following. Returns uint32 Array, the
+        broadcast shape.
         """
         if log_side == 0:
             return sample
@@ -142,8 +129,7 @@ class Moved:
         """Return the columns (dimension 0) or rows (1) that the scrambling moved to some places."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Flipped(Moved):
     """An invertible net after a digital shift."""
 
@@ -153,7 +139,6 @@ class Flipped(Moved):
     called = "digital_shift"
 
     def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction."""
         return self.net.word(index, dim) ^ self.shifts[dim]
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:

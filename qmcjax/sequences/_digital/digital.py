@@ -1,7 +1,7 @@
 """Digital sequences in base 2: a coordinate is a matrix over F2 times the bits of the index."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import jax
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, pascal, reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import NetByFrames, net_by_frames_of
 from qmcjax.sequences._digital.joe_kuo import columns_beyond, matrices_of
 from qmcjax.sequences._digital.matrix_products import product, selected
@@ -48,20 +48,16 @@ def _larcher_beyond(dim: int, high: Array) -> Array:
     return sums if dim == 0 else pascal(sums ^ gray_decode(high))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Digital(BinarySequence):
     """Coordinate j of point i is C_j times the bits of i, over F2 (thesis Eq. 5.9)."""
 
     matrices: Array
     """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
-
     steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
     """Products with the first matrices in log steps, on bit-reversed words."""
-
     upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
     """Products of matrix ``dim`` with the upper words of indices, if columns from 32 on are known."""
-
     called: str = field(default="digital", metadata={"static": True})
     """Name of the function that makes such a sequence."""
 
@@ -129,8 +125,7 @@ class Digital(BinarySequence):
         return self.matrices.T
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Digital64(BinarySequence):
     """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
 
@@ -160,8 +155,7 @@ def sobol(dims: int = 2) -> Digital:
 
     Parameters
     ----------
-    dims : int
-        In [1, 21201].
+    dims : int, in [1, 21201]
 
     Returns
     -------
@@ -222,10 +216,6 @@ def digital(matrices: np.ndarray | Array) -> Digital:
     ----------
     matrices : uint32 array, shape (dims, 32)
         Column k of C_j, its first row in bit 31 (thesis [1]_, Sect. 5.2.1).
-
-    Returns
-    -------
-    Digital
 
     References
     ----------

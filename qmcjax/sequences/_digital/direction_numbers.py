@@ -25,8 +25,7 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
 
     Parameters
     ----------
-    path : path
-        Of a file such as ``new-joe-kuo-6.21201`` [1]_.
+    path : path, of a file such as ``new-joe-kuo-6.21201`` [1]_
 
     Returns
     -------
@@ -83,10 +82,6 @@ def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLik
     numbers : iterable of DirectionNumbers
         Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`.
 
-    Returns
-    -------
-    str
-
     Examples
     --------
     >>> print(direction_numbers_text([(0b11, [1]), (0b111, [1, 3])]), end="")
@@ -112,8 +107,7 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
 
     Returns
     -------
-    Digital
-        With one dimension more than ``numbers``.
+    Digital, with one dimension more than ``numbers``
 
     Examples
     --------

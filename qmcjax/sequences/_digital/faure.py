@@ -24,8 +24,7 @@ def faure(dims: int, base: int | None = None, modified: int | None = None) -> Pr
 
     Parameters
     ----------
-    dims : int
-        In [1, 1024].
+    dims : int, in [1, 1024]
     base : int, optional
         A prime in [dims, 8192). The smallest by default: nets have more points in larger bases.
     modified : int, optional

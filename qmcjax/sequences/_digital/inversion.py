@@ -19,10 +19,6 @@ def inverted(net: Any, log_side: int) -> Invertible:
     log_side : int
         Binary logarithm of the number of cells per side, in [0, 16].
 
-    Returns
-    -------
-    Invertible
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4 with "Scrambling", and 5.2.5.
@@ -55,10 +51,6 @@ def net_by_frames(sequence: Digital, log_side: int) -> NetByFrames:
         ``4**log_side`` points into every cell.
     log_side : int
         Binary logarithm of the number of cells per side, in [0, 16].
-
-    Returns
-    -------
-    NetByFrames
 
     References
     ----------

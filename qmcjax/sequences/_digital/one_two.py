@@ -16,8 +16,7 @@ def one_two(dims: int) -> Digital:
 
     Parameters
     ----------
-    dims : int
-        In [1, 20]. Fewer dimensions are the first of these.
+    dims : int, in [1, 20]; fewer dimensions are the first of these
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """Digital sequences in an odd prime base: a coordinate is a matrix over F_q times the digits of the index."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 
 import jax
@@ -12,13 +12,12 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax.core.digits import digit_count, digit_spans, exact_fraction
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import FEW
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PrimeDigital(DigitSequence):
     """Coordinate j of point i is C_j times the digits of i, over F_q (thesis Eq. 5.9).
 
@@ -30,7 +29,6 @@ class PrimeDigital(DigitSequence):
     """The prime q, for all coordinates."""
     tables: Array
     """uint32 (dims, words, entries): the tables of all spans of digits, one after the other."""
-
     called: str = field(default="faure", metadata={"static": True})
     """Name of the function that makes such a sequence."""
 

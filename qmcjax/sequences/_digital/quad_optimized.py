@@ -21,12 +21,7 @@ def quad_optimized(dims: int) -> PrimeDigital:
 
     Parameters
     ----------
-    dims : int
-        In [1, 32].
-
-    Returns
-    -------
-    PrimeDigital
+    dims : int, in [1, 32]
 
     Notes
     -----

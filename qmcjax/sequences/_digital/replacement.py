@@ -21,8 +21,7 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
         The j to replace, in [0, s - 1].
     replacement : integer array, shape (m, m)
         The upper left part of C', which generates a (0,1)-sequence.
-    q : int
-        A prime below 2**16.
+    q : int, a prime below 2**16
 
     Returns
     -------

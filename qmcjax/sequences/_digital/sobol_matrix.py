@@ -51,7 +51,6 @@ class DirectionNumbers(NamedTuple):
 
     polynomial: int
     """An irreducible polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i."""
-
     initial: tuple[int, ...]
     """The odd numbers m_1, ..., m_s: m_k is less than 2**k."""
 

@@ -27,12 +27,7 @@ def sz(dims: int) -> Digital:
 
     Parameters
     ----------
-    dims : int
-        In [1, 256].
-
-    Returns
-    -------
-    Digital
+    dims : int, in [1, 256]
 
     Notes
     -----

@@ -1,6 +1,6 @@
 """Radical inverses, with permuted digits or not: the van der Corput and the Halton sequence."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -23,7 +23,7 @@ from qmcjax.core.digits import (
 from qmcjax.core.digits_64 import limit_64, radical_inverse_64
 from qmcjax.core.finite_field import next_prime
 from qmcjax.core.permuted_digits import permuted_radical_inverse, permuted_spans, table_starts
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, sobol
 from qmcjax.sequences._halton import digit_permutations, radical_blocks
 from qmcjax.sequences._protocol.base import Sequence
@@ -37,8 +37,7 @@ MANY = 64
 """Number of coordinates from which large bases share a program: one for each would compile too long."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RadicalInverses(DigitSequence):
     """One radical inverse per coordinate (Hilbert paper, Eq. 1), with permuted digits or not."""
 
@@ -50,7 +49,6 @@ class RadicalInverses(DigitSequence):
 
     @property
     def called(self) -> str:
-        """Name of the function that makes such a sequence."""
         return "halton" if self.base is None else "van_der_corput"
 
     @property
@@ -106,12 +104,8 @@ class RadicalInverses(DigitSequence):
             return super().coordinates(index, dims, dtype)
         parts = []
         for wanted in alike(self.bases, dims):
-            together = len(wanted) > 1
-            parts.append(
-                self._together(index, wanted, dtype)
-                if together
-                else super().coordinates(index, wanted, dtype)
-            )
+            coordinates = self._together if len(wanted) > 1 else super().coordinates
+            parts.append(coordinates(index, wanted, dtype))
         return jnp.concatenate(parts, axis=-1)
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
@@ -140,8 +134,7 @@ class RadicalInverses(DigitSequence):
         return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RadicalInverses64(Sequence):
     """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
 
@@ -174,13 +167,11 @@ def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
 
     Parameters
     ----------
-    base : int
-        In [2, 65536]. In base 2 the sequence has exact ``bits``.
+    base : int, in [2, 65536]; in base 2 the sequence has exact ``bits``
 
     Returns
     -------
-    Sequence
-        One dimension.
+    Sequence, one dimension
 
     References
     ----------
@@ -200,8 +191,7 @@ def halton(dims: int, permutation: str | None = None, key: Array | int | None = 
 
     Parameters
     ----------
-    dims : int
-        In [1, 1024]; in [1, 360] for "faure_lemieux".
+    dims : int, in [1, 1024]; in [1, 360] for "faure_lemieux"
     permutation : {None, "zaremba", "faure", "faure_lemieux", "random"}
         The image of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b: "zaremba", (a +
         k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_; "faure_lemieux", f a mod b

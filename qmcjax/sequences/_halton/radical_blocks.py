@@ -39,21 +39,9 @@ def carried(low: Array, k: Array, size: int) -> tuple[Array, Array]:
 def prepare(first: Array, count: int, base: int, tables: Array | None, start: int) -> Any:
     """Return the shared state of the blocks from ``first`` on, in one coordinate.
 
-    Parameters
-    ----------
-    first : uint32 Array
-    count : int
-        Number of points in a block.
-    base : int
-    tables : uint16 Array, optional
-        Reflection tables of permuted digits.
-    start : int
-        Start of the tables of this base.
-
-    Returns
-    -------
-    pytree of uint32 Array
-        For :func:`points`, with the same ``count``, ``base``, ``tables`` and ``start``.
+    ``first``: uint32 Array. ``count``: number of points in a block. ``tables``: uint16 Array, optional:
+    reflection tables of permuted digits. ``start``: start of the tables of this base. Returns pytree of
+    uint32 Array: for :func:`points`, with the same ``count``, ``base``, ``tables`` and ``start``.
     """
     if base == 2 or not _shares(base, count, tables):
         return first

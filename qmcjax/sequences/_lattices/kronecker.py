@@ -1,6 +1,5 @@
 """Kronecker sequences: multiples of a vector modulo 1, by exact integer arithmetic at every index."""
 
-from dataclasses import dataclass
 from fractions import Fraction as Rational
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.word_first import WordFirst
 
 ROBERTS_DIMS = 64
@@ -19,8 +18,7 @@ _DIGITS = 96
 """Digits of a step: 64 of an index, and 32 of a coordinate."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Kronecker(WordFirst):
     """Point i is i times a vector modulo 1, rounded down to 32 digits."""
 
@@ -44,8 +42,7 @@ class Kronecker(WordFirst):
         return _multiple(self.steps[dim], index, np.uint32(0))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Kronecker64(WordFirst):
     """Point i is point ``high * 2**32 + i`` of a Kronecker sequence."""
 
@@ -125,8 +122,7 @@ def roberts(dims: int = 2) -> Kronecker:
 
     Parameters
     ----------
-    dims : int
-        d in [1, 64].
+    dims : int, d in [1, 64]
 
     Returns
     -------

@@ -1,6 +1,5 @@
 """The extensible rank-1 lattice sequence in base 2, by exact integer arithmetic modulo 1."""
 
-from dataclasses import dataclass
 from importlib import resources
 
 import jax.numpy as jnp
@@ -9,7 +8,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import high_product, reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._protocol.word_first import WordFirst
 
@@ -17,8 +16,7 @@ LATTICE_DIMS = 250
 """Number of components of Cools, Kuo and Nuyens' vector."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LatticeSequence(WordFirst):
     """Point i is phi_2(i) z modulo 1: as fractions of 32 bits, a product of words that wraps."""
 
@@ -46,8 +44,7 @@ class LatticeSequence(WordFirst):
         return Fraction(lambda: reverse(index)[..., None] * wanted)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Lattice64(WordFirst):
     """Point i is point ``high * 2**32 + i`` of a lattice sequence, rounded down to 32 digits."""
 
@@ -72,8 +69,7 @@ def lattice(dims: int) -> LatticeSequence:
 
     Parameters
     ----------
-    dims : int
-        In [1, 250].
+    dims : int, in [1, 250]
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """Rank-1 lattices of n points, in Korobov's form or of maximised minimum distance: i g / n modulo 1."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from importlib import resources
 
@@ -13,7 +13,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import below_one
 from qmcjax.core.maximin_lattices import best_planar, best_spatial
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Sequence
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._protocol.word_first import WordFirst
@@ -27,8 +27,7 @@ _SPATIAL_LIMIT = 2**13
 _SPATIAL_TABLE_LIMIT = 2**16
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Rank1Lattice(Sequence):
     """The multiples of a vector g / n modulo 1, for any n."""
 
@@ -58,8 +57,7 @@ class Rank1Lattice(Sequence):
             return jnp.minimum(value.astype(jnp.float32), below_one(np.float32))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class BinaryRank1Lattice(WordFirst):
     """The multiples of a vector modulo 1 for n = 2**m: as fractions of 32 bits, products that wrap."""
 
@@ -75,7 +73,6 @@ class BinaryRank1Lattice(WordFirst):
 
     @property
     def size(self) -> int:
-        """Number of points, 2**m."""
         return 2**self.m
 
     def word(self, index: Array, dim: int) -> Array:
@@ -98,12 +95,9 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
 
     Parameters
     ----------
-    n : int
-        Number of points, in [1, 2**32].
-    dims : int
-        In [1, 65536].
-    a : int
-        In [0, n).
+    n : int, number of points, in [1, 2**32]
+    dims : int, in [1, 65536]
+    a : int, in [0, n)
 
     Returns
     -------
@@ -140,8 +134,7 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
     n : int
         Number of points. In two dimensions in [1, 2**22]; in three in [1, 2**13], or a power of two up to
         2**16. Without a table, the search takes about a second.
-    dims : int
-        2 or 3.
+    dims : int, 2 or 3
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Nets of 2**m points with i / 2**m as first coordinate, and their inversion from pixel to index."""
 
 import abc
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Self
 
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode, reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 
 
@@ -23,20 +23,15 @@ class Net(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Two."""
         return 2
 
     @property
     def size(self) -> int:
-        """Number of points, 2**m."""
         return 2**self.m
 
     @abc.abstractmethod
     def _second(self, index: Array) -> Array:
         """Return the bit-reversed second coordinate."""
-
-    @abc.abstractmethod
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array: ...
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         return self._second(index) if dim else reverse(_fraction(index, self.m))
@@ -49,17 +44,7 @@ class Net(BinarySequence):
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side.
-
-        Parameters
-        ----------
-        log_side : int
-
-        Returns
-        -------
-        int
-            ``2**(m - 2 * log_side)``.
-        """
+        """Return ``2**(m - 2 * log_side)``, the points in each of ``2**log_side`` x ``2**log_side`` cells."""
         if self.m < 2 * log_side:
             raise ValueError(
                 f"net's m must be at least {2 * log_side} for one point in each of "
@@ -67,6 +52,7 @@ class Net(BinarySequence):
             )
         return 2 ** (self.m - 2 * log_side)
 
+    @abc.abstractmethod
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of a point from its cell.
 
@@ -74,7 +60,6 @@ class Net(BinarySequence):
         ----------
         x, y : uint32 Array
             Column and row of the cell in a raster of ``2**log_side`` cells per side.
-        log_side : int
         sample : uint32 Array
             Number of the point in its cell, below ``points_per_cell(log_side)``.
 
@@ -86,7 +71,6 @@ class Net(BinarySequence):
         ----------
         .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4.
         """
-        return self._index_in_cell(x, y, log_side, sample)
 
 
 def _fraction(numerator: Array, m: int) -> Array:
@@ -103,8 +87,7 @@ def _reverse_low(word: Array, count: int) -> Array:
     return reverse(word) >> (32 - count) if count else jnp.zeros_like(word)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class HammersleyNet(Net):
     """The points (i / 2**m, phi_2(i))."""
 
@@ -115,12 +98,11 @@ class HammersleyNet(Net):
     def _second(self, index: Array) -> Array:
         return index
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         return _above(x, self.m - log_side) | (sample << log_side) | _reverse_low(y, log_side)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LarcherPillichshammerNet(Net):
     """The points (i / 2**m, C'1 times the bits of i)."""
 
@@ -131,15 +113,14 @@ class LarcherPillichshammerNet(Net):
     def _second(self, index: Array) -> Array:
         return gray_decode(index)
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         # The matrix is triangular: the lowest index bits fix the leading rows for all others.
         upper = _above(x, self.m - log_side) | (sample << log_side)
         wrong = _low(gray_decode(upper), log_side) ^ _reverse_low(y, log_side)
         return upper | gray_encode(wrong)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PermutationNet(Net):
     """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""
 
@@ -162,7 +143,7 @@ class PermutationNet(Net):
             y = (_low(rest, half) << half) | (upper << 2) | lowest
         return reverse(_fraction(y, self.m))
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         half = self.m // 2
         if self.m % 2:
             # With H = m - half: x = 2^half ((2 rev(k) + r) mod 2^H) + k and y = 2^half r + k. The cell
@@ -191,13 +172,11 @@ def hammersley_net(m: int) -> HammersleyNet:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
-    HammersleyNet
-        A (0,m,2)-net in base 2.
+    HammersleyNet, a (0,m,2)-net in base 2
 
     References
     ----------
@@ -219,13 +198,11 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
-    LarcherPillichshammerNet
-        A (0,m,2)-net in base 2 of low star discrepancy.
+    LarcherPillichshammerNet, a (0,m,2)-net in base 2 of low star discrepancy
 
     References
     ----------
@@ -256,8 +233,7 @@ def permutation_net(m: int) -> Net:
 
     Returns
     -------
-    Net
-        A (0,m,2)-net in base 2, numbered by its first coordinate.
+    Net, a (0,m,2)-net in base 2, numbered by its first coordinate
 
     References
     ----------
@@ -281,10 +257,8 @@ def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Arra
 
     Parameters
     ----------
-    m : int
-        In [1, 32]: 2**m points per pixel.
-    row : uint32 Array, or int
-        Row of the pixel, counted along the second coordinate.
+    m : int, in [1, 32]: 2**m points per pixel
+    row : uint32 Array, or int, row of the pixel, counted along the second coordinate
     index : uint32 Array, broadcastable to ``row``, or int
         Below 2**m, in the numbering of :func:`permutation_net`.
 

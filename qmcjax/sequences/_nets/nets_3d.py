@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Self
 
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import pascal, reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import _larcher_sobol
 from qmcjax.sequences._nets.nets import HammersleyNet, LarcherPillichshammerNet, Net
 from qmcjax.sequences._protocol.binary import BinarySequence
@@ -27,12 +27,10 @@ class OverPlane(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Three."""
         return 3
 
     @property
     def size(self) -> int:
-        """Number of points, 2**m."""
         return self.plane.size
 
     @abc.abstractmethod
@@ -50,7 +48,6 @@ class OverPlane(BinarySequence):
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side."""
         return self.plane.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
@@ -58,8 +55,7 @@ class OverPlane(BinarySequence):
         return self.plane.index_in_cell(x, y, log_side, sample)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Net3D(OverPlane):
     """A (0,m,3)-net in base 2: i / 2**m and the two components of a (0,2)-sequence."""
 
@@ -88,8 +84,7 @@ _PERMUTATIONS = {
 """Second and third coordinate of P_2, ..., P_5, numbered by the first."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PermutationNet3D(BinarySequence):
     """One of P_2, ..., P_5, tiled until there are 2**m points (thesis Sect. 5.3.2)."""
 
@@ -100,12 +95,10 @@ class PermutationNet3D(BinarySequence):
 
     @property
     def dims(self) -> int:
-        """Three."""
         return 3
 
     @property
     def size(self) -> int:
-        """Number of points, 2**m."""
         return 2**self.m
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
@@ -143,8 +136,7 @@ def sobol_net_3d(m: int) -> Net3D:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
@@ -171,8 +163,7 @@ def larcher_pillichshammer_net_3d(m: int) -> Net3D:
 
     Parameters
     ----------
-    m : int
-        In [0, 32].
+    m : int, in [0, 32]
 
     Returns
     -------
@@ -211,8 +202,7 @@ def permutation_net_3d(m: int) -> PermutationNet3D:
 
     Returns
     -------
-    PermutationNet3D
-        Numbered by the first coordinate.
+    PermutationNet3D, numbered by the first coordinate
 
     References
     ----------

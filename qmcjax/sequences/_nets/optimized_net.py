@@ -1,6 +1,6 @@
 """Digital (0,m,2)-nets of large minimum distance, from searched generator matrices."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from importlib import resources
 
 import jax.numpy as jnp
@@ -9,13 +9,12 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets import Net, _above, _low, _reverse_low
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class MatrixNet(Net):
     """The points (i / 2**m, C times the bits of i) for C = L U with unit triangular factors over F2."""
 
@@ -23,7 +22,6 @@ class MatrixNet(Net):
 
     columns: Array
     """uint32 (m,): column k of C, its first row in bit 0."""
-
     lower_inverse: Array
     upper_inverse: Array
     """uint32 (m,): columns of the factors' inverses."""
@@ -33,7 +31,7 @@ class MatrixNet(Net):
     def _second(self, index: Array) -> Array:
         return selected(self.columns, index)
 
-    def _index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         # The lowest index bits fix the leading rows. Their block of C is the product of the leading blocks of
         # the factors, inverted by those of the inverse factors.
         upper = _above(x, self.m - log_side) | (sample << log_side)
@@ -47,8 +45,7 @@ def optimized_net(m: int) -> MatrixNet:
 
     Parameters
     ----------
-    m : int
-        In [1, 32].
+    m : int, in [1, 32]
 
     Returns
     -------
@@ -78,30 +75,29 @@ def optimized_net(m: int) -> MatrixNet:
     >>> print((optimized_net(3).points(8)[:, 1] * 8).astype(int))
     [0 5 2 7 4 1 6 3]
     """
-    m = checks.integer("m", m, 1, 32)
-    matrix = _matrix(m)
+    return matrix_net(_matrix(checks.integer("m", m, 1, 32)))
+
+
+def matrix_net(matrix: NDArray[np.uint8]) -> MatrixNet:
+    """Return the net of a generator matrix of order m with t = 0."""
     lower, upper = _factors(matrix)
-    return MatrixNet(m, _columns(matrix), _columns(_inverse(lower)), _columns(_inverse(upper.T).T))
+    return MatrixNet(
+        len(matrix), columns_of(matrix), columns_of(_inverse(lower)), columns_of(_inverse(upper.T).T)
+    )
 
 
 def _matrix(m: int) -> NDArray[np.uint8]:
-    """Return the matrix of order m: a searched one, bordered by identities if that is smaller."""
+    """Return the matrix of order m: a searched one, or diag(1, ..., 1, searched, 1, ..., 1)."""
     searched = _searched()
     core = m
     while core not in searched:
         core -= 2
-    return _bordered(searched[core], (m - core) // 2)
-
-
-def _bordered(matrix: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """Return diag(1, matrix, 1), repeatedly."""
-    bordered = np.eye(len(matrix) + 2 * times, dtype=np.uint8)
-    bordered[times : times + len(matrix), times : times + len(matrix)] = matrix
-    return bordered
+    matrix, inside = np.eye(m, dtype=np.uint8), slice((m - core) // 2, (m + core) // 2)
+    matrix[inside, inside] = searched[core]
+    return matrix
 
 
 def _searched() -> dict[int, NDArray[np.uint8]]:
-    """Read the searched matrices by their order."""
     text = (resources.files("qmcjax.sequences") / "_data" / "optimized_nets.txt").read_text()
     rows = [line.split()[2:] for line in text.splitlines() if not line.startswith("#")]
     return {len(row): np.array([list(digits) for digits in row], np.uint8) for row in rows}
@@ -124,7 +120,7 @@ def _inverse(lower: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return inverse
 
 
-def _columns(matrix: NDArray[np.uint8]) -> Array:
+def columns_of(matrix: NDArray[np.uint8]) -> Array:
     """Pack the columns into words, the first row in bit 0."""
     weights = np.uint32(1) << np.arange(len(matrix), dtype=np.uint32)
     return jnp.asarray((matrix.T * weights).sum(axis=1, dtype=np.uint32))

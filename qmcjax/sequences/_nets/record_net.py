@@ -19,13 +19,11 @@ def record_net(n: int, dims: int = 2) -> Tabulated:
     n : int
         In two dimensions 16, 20, 32, 60, 64, 100, 128, 140, 220, 256, 500, 512, 1020, 1024 or 2048; in three
         16, 32, 64, 128 or 256.
-    dims : int
-        2 or 3.
+    dims : int, 2 or 3
 
     Returns
     -------
-    Tabulated
-        With ``size`` n, in the order of the first coordinate.
+    Tabulated, with ``size`` n, in the order of the first coordinate
 
     Notes
     -----

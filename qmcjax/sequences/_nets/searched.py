@@ -1,6 +1,5 @@
 """A (0,2)-sequence and (0,m,3)-nets of large minimum distance, from searched generator matrices."""
 
-from dataclasses import dataclass
 from importlib import resources
 
 import numpy as np
@@ -8,21 +7,19 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets_3d import OverPlane
-from qmcjax.sequences._nets.optimized_net import MatrixNet, _columns, _factors, _inverse
+from qmcjax.sequences._nets.optimized_net import MatrixNet, columns_of, matrix_net
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class MatrixNet3D(OverPlane):
     """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
 
     plane: MatrixNet
     """The net of the first two coordinates."""
-
     columns: Array
     """uint32 (m,): column k of C_2, its first row in bit 0."""
 
@@ -37,8 +34,7 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
 
     Parameters
     ----------
-    m : int
-        In [2, 16].
+    m : int, in [2, 16]
 
     Returns
     -------
@@ -64,11 +60,8 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
      [2 1 3]
      [3 2 1]]
     """
-    m = checks.integer("m", m, 2, 16)
-    first, second = _read("optimized_nets_3d.txt")[m]
-    lower, upper = _factors(first)
-    plane = MatrixNet(m, _columns(first), _columns(_inverse(lower)), _columns(_inverse(upper.T).T))
-    return MatrixNet3D(plane, _columns(second))
+    first, second = _read("optimized_nets_3d.txt")[checks.integer("m", m, 2, 16)]
+    return MatrixNet3D(matrix_net(first), columns_of(second))
 
 
 def optimized_sequence() -> Digital:

@@ -59,10 +59,6 @@ class Sequence(abc.ABC):
         ----------
         high : uint32 Array
             In the shape of the indices. 64-bit indices must be below ``limit_64``.
-
-        Returns
-        -------
-        Sequence
         """
         raise ValueError(f"sequence must have 64-bit indices, got {checks.shown(self)}")
 
@@ -80,9 +76,7 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         index : uint32 Array
-        dim : int
-        offset : uint32 Array, broadcastable to ``index``
-            Fractions.
+        offset : uint32 Array, broadcastable to ``index``, fractions
         dtype : float32 or float64
 
         Returns
@@ -106,15 +100,12 @@ class Sequence(abc.ABC):
         ----------
         first : uint32 Array
             Multiples of ``count``; the blocks must end below ``limit``.
-        count : int
-            Number of points in a block.
-        dims : tuple of int
-            The coordinates that will be used.
+        count : int, number of points in a block
+        dims : tuple of int, the coordinates that will be used
 
         Returns
         -------
-        pytree of Array
-            For :meth:`block_points`.
+        pytree of Array, for :meth:`block_points`
         """
         return first
 
@@ -125,11 +116,8 @@ class Sequence(abc.ABC):
 
         Parameters
         ----------
-        block : pytree
-            From :meth:`prepare_block` for the same ``count`` and ``dims``.
-        k : uint32 Array, broadcastable to the blocks
-            Below ``count``.
-        count : int
+        block : pytree, from :meth:`prepare_block` for the same ``count`` and ``dims``
+        k : uint32 Array, broadcastable to the blocks, below ``count``
         dims : tuple of int
         dtype : float32 or float64
 
@@ -152,9 +140,7 @@ class Sequence(abc.ABC):
 
         Parameters
         ----------
-        component : int
-        count : int
-            Number of digits.
+        count : int, number of digits
 
         Returns
         -------
@@ -266,12 +252,15 @@ class PointByPoint(Sequence):
     sequence: Any
 
     @property
+    def dims(self) -> int:
+        return self.sequence.dims
+
+    @property
     def size(self) -> int | None:
         return self.sequence.size
 
     @property
     def limit_64(self) -> int:
-        """Limit of 64-bit indices."""
         return self.sequence.limit_64
 
     def with_high_word(self, high: Array) -> Any:
@@ -279,7 +268,6 @@ class PointByPoint(Sequence):
         return dataclasses.replace(self, sequence=with_high)  # pyright: ignore[reportArgumentType]
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return the bases of the sequence's components."""
         return self.sequence.radical_bases()
 
 

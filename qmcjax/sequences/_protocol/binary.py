@@ -41,7 +41,7 @@ class BinarySequence(Sequence):
 
     def words(self, index: Array, dims: tuple[int, ...]) -> Array:
         """Return some coordinates as 32-bit fractions, shape ``index.shape + (len(dims),)``."""
-        return self.fractions(index, dims).word
+        return self.fractions(index, dims).word()
 
     def fraction(self, index: Array, dim: int) -> Fraction:
         """Return one coordinate, lazily in either form."""
@@ -59,9 +59,9 @@ class BinarySequence(Sequence):
         return to_unit(self.word(index, dim), dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        if len(dims) <= FEW:
-            return super().coordinates(index, dims, dtype)
-        return to_unit(self.words(index, dims), dtype)
+        if len(dims) > FEW:
+            return to_unit(self.words(index, dims), dtype)
+        return jnp.stack([to_unit(self.fraction(index, j).word(), dtype) for j in dims], axis=-1)
 
     def rotated_coordinate(self, index: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:
         """Return one coordinate plus an offset modulo 1: a sum of words that wraps."""
@@ -87,10 +87,6 @@ class BinarySequence(Sequence):
             One coordinate, or some that are stacked last.
         dims : int or tuple of int
             The numbers of these coordinates.
-
-        Returns
-        -------
-        Fraction
         """
         return fraction
 
@@ -105,8 +101,8 @@ class BinarySequence(Sequence):
     ) -> Array:
         linear = self._linear_of_blocks(count, dims)
         if linear is None:
-            return super().block_points(block, k, count, dims, dtype)
-        points = [self.of_linear(Fraction.of(block[j]) ^ linear.fraction(k, j), j).word for j in dims]
+            return self.coordinates(block + k, dims, dtype)
+        points = [self.of_linear(Fraction.of(block[j]) ^ linear.fraction(k, j), j).word() for j in dims]
         return jnp.stack([to_unit(point, dtype) for point in points], axis=-1)
 
     def _linear_of_blocks(self, count: int, dims: tuple[int, ...]) -> "BinarySequence | None":
@@ -120,9 +116,7 @@ class BinarySequence(Sequence):
         ----------
         start : uint32 Array, shape ()
             A multiple of ``rows``.
-        count : int
-        rows : int
-            A power of two.
+        rows : int, a power of two
 
         Returns
         -------
@@ -138,7 +132,7 @@ class BinarySequence(Sequence):
         while beside * self.dims < _LANES:
             beside *= 2
         points = self.of_linear(blocks.points(beside), tuple(range(self.dims)) * beside)
-        return to_unit(points.word, dtype).reshape(-1, self.dims)
+        return to_unit(points.word(), dtype).reshape(-1, self.dims)
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
         blocks = None
@@ -153,8 +147,7 @@ class BinarySequence(Sequence):
 
         Parameters
         ----------
-        log_side : int
-            In [0, 16].
+        log_side : int, in [0, 16]
 
         Returns
         -------

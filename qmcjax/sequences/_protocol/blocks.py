@@ -1,23 +1,19 @@
 """Consecutive points of a linear sequence from two small tables."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.fraction import Fraction
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Blocks:
     """Blocks of points: each is the xor of the point of its low digits and the first point of its block."""
 
     low: tuple[Array, Array]
     """uint32 (rows, dims), in both forms: the points of the low digits."""
-
     high: tuple[Array, Array]
     """uint32 (blocks, dims), in both forms: the first points of the blocks."""
 

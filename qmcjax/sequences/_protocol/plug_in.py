@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,14 +11,13 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, plug_ins
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Sequence
 
 _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns points [..., dims]"
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PlugIn(Sequence):
     """An object with ``dims``, a call, and optionally a ``size``; or a function as the call."""
 
@@ -74,8 +73,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
     Parameters
     ----------
-    name : str
-        Name of the argument, for messages.
+    name : str, name of the argument, for messages
     value : object
         A sequence, or any object that has
 
@@ -87,10 +85,6 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
         It needs no decorator: programs are compiled for this object. An object with arrays as attributes must
         be a pytree (see :func:`qmcjax.pytree`); the arrays are arguments of the program.
-
-    Returns
-    -------
-    Sequence
 
     Examples
     --------
@@ -115,12 +109,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
 def _takes(value: Any) -> str | None:
     """Return "index" or "dims" for a call with index, or also with dims and dtype; None for anything else."""
-    if not callable(value):
-        return None
-    try:
-        parameters = inspect.signature(value).parameters.values()
-    except (TypeError, ValueError):
-        return None
+    parameters = plug_ins.parameters(value)
     selects = {"dims", "dtype"} <= {p.name for p in parameters}
     needed = [
         p
@@ -147,8 +136,7 @@ def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
         From a uint32 array of any shape to points, floating, of that shape + (dims,), in [0, 1). The same
         function compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are parameters:
         new values do not recompile.
-    dims : int
-        In [1, 65536].
+    dims : int, in [1, 65536]
 
     Returns
     -------

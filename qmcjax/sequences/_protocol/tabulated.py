@@ -1,7 +1,5 @@
 """Sequences from tables of points."""
 
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -10,12 +8,11 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.word_first import WordFirst
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Tabulated(WordFirst):
     """A table of points."""
 
@@ -54,8 +51,7 @@ def tabulated(points: ArrayLike) -> Tabulated:
 
     Returns
     -------
-    Tabulated
-        With ``size`` n.
+    Tabulated, with ``size`` n
 
     Examples
     --------

@@ -1,6 +1,5 @@
 """Owen scrambling by a grammar of symbols with random words: looked up, and easily inverted."""
 
-from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
@@ -11,7 +10,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, thue_morse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Moved
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -23,8 +22,7 @@ _FEW = 32
 _SYMBOLS = 64
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Codes:
     """The scramblings of all coordinates, in tables over 64 symbols times all numbers of some digits."""
 
@@ -71,8 +69,7 @@ class Codes:
         return result
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class ArtOwen(Scrambled):
     """A sequence with an invertible nested permutation of each coordinate."""
 
@@ -82,10 +79,8 @@ class ArtOwen(Scrambled):
     called = "art_owen"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble the digits."""
-
         def word() -> Array:
-            word = fraction.word
+            word = fraction.word()
             return self.codes.scrambled(word, of_dims(jax.lax.iota(jnp.uint32, self.dims), dims, word))
 
         return Fraction(word=word)
@@ -95,8 +90,7 @@ class ArtOwen(Scrambled):
         return Unscrambled(self.sequence.inverted(log_side), self.codes)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Unscrambled(Moved):
     """An invertible net after this scrambling."""
 
@@ -122,10 +116,8 @@ def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
 
     Parameters
     ----------
-    sequence : BinarySequence
-        With ``bits``.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    sequence : BinarySequence, with ``bits``
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

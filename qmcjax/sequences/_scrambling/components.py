@@ -1,13 +1,13 @@
 """A selection of components of a sequence."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import PointByPoint, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -33,7 +33,6 @@ class Selection(PointByPoint):
         return self.sequence.coordinates(index, self._of(dims), dtype)
 
     def radical_bases(self) -> tuple[int | None, ...]:
-        """Return the bases of the selected components."""
         bases = self.sequence.radical_bases()
         return tuple(bases[j] for j in self.selected)
 
@@ -44,8 +43,7 @@ class Selection(PointByPoint):
         return tuple(self.selected[j] for j in dims)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Components(Selection):
     """Some components of any sequence."""
 
@@ -61,8 +59,7 @@ class Components(Selection):
         return self.sequence.block_points(block, k, count, self._of(dims), dtype)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class BinaryComponents(Selection, BinarySequence):
     """Some components of a sequence in base 2, with all bits."""
 
@@ -100,7 +97,6 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
 
     Parameters
     ----------
-    sequence : Sequence
     dims : tuple of int
         Different components of ``sequence``: coordinate j is its coordinate ``dims[j]``. Only these are
         computed.

@@ -1,7 +1,5 @@
 """Digit scrambling: a random permutation for each digit of each coordinate."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +9,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
 from qmcjax.core.permuted_digits import joined, permuted_spans, table_starts
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._halton.digit_permutations import random_tables
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
@@ -19,8 +17,7 @@ from qmcjax.sequences._scrambling.digital_shift import DigitalShift, digital_shi
 from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PermutedDigits(ScrambledDigits):
     """A sequence with one permutation per digit, also of the zeros after the last digit."""
 
@@ -55,8 +52,7 @@ def digit_scramble(
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         In base 2 the permutations are the identity and the flip: this is the same object as from
         :func:`digital_shift` with the same key.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

@@ -1,6 +1,5 @@
 """The digital shift: every coordinate xor a random word."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -9,15 +8,14 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Flipped
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class DigitalShift(Scrambled):
     """A sequence with digits flipped by one word per coordinate."""
 
@@ -28,14 +26,12 @@ class DigitalShift(Scrambled):
     called = "digital_shift"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Flip the digits."""
-
         def word() -> Array:
-            word = fraction.word
+            word = fraction.word()
             return word ^ of_dims(self.shifts, dims, word)
 
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return bit_reversed ^ reverse(of_dims(self.shifts, dims, bit_reversed))
 
         return Fraction(word, bit_reversed)
@@ -53,14 +49,8 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
 
     Parameters
     ----------
-    sequence : BinarySequence
-        With ``bits``.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
-
-    Returns
-    -------
-    DigitalShift
+    sequence : BinarySequence, with ``bits``
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     References
     ----------

@@ -1,17 +1,14 @@
 """A sequence in Gray code order: a map of the indices."""
 
-from dataclasses import dataclass
-
 from jax import Array
 
 from qmcjax.core.bits import gray_encode
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Gray(BinarySequence):
     """Point i is the sequence's point i ^ (i >> 1)."""
 
@@ -59,12 +56,7 @@ def gray(sequence: BinarySequence) -> Gray:
 
     Parameters
     ----------
-    sequence : BinarySequence
-        Unbounded, or of 2**m points.
-
-    Returns
-    -------
-    Gray
+    sequence : BinarySequence, unbounded, or of 2**m points
 
     References
     ----------

@@ -1,7 +1,5 @@
 """Linear scrambling: the digits of every coordinate times a random triangular matrix over F2."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +7,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -17,8 +15,7 @@ from qmcjax.sequences._scrambling.digital_shift import DigitalShift, digital_shi
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Linear(Scrambled):
     """A sequence with digits multiplied by one matrix per coordinate."""
 
@@ -32,7 +29,7 @@ class Linear(Scrambled):
         """Multiply the digits."""
 
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return _product(of_dims(self.columns, dims, bit_reversed), bit_reversed)
 
         return Fraction(bit_reversed=bit_reversed)
@@ -81,13 +78,11 @@ def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> Digita
     sequence : BinarySequence
         With ``bits``. For a :class:`Digital` sequence the generator matrices are multiplied, at no cost per
         point.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------
-    DigitalShift
-        The digital shift of the linearly scrambled sequence.
+    DigitalShift, the digital shift of the linearly scrambled sequence
 
     References
     ----------

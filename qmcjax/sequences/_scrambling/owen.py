@@ -1,14 +1,12 @@
 """Owen scrambling by hashing, in base 2; for other bases see ``owen_base_b``."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import owen_hash
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -16,8 +14,7 @@ from qmcjax.sequences._scrambling.owen_base_b import OwenDigits, owen_digits
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Owen(Scrambled):
     """A sequence with a nested random permutation of each coordinate."""
 
@@ -28,10 +25,8 @@ class Owen(Scrambled):
     called = "owen"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble the digits."""
-
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return owen_hash(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
 
         return Fraction(bit_reversed=bit_reversed)
@@ -47,8 +42,7 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         Digits are scrambled in their base.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

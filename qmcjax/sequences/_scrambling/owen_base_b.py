@@ -1,6 +1,5 @@
 """Owen scrambling in base b by hashing: one nested permutation of spans of digits, shifted by prefix."""
 
-from dataclasses import dataclass
 from functools import cache, partial
 
 import jax
@@ -12,14 +11,13 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import hash_pair, hash_word, high_product
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
 from qmcjax.core.permuted_digits import looked_up
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._halton.digit_permutations import random_permutations
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class OwenDigits(ScrambledDigits):
     """A sequence with a nested random permutation of each coordinate.
 

@@ -1,7 +1,5 @@
 """Owen scrambling with an independent permutation at every node of the tree: in base 2, a random bit."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +7,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -17,8 +15,7 @@ from qmcjax.sequences._scrambling.owen_exact_base_b import OwenExactDigits, owen
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class OwenExact(Scrambled):
     """A sequence with a nested uniform permutation of each coordinate."""
 
@@ -29,10 +26,8 @@ class OwenExact(Scrambled):
     called = "owen_exact"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble the digits."""
-
         def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed
+            bit_reversed = fraction.bit_reversed()
             return _scramble(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
 
         return Fraction(bit_reversed=bit_reversed)
@@ -73,8 +68,7 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
         Digits are scrambled in their base.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

@@ -1,7 +1,5 @@
 """Owen scrambling in base b with an independent uniform permutation at every node of the tree."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +8,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
 
@@ -18,8 +16,7 @@ _DRAWN = 2**13
 """Most outcomes of swaps drawn together from 32 random bits."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class OwenExactDigits(ScrambledDigits):
     """A sequence with a nested uniform permutation of each coordinate."""
 

@@ -1,14 +1,12 @@
 """The Cranley-Patterson rotation: a shift on the torus."""
 
-from dataclasses import dataclass
-
 import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core.fractions import fractions_or_key, plus_modulo_1
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import PointByPoint, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -16,8 +14,7 @@ from qmcjax.sequences._protocol.plug_in import as_sequence
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RotatedBinary(Scrambled):
     """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
 
@@ -31,14 +28,13 @@ class RotatedBinary(Scrambled):
         """Add the offsets."""
 
         def word() -> Array:
-            word = fraction.word
+            word = fraction.word()
             return word + of_dims(self.offsets, dims, word)
 
         return Fraction(word)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Rotated(PointByPoint):
     """Any sequence plus one fraction per coordinate, modulo 1, rounded once in float64."""
 
@@ -47,10 +43,6 @@ class Rotated(PointByPoint):
     """uint32 (dims,): fractions."""
 
     called = "rotate"
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         return self.sequence.rotated_coordinate(index, dim, self.offsets[dim], dtype)

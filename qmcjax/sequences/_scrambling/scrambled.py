@@ -16,10 +16,6 @@ class Scrambled(PointByPoint, BinarySequence):
 
     sequence: BinarySequence
 
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
     @abc.abstractmethod
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
         """Scramble one coordinate, or some that are stacked last."""
@@ -33,10 +29,10 @@ class Scrambled(PointByPoint, BinarySequence):
         return self.mapped(self.sequence.fractions(index, dims), dims)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).bit_reversed
+        return self.fraction(index, dim).bit_reversed()
 
     def word(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).word
+        return self.fraction(index, dim).word()
 
     @property
     def linear(self) -> BinarySequence | None:

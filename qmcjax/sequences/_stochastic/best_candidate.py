@@ -19,18 +19,9 @@ each rectangle of two by one if k is odd: none is farther than sqrt(8) cells fro
 def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -> Array:
     """Return the points of a scrambled sequence with the first two coordinates chosen from candidates.
 
-    Parameters
-    ----------
-    words : uint32 Array, shape (n, dims)
-        The points drawn without candidates.
-    steps : uint32 Array, shape (dims, 32)
-        Maps indices to those of earlier points, see ``net_by_net.to_earlier``.
-    seeds : uint32 Array, shape (dims, 2)
-    candidates : int
-
-    Returns
-    -------
-    uint32 Array, shape (n, dims)
+    ``words``: uint32 Array, shape (n, dims): the points drawn without candidates. ``steps``: uint32 Array,
+    shape (dims, 32): maps indices to those of earlier points, see ``net_by_net.to_earlier``. ``seeds``:
+    uint32 Array, shape (dims, 2). Returns uint32 Array, shape (n, dims).
     """
     n = words.shape[0]
     numbers = jax.lax.iota(jnp.uint32, candidates)[None, :, None] * np.uint32(0x9E3779B9)

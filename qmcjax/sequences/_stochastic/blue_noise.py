@@ -29,10 +29,8 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
 
     Parameters
     ----------
-    radius : float
-        In [0.001, 1]. There are about ``0.7 / radius**2`` points, found one by one (by SciPy).
-    key : jax.random.key, or int in [0, 2**32)
-        Known before tracing.
+    radius : float, in [0.001, 1]; there are about ``0.7 / radius**2`` points, found one by one (by SciPy)
+    key : jax.random.key, or int in [0, 2**32), known before tracing
 
     Returns
     -------
@@ -72,12 +70,9 @@ def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulate
     n : int
         Number of points, in [1, 2**20]. An iteration takes tens of microseconds per point in two dimensions,
         hundreds in three.
-    dims : int
-        2 or 3.
-    key : jax.random.key, or int in [0, 2**32)
-        Known before tracing.
-    iterations : int
-        In [0, 10000].
+    dims : int, 2 or 3
+    key : jax.random.key, or int in [0, 2**32), known before tracing
+    iterations : int, in [0, 10000]
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Latin hypercube samples at random access: one keyed random permutation of the strata per coordinate."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import jax
@@ -11,7 +11,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.word_first import WordFirst
 
 
@@ -20,8 +20,7 @@ def _rounds(n: int) -> int:
     return 16 if n < 1024 else 8
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LatinHypercube(WordFirst):
     """In each coordinate, one uniform point in each of n equal intervals."""
 
@@ -62,18 +61,8 @@ def permuted(index: Array, n: int, seeds: Array) -> Array:
     rotated by a hash of its number: a Feistel network with sums. A number that leaves the n cells is permuted
     again until it returns, which keeps the map a bijection.
 
-    Parameters
-    ----------
-    index : uint32 Array, shape (...)
-        Below n.
-    n : int
-        In [1, 2**32].
-    seeds : uint32 Array, shape (rounds,)
-        An even number.
-
-    Returns
-    -------
-    uint32 Array, shape (...)
+    ``index``: uint32 Array, shape (...): below n. ``n``: in [1, 2**32]. ``seeds``: uint32 Array, shape
+    (rounds,): an even number. Returns uint32 Array, shape (...).
     """
     columns, rows = _grid(n)
 
@@ -114,12 +103,9 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
 
     Parameters
     ----------
-    n : int
-        Number of points, in [1, 2**32].
-    dims : int
-        In [1, 65536].
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    n : int, number of points, in [1, 2**32]
+    dims : int, in [1, 65536]
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 
     Returns
     -------

@@ -11,15 +11,7 @@ Points = NDArray[np.float64]
 def relaxed(points: Points, iterations: int) -> Points:
     """Return the points after some iterations, in [0, 1).
 
-    Parameters
-    ----------
-    points : float64 array, shape (n, d)
-        In [0, 1).
-    iterations : int
-
-    Returns
-    -------
-    float64 array, shape (n, d)
+    ``points``: float64 array, shape (n, d): in [0, 1). Returns float64 array, shape (n, d).
     """
     for _ in range(iterations):
         points = centroids(points)
@@ -35,14 +27,7 @@ def centroids(points: Points) -> Points:
     Copies of the points in a margin around the unit cube are added. The margin must be twice as wide as the
     largest circumscribed sphere that touches one of the points; it is widened until it is.
 
-    Parameters
-    ----------
-    points : float64 array, shape (n, d)
-        In [0, 1).
-
-    Returns
-    -------
-    float64 array, shape (n, d)
+    ``points``: float64 array, shape (n, d): in [0, 1). Returns float64 array, shape (n, d).
     """
     n, d = points.shape
     margin = 3 * n ** (-1 / d)

@@ -42,8 +42,7 @@ def net_by_net(
     n : int
         In [1, 2**24], with ``n * dims`` at most 2**28 and n at most the largest power b**k <= 2**32 of each
         base. The points of a smaller n are the first of a larger one.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     candidates : int
         In [1, 1024]. Each point is the best of so many random candidates in its intervals, farthest from all
         earlier points in the first two coordinates, on the torus. More than 1 for base 2 only; points are
@@ -128,13 +127,7 @@ def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
     this index, V's column, begins with k zeros (the "xor-values" of Sect. 4.2, with bit k added). Both V
     and L exist exactly if the first 2**k points are stratified for all k.
 
-    Parameters
-    ----------
-    matrices : uint32 array, shape (dims, 32)
-
-    Returns
-    -------
-    uint32 Array, shape (dims, 32)
+    ``matrices``: uint32 array, shape (dims, 32). Returns uint32 Array, shape (dims, 32).
     """
     points, indices = _eliminated(jnp.asarray(matrices))
     if not isinstance(points, Tracer):

@@ -47,17 +47,8 @@ def _to_earlier(matrix: NDArray[np.uint32], base: int) -> NDArray[np.uint32]:
     digit: U_k s = u for the upper left part U_k of the generator matrix and the k numbers u above the
     diagonal in its column k. Faure's matrices are upper triangular.
 
-    Parameters
-    ----------
-    matrix : uint32 array, shape (K, K)
-        Upper triangular, ones on the diagonal.
-    base : int
-        A prime.
-
-    Returns
-    -------
-    uint32 array, shape (K, K)
-        Row k has k numbers, followed by zeros.
+    ``matrix``: uint32 array, shape (K, K): upper triangular, ones on the diagonal. ``base``: a prime. Returns
+    uint32 array, shape (K, K): row k has k numbers, followed by zeros.
     """
     shifts = np.zeros(matrix.shape, np.int64)
     for k in range(len(matrix)):
@@ -109,12 +100,7 @@ def _component(shifts: Array, seeds: Array, base: int, n: int) -> Array:
 def _earlier(top: Array, shifts: Array, base: int, k: int) -> Array:
     """Return the indices of the earlier points of new ones, shape (len(top), base**k).
 
-    Parameters
-    ----------
-    top : uint32 Array
-        Digit k of the new points.
-    shifts : uint32 Array, shape (K,)
-    base, k : int
+    ``top``: uint32 Array: digit k of the new points. ``shifts``: uint32 Array, shape (K,).
     """
     earlier = jnp.zeros((top.shape[0], 1), jnp.uint32)
     for place in range(k):

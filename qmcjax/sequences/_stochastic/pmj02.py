@@ -22,17 +22,14 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
 
     Parameters
     ----------
-    n : int
-        In [1, 2**24]. The points of a smaller n are the first of a larger one.
-    key : jax.random.key, or int in [0, 2**32)
-        A new key does not recompile.
+    n : int, in [1, 2**24]; the points of a smaller n are the first of a larger one
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     candidates : int
         In [1, 1024]. Each point is the best of so many random candidates, as for :func:`net_by_net`.
 
     Returns
     -------
-    Tabulated
-        Two dimensions.
+    Tabulated, two dimensions
 
     Notes
     -----

@@ -1,6 +1,6 @@
 """Random points at random access: uniform, and stratified on a grid."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Self
 
 import jax
@@ -10,7 +10,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.word_first import WordFirst
 
@@ -20,8 +20,7 @@ def _draw(index: Array, seeds: Array) -> Array:
     return hash_word(hash_word(index ^ seeds[0]) + seeds[1])
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Uniform(BinarySequence):
     """Independent uniform points: a hash of the index."""
 
@@ -39,8 +38,7 @@ class Uniform(BinarySequence):
         return _draw(index, self.seeds[dim])
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Jittered(WordFirst):
     """One uniform point in each cell of a regular grid."""
 
@@ -57,7 +55,6 @@ class Jittered(WordFirst):
 
     @property
     def size(self) -> int:
-        """Number of points, side**dims."""
         return self.side**self.dims
 
     def word(self, index: Array, dim: int) -> Array:
@@ -69,7 +66,6 @@ class Jittered(WordFirst):
         return self
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return the number of points in each cell of a raster of ``2**log_side`` cells per side."""
         if self.dims != 2 or self.side % 2**log_side:
             raise ValueError(
                 f"side must be a multiple of {2**log_side} and dims 2 to jitter a raster of "
@@ -102,8 +98,7 @@ def uniform(dims: int, key: Array | int) -> Uniform:
 
     Parameters
     ----------
-    dims : int
-        In [1, 65536].
+    dims : int, in [1, 65536]
     key : jax.random.key, or int in [0, 2**32)
 
     Returns
@@ -124,10 +119,8 @@ def jittered(side: int, dims: int, key: Array | int) -> Jittered:
 
     Parameters
     ----------
-    side : int
-        Number of cells per side, in [1, 65536].
-    dims : int
-        At least 1, with ``side**dims`` at most 2**32.
+    side : int, number of cells per side, in [1, 65536]
+    dims : int, at least 1, with ``side**dims`` at most 2**32
     key : jax.random.key, or int in [0, 2**32)
 
     Returns

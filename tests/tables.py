@@ -342,3 +342,14 @@ def free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
+
+
+def refuses(error, calls):
+    """Return a test that each call raises an error with the message before it."""
+
+    @pytest.mark.parametrize("message", calls)
+    def test(message):
+        with pytest.raises(error, match=message):
+            calls[message]()
+
+    return test

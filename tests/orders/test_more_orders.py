@@ -461,9 +461,7 @@ def test_vmap_over_keys_equals_a_loop(make):
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
-    [
-        ({"key": 1, "variant": "tree", "alphabet": 0}, r"alphabet must be an integer in \[1, 65536\], got 0"),
-    ],
+    [({"key": 1, "variant": "tree", "alphabet": 0}, r"alphabet must be an integer in \[1, 65536\], got 0")],
 )
 def test_bad_scramblings_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):

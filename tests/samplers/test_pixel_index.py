@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, slow, some
+from tables import first, refuses, slow, some
 
 import analysis
 import qmcjax as qj
@@ -424,42 +424,29 @@ def padded(net, offsets, side=SIDE, jitter=True):
     return samplers.padded_replications(net, side, side, offsets, jitter)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (
-            lambda: samplers.full_screen(sequences.halton(2), 65536, 65536),
-            r"width, height must .* got 65536 x 65536, which takes 2\*\*16 x 3\*\*11",
+test_bad_input_is_named = refuses(
+    ValueError,
+    {
+        r"width, height must .* got 65536 x 65536, which takes 2\*\*16 x 3\*\*11": lambda: (
+            samplers.full_screen(sequences.halton(2), 65536, 65536)
         ),
-        (
-            lambda: samplers.full_screen(sequences.digital_shift(sequences.hammersley_net(5), 1), 8, 8),
-            "m must be at least 6 .* got m=5",
+        "m must be at least 6 .* got m=5": lambda: samplers.full_screen(
+            sequences.digital_shift(sequences.hammersley_net(5), 1), 8, 8
         ),
-        (lambda: padded(sequences.hammersley_net(8), 1), "net must have one point in each of 8 x 8 .* got 4"),
-        (lambda: padded(sequences.hammersley_net(5), 1), "m must be at least 6 .* got m=5"),
-        (lambda: padded(NET, 1, side=0), "width must .* got 0"),
-        (lambda: padded(sequences.hammersley_net(6), -1), "offsets must be .* got -1"),
-        (
-            lambda: padded(sequences.hammersley_net(6), sequences.sobol(3)),
-            "offsets must have 4 dimensions, for 2 shifts and 2 of jitter, got 3",
+        "net must have one point in each of 8 x 8 .* got 4": lambda: padded(sequences.hammersley_net(8), 1),
+        "net's m must be at least 6 .* got m=5": lambda: padded(sequences.hammersley_net(5), 1),
+        "width must .* got 0": lambda: padded(NET, 1, side=0),
+        "offsets must be .* got -1": lambda: padded(sequences.hammersley_net(6), -1),
+        "offsets must have 4 dimensions, for 2 shifts and 2 of jitter, got 3": lambda: padded(
+            sequences.hammersley_net(6), sequences.sobol(3)
         ),
-        (
-            lambda: padded(sequences.sobol_net_3d(6), sequences.sobol(2), jitter=False),
-            "offsets must have 3 dimensions, for 3 shifts, got 2",
+        "offsets must have 3 dimensions, for 3 shifts, got 2": lambda: padded(
+            sequences.sobol_net_3d(6), sequences.sobol(2), jitter=False
         ),
-    ],
+    },
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: padded(sequences.halton(2), 1), "net must be invertible .* got halton"),
-    ],
+test_wrong_types_are_named = refuses(
+    TypeError, {"net must be invertible .* got halton": lambda: padded(sequences.halton(2), 1)}
 )
-def test_wrong_types_are_named(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()

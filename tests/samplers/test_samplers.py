@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import BY_DEFAULT, NETS, SAMPLERS, SIDE, SPP, first, is_net, some
+from tables import BY_DEFAULT, NETS, SAMPLERS, SIDE, SPP, first, is_net, refuses, some
 
 from qmcjax import orders, samplers, sequences
 
@@ -215,33 +215,21 @@ def test_a_new_key_gives_new_points_without_a_new_trace():
 HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (
-            lambda: samplers.contiguous(HILBERT, sequences.halton(2, "faure"), 257),
-            "spp must be at most 256: .* got 257",
+test_bad_input_is_named = refuses(
+    ValueError,
+    {
+        "spp must be at most 256: .* got 257": lambda: samplers.contiguous(
+            HILBERT, sequences.halton(2, "faure"), 257
         ),
-        (
-            lambda: samplers.contiguous(orders.raster(4, 4), sequences.hammersley_net(6), 5),
-            "spp must be at most 4: the curve has 16 positions and the sequence 64 indices, got 5",
+        "spp must be at most 4: the curve has 16 positions and the sequence 64 indices, got 5": lambda: (
+            samplers.contiguous(orders.raster(4, 4), sequences.hammersley_net(6), 5)
         ),
-        (
-            lambda: samplers.full_screen(sequences.hammersley_net(7), 16, 16),
-            "m must be at least 8 .* got m=7",
+        "m must be at least 8 .* got m=7": lambda: samplers.full_screen(sequences.hammersley_net(7), 16, 16),
+        "m must be at least 10 .* got m=8": lambda: samplers.full_screen(sequences.hammersley_net(8), 17, 2),
+        "side must be a multiple of 16 and dims 2 .* got side=40, dims=2": lambda: samplers.full_screen(
+            sequences.jittered(40, 2, 0), 16, 16
         ),
-        (
-            lambda: samplers.full_screen(sequences.hammersley_net(8), 17, 2),
-            "m must be at least 10 .* got m=8",
-        ),
-        (
-            lambda: samplers.full_screen(sequences.jittered(40, 2, 0), 16, 16),
-            "side must be a multiple of 16 and dims 2 .* got side=40, dims=2",
-        ),
-        (lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)), "dims must be .* got 2"),
-        (lambda: samplers.independent(SOBOL, 0)(0, -1, 0), "y must be integers .* got -1"),
-    ],
+        "dims must be .* got 2": lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)),
+        "y must be integers .* got -1": lambda: samplers.independent(SOBOL, 0)(0, -1, 0),
+    },
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -109,11 +109,7 @@ WIDE = {
         0,
     ),
     "halton": (lambda: sequences.halton(3), halton_point, 2.0**-52),
-    "van_der_corput": (
-        lambda: sequences.van_der_corput(65536),
-        lambda i, _: reflected(i, 65536),
-        2.0**-52,
-    ),
+    "van_der_corput": (lambda: sequences.van_der_corput(65536), lambda i, _: reflected(i, 65536), 2.0**-52),
     "lattice": (lambda: sequences.lattice(4), lattice_point, 0),
     "xor": (
         lambda: XOR,
@@ -213,28 +209,15 @@ LARGE = {
         segment_index,
         1,
     ),
-    "segments, doubling": (
-        lambda o, s, n: samplers.segments(o, s, 3, doubling=True),
-        doubling_index,
-        0,
-    ),
-    "partitioned": (
-        lambda o, s, n: samplers.partitioned(o, s),
-        lambda j, s, length, _: s * length + j,
-        1,
-    ),
-    "partitioned, exact": (
-        lambda o, s, n: samplers.partitioned(o, s, exact=True),
-        exact_index,
-        1,
-    ),
+    "segments, doubling": (lambda o, s, n: samplers.segments(o, s, 3, doubling=True), doubling_index, 0),
+    "partitioned": (lambda o, s, n: samplers.partitioned(o, s), lambda j, s, length, _: s * length + j, 1),
+    "partitioned, exact": (lambda o, s, n: samplers.partitioned(o, s, exact=True), exact_index, 1),
 }
 
 
 @some(LARGE, ("contiguous", "segments, doubling", "partitioned, exact"))
 @pytest.mark.parametrize(
-    ("side", "spp", "count"),
-    [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)],
+    ("side", "spp", "count"), [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)]
 )
 def test_64_bit_indices(name, side, spp, count):
     """8192 x 8192 pixels with 1024 samples, and the largest image, where N is 2**32."""

@@ -319,9 +319,7 @@ def test_ramp_shows_a_dimension():
 
 @pytest.mark.parametrize(
     ("make", "message"),
-    [
-        (lambda: scenes.genz("gaussian", 3, [1, 2]), "difficulty must have shape (3,), got (2,): [1, 2]"),
-    ],
+    [(lambda: scenes.genz("gaussian", 3, [1, 2]), "difficulty must have shape (3,), got (2,): [1, 2]")],
 )
 def test_bad_parameters(make, message):
     with pytest.raises(ValueError, match=re.escape(message)):

@@ -181,9 +181,7 @@ def test_a_spin_is_exact_after_many_turns():
 
 @pytest.mark.parametrize(
     ("make", "error", "message"),
-    [
-        (partial(scenes.defocus, None, blades=5), ValueError, "blades must be None without an aperture"),
-    ],
+    [(partial(scenes.defocus, None, blades=5), ValueError, "blades must be None without an aperture")],
 )
 def test_bad_parameters(make, error, message):
     with pytest.raises(error, match=f"^{message}"):

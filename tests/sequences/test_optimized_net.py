@@ -133,11 +133,3 @@ def test_jit_and_vmap():
     cells = jnp.asarray(first(16))
     inverted = jax.vmap(lambda x, y: net.index_in_cell(x, y, 4, jnp.uint32(1)))(cells, cells[::-1])
     assert np.array_equal(inverted, net.index_in_cell(cells, cells[::-1], 4, jnp.ones(16, jnp.uint32)))
-
-
-@pytest.mark.parametrize(
-    ("m", "error"), [(0, ValueError), (33, ValueError), (2.0, TypeError), (True, TypeError)]
-)
-def test_orders_without_a_matrix(m, error):
-    with pytest.raises(error, match=rf"m must be an integer in \[1, 32\], got {m}"):
-        optimized_net(m)

@@ -353,3 +353,17 @@ def refuses(error, calls):
             calls[message]()
 
     return test
+
+
+def pixels(width, height, spp=1, start=0):
+    """Return every x, y, sample of an image, pixel by pixel."""
+    shape = first(height), first(width), first(spp) + np.uint32(start)
+    y, x, sample = (jnp.asarray(a.ravel()) for a in np.meshgrid(*shape, indexing="ij"))
+    return x, y, sample
+
+
+@partial(jax.jit, static_argnames=("dims", "dtype"))
+def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
+    """Return points of samples, by one program instead of many small ones."""
+    with jax.enable_x64(True):
+        return sampler(x, y, sample, dims, dtype)

@@ -434,31 +434,6 @@ def test_art_repeats_no_letter_within_its_bound():
     assert nearest_repetition(letters(random, 0, 6), 25) < 12
 
 
-@each_variant
-def test_a_new_key_gives_a_new_order_without_a_new_trace(make):
-    traces = []
-
-    @jax.jit
-    def position(order, x):
-        traces.append(1)
-        return order.position(x, x)
-
-    x = jnp.asarray(first(64))
-    a, b = position(make(64, 64, 0), x), position(make(64, 64, jax.random.key(1)), x)
-    assert len(traces) == 1
-    assert np.mean(a == b) < 0.2
-
-
-@each_variant
-def test_vmap_over_keys_equals_a_loop(make):
-    def pixel(key, position):
-        return jnp.stack(make(4, 4, key).pixel(position))
-
-    keys, position = jax.random.split(jax.random.key(0), 2), jnp.asarray(first(16))
-    together = jax.jit(jax.vmap(pixel, in_axes=(0, None)))(keys, position)
-    assert np.array_equal(together, [pixels(make(4, 4, key)).T for key in keys])
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [({"key": 1, "variant": "tree", "alphabet": 0}, r"alphabet must be an integer in \[1, 65536\], got 0")],

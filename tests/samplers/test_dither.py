@@ -242,27 +242,6 @@ def test_errors_of_independent_pixels_are_white_noise(randomize):
     assert abs(low_power(points[:, :, 0].prod(axis=-1)) - 1) < 5 * np.sqrt(0.0047)
 
 
-def test_a_new_mask_or_key_makes_no_new_trace():
-    traces = []
-
-    @jax.jit
-    def point(sampler):
-        traces.append(1)
-        return sampler(3, 70, 5)
-
-    rng = np.random.default_rng(4)
-    for make in (
-        lambda k: samplers.dither(rng.random((4, 6)), SOBOL),
-        lambda k: samplers.ranked(2, k),
-        lambda k: samplers.independent(sequences.halton(2), k, "shift"),
-    ):
-        traces.clear()
-        a, b = make(1), make(2)
-        assert not np.array_equal(point(a), point(b))
-        assert np.array_equal(point(b), b(3, 70, 5))
-        assert len(traces) == 1
-
-
 @pytest.mark.slow
 def test_stored_numbers_come_from_the_program():
     assert np.array_equal((void_and_cluster(np.random.default_rng(1)) + 0.5) / 2**14, MASKS[1])

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from itertools import pairwise, product
 from math import prod
 
@@ -10,25 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net, refuses
+from tables import first, is_net, pixels, points_of, refuses
 
 import qmcjax as qj
 from qmcjax import orders, samplers, sequences
 
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
-
-
-def every(side, spp, start=0):
-    """Every x, y, sample of a square image, pixel by pixel."""
-    y, x, sample = np.meshgrid(first(side), first(side), first(spp) + np.uint32(start), indexing="ij")
-    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
-
-
-@partial(jax.jit, static_argnames=("dims", "dtype"))
-def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
-    """One program instead of many small ones."""
-    with jax.enable_x64(True):
-        return sampler(x, y, sample, dims, dtype)
 
 
 def inverse(number, base):
@@ -163,7 +149,7 @@ def test_exact_partition_is_by_the_leading_digits_of_the_component(order, seq, c
 @pytest.mark.parametrize("case", CASES, ids=CASES)
 def test_all_pixels_together_have_the_first_points(case):
     sampler = CASES[case][0](orders.hilbert(8, 8))
-    drawn = np.asarray(points_of(sampler, *every(8, 6), (0,)))
+    drawn = np.asarray(points_of(sampler, *pixels(8, 8, 6), (0,)))
     assert np.array_equal(
         np.sort(drawn, axis=0), np.sort(SOBOL.points(384, dtype=jnp.float64)[:, 1:], axis=0)
     )
@@ -180,13 +166,13 @@ def test_doubling_iterations_are_nets():
     """Of each pixel, each quadrant and the image; but two iterations of one pixel together are none."""
     sampler = samplers.segments(orders.hilbert(8, 8), SOBOL, 2, doubling=True)
     for before, count in ((0, 2), (2, 2), (4, 4), (8, 8)):
-        bits = words(sampler, *every(8, count, before)).reshape(8, 8, count, 2)
+        bits = words(sampler, *pixels(8, 8, count, before)).reshape(8, 8, count, 2)
         log = count.bit_length() - 1
         assert is_net(bits.reshape(-1, 2), 6 + log)
         assert all(is_net(bits[i : i + 4, j : j + 4].reshape(-1, 2), 4 + log) for i in (0, 4) for j in (0, 4))
         assert all(is_net(pixel, log) for row in bits for pixel in row)
-        assert is_net(words(sampler, *every(8, before + count)), 6 + (before + count).bit_length() - 1)
-    together = words(sampler, *every(8, 4)).reshape(64, 4, 2)
+        assert is_net(words(sampler, *pixels(8, 8, before + count)), 6 + (before + count).bit_length() - 1)
+    together = words(sampler, *pixels(8, 8, 4)).reshape(64, 4, 2)
     assert not any(is_net(pixel, 2) for pixel in together)
 
 
@@ -212,7 +198,7 @@ def test_a_component_that_is_not_co_prime_to_the_curve_never_fills_a_pixel():
 def test_partitions_of_a_zero_sequence_are_zero_sequences():
     """Faure in base 3 along Peano: aligned blocks of 3**k points of a pixel are (0,k,2)-nets in base 3."""
     sampler = samplers.partitioned(orders.peano(9, 9), sequences.faure(3))
-    points = np.asarray(points_of(sampler, *every(9, 54))).reshape(81, 54, 2) + 1e-9
+    points = np.asarray(points_of(sampler, *pixels(9, 9, 54))).reshape(81, 54, 2) + 1e-9
     for k in (1, 2, 3):
         for block in (points[:, : 3**k], points[:, 3**k : 2 * 3**k]):
             for i in range(k + 1):
@@ -258,7 +244,7 @@ def test_shifts_are_exact(name, dtype):
     shifts = sequences.sobol(4) if name.startswith("sobol") else HALTON
     seq = sequences.halton(3) if name.endswith("halton") else sequences.lattice(3)
     sampler = samplers.shifted(order, shifts, seq)
-    x, y, sample = (a[:256] for a in every(9, 4))
+    x, y, sample = (a[:256] for a in pixels(9, 9, 4))
     drawn = np.asarray(points_of(sampler, x, y, sample, dims, dtype))
     position = order.position(x, y)
     binary = sequences.BinarySequence
@@ -295,7 +281,7 @@ def test_only_wanted_dimensions_are_computed(case):
             sampler = samplers.segments(order, seq, 2, doubling=True)
         else:
             sampler = samplers.partitioned(order, seq, exact=True)
-        return len(jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*every(2, 2)).eqns)
+        return len(jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*pixels(2, 2, 2)).eqns)
 
     assert operations(9) == operations(3)
 
@@ -322,7 +308,7 @@ def test_samples_of_a_pass_are_those_of_its_sampler():
     """In any order, of many passes at once; passes and keys differ."""
     sampler = samplers.randomized(owen_pass, key=5)
     assert (sampler.spp, sampler.dims) == (2, 4)
-    x, y, sample = every(4, 11)
+    x, y, sample = pixels(4, 4, 11)
     drawn = np.asarray(points_of(sampler, x, y, sample, (3, 1)))
     for k in range(6):
         of_pass = np.asarray(points_of(sampler.of_pass(k), x, y, sample % np.uint32(2), (3, 1)))
@@ -389,18 +375,6 @@ def test_a_new_pass_or_key_compiles_nothing():
     start = len(traces)
     qj.render_passes(scene, samplers.randomized(owen_pass, key=1), 4, 4, 5)
     assert len(traces) == start
-
-    sampled = []
-
-    @jax.jit
-    def points(sampler):
-        sampled.append(1)
-        return sampler(*every(4, 4))
-
-    assert not np.any(
-        points(samplers.randomized(owen_pass, key=0)) == points(samplers.randomized(owen_pass, key=1))
-    )
-    assert len(sampled) == 1
 
 
 @jax.tree_util.register_dataclass

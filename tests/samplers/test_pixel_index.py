@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, refuses, slow, some
+from tables import first, pixels, points_of, refuses, slow, some
 
 import analysis
 import qmcjax as qj
@@ -16,18 +15,6 @@ from qmcjax import samplers, sequences
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen
 
 SIDE = 8
-
-
-def pixels(width, height, spp=1):
-    """Every x, y, sample, flat."""
-    y, x, sample = np.meshgrid(first(height), first(width), first(spp), indexing="ij")
-    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
-
-
-@partial(jax.jit, static_argnames=("dims", "dtype"))
-def drawn(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
-    """Return the points of samples, by one program."""
-    return sampler(x, y, sample, dims, dtype)
 
 
 @jax.jit
@@ -42,7 +29,7 @@ def inverted(sampler, x, y, sample):
 
 def on_screen(sampler, x, y, sample, side):
     """Put pixel and offset together again: exact, for a side that is a power of two."""
-    return (np.stack([x, y], axis=1) + np.asarray(drawn(sampler, x, y, sample))) / side
+    return (np.stack([x, y], axis=1) + np.asarray(points_of(sampler, x, y, sample))) / side
 
 
 # The Halton sequence over the raster.
@@ -143,7 +130,7 @@ def test_halton_of_more_dimensions_is_the_sequence():
     sampler = samplers.full_screen(seq, 5, 10)
     x, y, sample = pixels(8, 27, 3)
     index, points, _ = map(np.asarray, inverted(sampler, x, y, sample))
-    both = np.asarray(drawn(sampler, x, y, sample, (2, 0)))
+    both = np.asarray(points_of(sampler, x, y, sample, (2, 0)))
     assert np.array_equal(both[:, 0], np.asarray(seq.points(index.size, dtype=jnp.float64))[index, 2])
     assert np.array_equal(both[:, 1], points[:, 0])
 
@@ -269,11 +256,11 @@ def test_replications_shift_further_coordinates_by_any_fraction():
     net, offsets = sequences.sobol_net_3d(6), sequences.uniform(5, key=2)
     sampler = samplers.padded_replications(net, SIDE, SIDE, offsets)
     x, y, sample = pixels(SIDE, SIDE, 7)
-    third = np.asarray(drawn(sampler, x, y, sample, (2,))).reshape(64, 7)
+    third = np.asarray(points_of(sampler, x, y, sample, (2,))).reshape(64, 7)
     vectors = np.asarray(offsets.points(7, dtype=jnp.float64))
     grid = np.sort((third - vectors[:, 2]) % 1, axis=0)
     assert np.array_equal(grid, np.tile(np.arange(64)[:, None] / 64, (1, 7)))
-    jitter = (np.asarray(drawn(sampler, x, y, sample)) * SIDE % 1).reshape(64, 7, 2)
+    jitter = (np.asarray(points_of(sampler, x, y, sample)) * SIDE % 1).reshape(64, 7, 2)
     assert np.array_equal(jitter, np.tile(np.floor(vectors[:, 3:] * 2**29) / 2**29, (64, 1, 1)))
 
 
@@ -286,10 +273,10 @@ def test_replications_of_sequences_and_scrambled_nets(net):
     x, y, sample = pixels(SIDE, SIDE, 5)
     words = np.asarray(offsets.bits(jnp.asarray(first(5))))[np.asarray(sample)]
     moved = (jnp.asarray((np.asarray(p) + (words[:, j] >> 29)) % SIDE) for j, p in enumerate((x, y)))
-    inside = np.asarray(drawn(samplers.full_screen(net, SIDE, SIDE), *moved, jnp.zeros_like(sample)))
+    inside = np.asarray(points_of(samplers.full_screen(net, SIDE, SIDE), *moved, jnp.zeros_like(sample)))
     sampler = samplers.padded_replications(net, SIDE, SIDE, offsets)
     jitter = (words[:, 2:] >> 3) / 2.0**32
-    assert np.array_equal(drawn(sampler, x, y, sample), (inside + jitter) % 1)
+    assert np.array_equal(points_of(sampler, x, y, sample), (inside + jitter) % 1)
 
 
 @pytest.mark.parametrize("side", [1, 65536])
@@ -306,7 +293,7 @@ def test_replications_at_the_smallest_and_the_largest_resolution(side):
     )
     index = net.index_in_cell(column, row, side.bit_length() - 1, jnp.zeros_like(sample))
     offset = (np.asarray(net.bits(index)).astype(np.uint64) % unit) * np.uint64(side)
-    points = np.asarray(drawn(sampler, jnp.asarray(x), jnp.asarray(y), sample))
+    points = np.asarray(points_of(sampler, jnp.asarray(x), jnp.asarray(y), sample))
     assert np.array_equal(points * 2.0**32, offset + words[:, 2:] // np.uint64(side))
 
 
@@ -365,41 +352,6 @@ def test_render_equals_sorting_all_points_into_pixels(case):
     expected = np.zeros((height, width))
     np.add.at(expected, (y[kept], x[kept]), values[kept] / spp)
     assert np.allclose(qj.render(Wave(), sampler, width, height, spp), expected, atol=2e-6)
-
-
-KEYED = {
-    "full_screen, xor": lambda key: samplers.full_screen(
-        sequences.digital_shift(sequences.sobol(2), key), SIDE, SIDE
-    ),
-    "full_screen, xor of a net": lambda key: samplers.full_screen(
-        sequences.digital_shift(sequences.permutation_net(8), key), SIDE, SIDE
-    ),
-    "full_screen, halton": lambda key: samplers.full_screen(sequences.halton(2, "random", key), SIDE, SIDE),
-    "padded": lambda key: samplers.padded_replications(sequences.hammersley_net(6), SIDE, SIDE, key),
-}
-
-
-@pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
-def test_a_new_key_gives_new_points_without_a_new_trace(make):
-    traces = []
-    x, y, sample = pixels(SIDE, SIDE, 4)
-
-    @jax.jit
-    def points(sampler):
-        traces.append(1)
-        return sampler(x, y, sample)
-
-    a, b = points(make(0)), points(make(jax.random.key(1)))
-    assert len(traces) == 1
-    assert np.mean(a == b) < 0.15
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("make", KEYED.values(), ids=KEYED.keys())
-def test_samplers_can_be_made_from_traced_keys(make):
-    key = jax.random.key(1)
-    traced = jax.jit(lambda key: make(key)(*pixels(SIDE, SIDE, 4)))(key)
-    assert np.array_equal(traced, make(key)(*pixels(SIDE, SIDE, 4)))
 
 
 @pytest.mark.parametrize(

@@ -4,23 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import BY_DEFAULT, NETS, SAMPLERS, SIDE, SPP, first, is_net, refuses, some
+from tables import BY_DEFAULT, NETS, SAMPLERS, SIDE, SPP, first, is_net, pixels, points_of, refuses, some
 
 from qmcjax import orders, samplers, sequences
 
 each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
-
-
-draw = jax.jit(
-    lambda sampler, *where, dims=(0, 1), dtype=jnp.float32: sampler(*where, dims, dtype),
-    static_argnames=("dims", "dtype"),
-)
-
-
-def all_samples(side=SIDE, spp=SPP):
-    """Every x, y, sample of a square image, flat."""
-    y, x, sample = np.meshgrid(first(side), first(side), first(spp), indexing="ij")
-    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
 
 
 @jax.jit
@@ -39,7 +27,7 @@ def test_loops_over_samples_take_the_same_points(sampler):
     """What a pixel's samples share is computed once, and pairs of samples come together."""
     x, y = first(SIDE), first(SIDE)[::-1].copy()
     dims = tuple(range(sampler.dims))[::-1]
-    expected = draw(sampler, x, y, first(SPP)[:, None], dims=dims)
+    expected = points_of(sampler, x, y, first(SPP)[:, None], dims, jnp.float32)
     pairs, second = in_pairs(sampler, x, y)
     assert np.array_equal(pairs, expected)
     assert np.array_equal(second, expected[1])
@@ -84,7 +72,7 @@ def test_only_wanted_dimensions_are_computed():
 
     def operations(dims):
         sampler = samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.halton(dims), SPP)
-        jaxpr = jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*all_samples())
+        jaxpr = jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*pixels(SIDE, SIDE, SPP))
         return len(jaxpr.eqns)
 
     assert operations(9) == operations(2)
@@ -98,8 +86,8 @@ def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
     points = net(2 * log_side + spp.bit_length() - 1)
     sampler = samplers.full_screen(points, 16, 16)
     assert sampler.spp == spp
-    x, y, sample = all_samples(16, spp)
-    inside = np.asarray(draw(sampler, x, y, sample, dtype=jnp.float64))
+    x, y, sample = pixels(16, 16, spp)
+    inside = np.asarray(points_of(sampler, x, y, sample))
     whole = (np.stack([x, y], axis=1) + inside) / 16
     assert sorted(map(tuple, whole.tolist())) == sorted(
         map(tuple, points.points(points.size, dtype=jnp.float64).tolist())
@@ -132,7 +120,7 @@ def test_screen_of_a_sequence_takes_one_frame_after_the_other(make):
     """The samples s of all pixels are the block s of the sequence, for any number of samples."""
     seq = make()
     sampler = samplers.full_screen(seq, 16, 16)
-    x, y, sample = all_samples(16, 3)
+    x, y, sample = pixels(16, 16, 3)
     whole = (np.stack([x, y], axis=1) + np.asarray(sampler(x, y, sample, dtype=jnp.float64))) / 16
     for s in range(3):
         frame = np.asarray(seq.points(256, start=256 * s, dtype=jnp.float64))
@@ -148,7 +136,7 @@ def test_screen_of_a_sequence_takes_one_frame_after_the_other(make):
 
 def test_screen_of_a_jittered_grid_jitters_every_pixel():
     sampler = SAMPLERS["full_screen, jittered"]
-    points = np.asarray(sampler(*all_samples())).reshape(-1, SPP, 2)
+    points = np.asarray(sampler(*pixels(SIDE, SIDE, SPP))).reshape(-1, SPP, 2)
     cells = (points * 2).astype(int)
     assert np.array_equal(
         np.sort(cells[..., 0] + 2 * cells[..., 1], axis=1), np.tile(np.arange(4), (SIDE**2, 1))
@@ -163,7 +151,7 @@ def test_screen_of_a_jittered_grid_jitters_every_pixel():
 )
 def test_contiguous_blocks_follow_the_curve(name):
     sampler = SAMPLERS[name]
-    x, y, sample = all_samples()
+    x, y, sample = pixels(SIDE, SIDE, SPP)
     index = np.asarray(sampler.order.position(x, y)) * SPP + np.asarray(sample)
     points = np.asarray(sampler.sequence.points(SIDE * SIDE * SPP))
     assert np.array_equal(sampler(x, y, sample), points[index, :2])
@@ -174,7 +162,7 @@ def test_contiguous_blocks_follow_the_curve(name):
     ["contiguous, hilbert, sobol", "contiguous, morton, owen", "independent, owen", "independent, xor"],
 )
 def test_the_points_of_each_pixel_are_a_net(name):
-    bits = np.asarray(SAMPLERS[name](*all_samples(), dtype=jnp.float64)) * 2.0**32
+    bits = np.asarray(SAMPLERS[name](*pixels(SIDE, SIDE, SPP), dtype=jnp.float64)) * 2.0**32
     for pixel in bits.astype(np.uint32).reshape(-1, SPP, 2)[:100]:
         assert is_net(pixel, 2)
 
@@ -196,20 +184,6 @@ def test_independent_pixels_are_uniform_and_uncorrelated(randomize):
             shared = shared[~np.eye(64, dtype=bool)]
         assert np.all(np.abs(shared.mean(axis=(0, 1))) < 5 * sigma * np.sqrt(2))
     assert np.all(np.abs(points.mean(axis=(0, 1))) < 5 / np.sqrt(12) / 64)
-
-
-def test_a_new_key_gives_new_points_without_a_new_trace():
-    traces = []
-
-    @jax.jit
-    def points(sampler):
-        traces.append(1)
-        return sampler(*all_samples())
-
-    make = lambda key: samplers.independent(sequences.sobol(2), key)  # noqa: E731
-    a, b = points(make(0)), points(make(jax.random.key(1)))
-    assert len(traces) == 1
-    assert np.mean(a == b) < 0.01
 
 
 HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)

@@ -7,20 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first
+from tables import first, points_of
 
 import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 
 SOBOL = sequences.sobol(5)
-
-
-@partial(jax.jit, static_argnames=("dims", "dtype"))
-def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
-    """One program instead of many small ones."""
-    with jax.enable_x64(True):
-        return sampler(x, y, sample, dims, dtype)
 
 
 def some(names, default):

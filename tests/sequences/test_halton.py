@@ -208,20 +208,6 @@ def test_random_permutations_are_uniform_and_independent():
         assert abs(chi2 - 35) < 5 * np.sqrt(2 * 35)
 
 
-def test_a_new_key_compiles_nothing_anew():
-    traces = []
-
-    @jax.jit
-    def points(seq):
-        traces.append(1)
-        return seq(jnp.asarray(first(64)))
-
-    a = points(sequences.halton(5, "random", key=0))
-    b = points(sequences.halton(5, "random", key=jax.random.key(1)))
-    assert len(traces) == 1
-    assert np.mean(a == b) < 0.1
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("permutation", [None, "zaremba", "faure", "random"])
 def test_all_1024_dimensions(permutation):

@@ -229,21 +229,6 @@ def test_the_variance_of_a_smooth_mean_falls_like_n_to_the_minus_3(name, rounds)
     assert slope == pytest.approx(-3, abs=0.2)
 
 
-@each_scrambling
-@pytest.mark.parametrize("dims", [2, 9])
-def test_a_new_key_gives_new_points_without_a_new_trace(scramble, dims):
-    traces = []
-
-    @jax.jit
-    def points(seq):
-        traces.append(1)
-        return seq(jnp.asarray(first(64)))
-
-    a, b = (points(scramble(sequences.sobol(dims), key)) for key in (0, jax.random.key(1)))
-    assert len(traces) == 1
-    assert np.mean(np.asarray(a) == np.asarray(b)) < 0.1
-
-
 OFFSETS = {2: [0.1, 1 - 2.0**-40], 9: np.linspace(0, 0.99, 9).tolist(), 3: [0.0, 0.5, 1 / 3]}
 WRAPPED = {
     **{name: lambda seq, scramble=scramble: scramble(seq, 3) for name, scramble in SCRAMBLINGS.items()},
@@ -267,13 +252,6 @@ def test_all_ways_to_a_coordinate_agree(wrap, dims):
     for j, (word, mirrored) in one_by_one.items():
         assert np.array_equal(word, words[:, j])
         assert np.array_equal(mirrored, words[:, j])
-
-
-@each_scrambling
-def test_vmap_over_keys_equals_a_loop(scramble):
-    together = over_keys(scramble, first(64), 1)
-    looped = [bit_reversed(scramble(Identity(), key), first(64), 1) for key in KEYS[:3]]
-    assert np.array_equal(together[:3], looped)
 
 
 @pytest.mark.parametrize("seq", [sequences.sobol(3), sequences.sobol(9), sequences.permutation_net(12)])

@@ -2,7 +2,7 @@
 
 import socket
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from qmcjax import orders, samplers, sequences
+from qmcjax.orders._hierarchy import permuted
 
 
 class Table(Mapping):
@@ -367,3 +368,42 @@ def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
     """Return points of samples, by one program instead of many small ones."""
     with jax.enable_x64(True):
         return sampler(x, y, sample, dims, dtype)
+
+
+@cache
+def permutations_of_4():
+    """Return the permutations of four by their numbers."""
+    every = jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4))
+    return np.asarray(permuted(*every)).tolist()
+
+
+def grammar(order):
+    """Return the root, the permutation of the children of a node, and the child, in Python integers."""
+
+    def triple32(word):
+        word = (word ^ word >> 17) * 0xED5AD4BB % 2**32
+        word = (word ^ word >> 11) * 0xAC4C1B51 % 2**32
+        word = (word ^ word >> 15) * 0x31848BAB % 2**32
+        return word ^ word >> 14
+
+    golden, numbered = 0x9E3779B9, permutations_of_4()
+    if hasattr(order, "seed"):
+        return (
+            int(order.seed),
+            lambda node: numbered[node * 24 >> 32],
+            lambda node, digit: triple32((node + (digit + 1) * golden) % 2**32),
+        )
+    if hasattr(order, "dim"):
+        mask = 0x55555555 * int(order.dim) % 2**32
+        return (
+            0,
+            lambda node: numbered[((node ^ mask) * golden % 2**32) * 24 >> 32],
+            lambda node, digit: (4 * node + digit) % 2**32,
+        )
+    production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
+    shift, letters = int(getattr(order, "shift", 0)), len(production)
+    return (
+        0,
+        lambda node: numbered[numbers[node]],
+        lambda node, digit: production[(node + shift) % letters][digit],
+    )

@@ -7,21 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table, first, is_net, pixels, refuses, some
+from tables import Table, first, grammar, is_net, pixels, refuses, some
 
 from analysis import error_spectrum
 from qmcjax import orders, samplers, sequences
-from qmcjax.orders._hierarchy import permuted
 
 VARIANTS = ("plain", "hash", "multiplicative", "tree", "art")
-GOLDEN = 0x9E3779B9
-
-
-@cache
-def permutations():
-    """Return the permutations of four by their numbers."""
-    every = jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4))
-    return np.asarray(permuted(*every)).tolist()
 
 
 values = jax.jit(lambda sampler, *a, dims: sampler(*a, dims=dims, dtype=jnp.float64), static_argnames="dims")
@@ -51,37 +42,6 @@ def indices(sampler, *where):
         np.array([reversed_bits(w, 32) for w in words[:, j].tolist()], np.uint32)
         for j in range(0, sampler.dims, 2)
     ]
-
-
-def triple32(word):
-    word = (word ^ word >> 17) * 0xED5AD4BB % 2**32
-    word = (word ^ word >> 11) * 0xAC4C1B51 % 2**32
-    word = (word ^ word >> 15) * 0x31848BAB % 2**32
-    return word ^ word >> 14
-
-
-def grammar(order):
-    """Root, permutation of the children of a node, and child, in Python integers."""
-    if hasattr(order, "seed"):
-        return (
-            int(order.seed),
-            lambda node: permutations()[node * 24 >> 32],
-            lambda node, digit: triple32((node + (digit + 1) * GOLDEN) % 2**32),
-        )
-    if hasattr(order, "dim"):
-        mask = 0x55555555 * int(order.dim) % 2**32
-        return (
-            0,
-            lambda node: permutations()[((node ^ mask) * GOLDEN % 2**32) * 24 >> 32],
-            lambda node, digit: (4 * node + digit) % 2**32,
-        )
-    production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
-    shift, letters = int(getattr(order, "shift", 0)), len(production)
-    return (
-        0,
-        lambda node: permutations()[numbers[node]],
-        lambda node, digit: production[(node + shift) % letters][digit],
-    )
 
 
 def recursive_indices(order, where, log_side, spp):

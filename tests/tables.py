@@ -2,6 +2,7 @@
 
 import socket
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from functools import cache, partial
 from typing import Any
 
@@ -407,3 +408,36 @@ def grammar(order):
         lambda node: numbered[numbers[node]],
         lambda node, digit: production[(node + shift) % letters][digit],
     )
+
+
+def digit_count(base):
+    """Return the number of digits of an index."""
+    return next(k for k in range(33) if base**k >= 2**32)
+
+
+def reflected(index, base):
+    """Return phi_b as an exact fraction, Hilbert paper, Eq. 1."""
+    numerator, denominator = 0, 1
+    while index:
+        index, digit = divmod(index, base)
+        numerator, denominator = numerator * base + digit, denominator * base
+    return Fraction(numerator, denominator)
+
+
+def compositions(total, parts):
+    """Return all tuples of numbers from 0 on with a sum."""
+    if parts == 1:
+        return [(total,)]
+    return [(d, *rest) for d in range(total + 1) for rest in compositions(total - d, parts - 1)]
+
+
+def chi_squared(numbers, count):
+    """Return by how many standard deviations chi-squared is off its mean."""
+    expected = len(numbers) / count
+    statistic = ((np.bincount(numbers, minlength=count) - expected) ** 2 / expected).sum()
+    return abs(statistic - (count - 1)) / np.sqrt(2 * (count - 1))
+
+
+def reversed_bits(number, digits):
+    """Return a number with its binary digits backwards."""
+    return int(f"{number:0{digits}b}"[::-1], 2)

@@ -9,21 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net, pixels, points_of, refuses
+from tables import first, is_net, pixels, points_of, reflected, refuses
 
 import qmcjax as qj
 from qmcjax import orders, samplers, sequences
 
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
-
-
-def inverse(number, base):
-    """phi_b as an exact fraction, Eq. 1."""
-    value, place = Fraction(0), Fraction(1, base)
-    while number:
-        number, digit = divmod(number, base)
-        value, place = value + digit * place, place / base
-    return value
 
 
 # -- components
@@ -72,7 +63,7 @@ def partitioned_index(j, s, length, _):
 
 
 def exact_index(base):
-    return lambda j, s, length, _: s * length + int(inverse(j, base) * length)
+    return lambda j, s, length, _: s * length + int(reflected(j, base) * length)
 
 
 NARROW = sequences.digital(SOBOL.matrices)
@@ -254,10 +245,10 @@ def test_shifts_are_exact(name, dtype):
     for i, (j, s) in enumerate(zip(position.tolist(), sample.tolist(), strict=True)):
         for value, d in zip(drawn[i], dims, strict=True):
             base = (2, 3, 5)[d]
-            offset = int(inverse(j, base) * 2**32) if shift_bits is None else int(shift_bits[i, d])
+            offset = int(reflected(j, base) * 2**32) if shift_bits is None else int(shift_bits[i, d])
             offset = Fraction(offset, 2**32)
             if seq_bits is None:
-                exact = (inverse(s, base) + offset) % 1
+                exact = (reflected(s, base) + offset) % 1
                 assert abs(Fraction(float(value)) - exact) <= Fraction(1, 2**bits)
             else:
                 exact = (Fraction(int(seq_bits[i, d]), 2**32) + offset) % 1

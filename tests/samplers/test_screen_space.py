@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, points_of
+from tables import first, points_of, reflected
 
 import analysis
 import qmcjax as qj
@@ -27,15 +27,6 @@ def uint32(numbers):
 
 
 # -- 64-bit indices
-
-
-def reflected(index, base):
-    """phi_b as an exact fraction, Hilbert paper, Eq. 1."""
-    numerator, denominator = 0, 1
-    while index:
-        index, digit = divmod(index, base)
-        numerator, denominator = numerator * base + digit, denominator * base
-    return Fraction(numerator, denominator)
 
 
 def joe_kuo(degree, coefficients, initial):

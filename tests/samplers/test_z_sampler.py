@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table, first, grammar, is_net, pixels, refuses, some
+from tables import Table, first, grammar, is_net, pixels, refuses, reversed_bits, some
 
 from analysis import error_spectrum
 from qmcjax import orders, samplers, sequences
@@ -29,10 +29,6 @@ def bits(sampler, *where):
     """All 32 digits of all coordinates, as uint32."""
     points = np.asarray(values(sampler, *where, dims=tuple(range(sampler.dims))))
     return (points * 2.0**32).astype(np.uint32)
-
-
-def reversed_bits(number, digits):
-    return int(f"{number:0{digits}b}"[::-1], 2)
 
 
 def indices(sampler, *where):

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, refuses
+from tables import compositions, digit_count, first, refuses
 
 from qmcjax import sequences
 from qmcjax.core import finite_field
@@ -20,22 +20,11 @@ def double(seq, index):
     return seq(index, dtype=jnp.float64)
 
 
-def count(base):
-    """Return the number of digits of an index."""
-    return next(k for k in range(33) if base**k >= 2**32)
-
-
 def numerators(seq, base, index):
     """Return the exact integers of which the points are fractions, with all digits of an index."""
     with jax.enable_x64(True):
         points = np.asarray(double(seq, jnp.asarray(index)))
-    return np.rint(points * float(base ** count(base))).astype(np.int64)
-
-
-def compositions(total, parts):
-    if parts == 1:
-        return [(total,)]
-    return [(d, *rest) for d in range(total + 1) for rest in compositions(total - d, parts - 1)]
+    return np.rint(points * float(base ** digit_count(base))).astype(np.int64)
 
 
 def is_net(points, base, digits):
@@ -57,7 +46,7 @@ def ones(size):
 @pytest.mark.parametrize("modified", [None, 0, 1])
 def test_points_are_matrices_times_digits(base, modified):
     """In Python integers, up to the last index; float64 is the exact fraction rounded once."""
-    dims, size = 2, count(base)
+    dims, size = 2, digit_count(base)
     matrices = [
         [[math.comb(r, j) * i ** (r - j) if j <= r else 0 for r in range(size)] for j in range(size)]
         for i in range(dims)
@@ -106,9 +95,9 @@ def test_t_is_zero(base, dims, m, modified):
         for k in range(1, m + 1):
             for block in {0, base ** (m - k) - 1}:
                 net = points[block * base**k :][: base**k]
-                more = np.arange(base**k) * base ** (count(base) - k)
-                assert is_net(net, base, count(base))
-                assert is_net(np.column_stack([net, more]), base, count(base))
+                more = np.arange(base**k) * base ** (digit_count(base) - k)
+                assert is_net(net, base, digit_count(base))
+                assert is_net(np.column_stack([net, more]), base, digit_count(base))
 
 
 def test_the_count_notices_what_is_no_net():
@@ -223,7 +212,7 @@ def test_many_coordinates_together_equal_single_ones():
 def test_1024_dimensions():
     seq = faure(1024)
     points = numerators(seq, 1031, first(1031))
-    cells = points // 1031 ** (count(1031) - 1)
+    cells = points // 1031 ** (digit_count(1031) - 1)
     assert np.array_equal(np.sort(cells, axis=0), np.broadcast_to(np.arange(1031)[:, None], (1031, 1024)))
 
 

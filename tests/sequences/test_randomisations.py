@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import again, first, is_net, some
+from tables import again, chi_squared, first, is_net, some
 
 from analysis import squared_min_distance
 from qmcjax import sequences
@@ -121,13 +121,6 @@ def test_each_point_is_uniform_over_keys(scramble):
             y >> np.uint32(shift) & np.uint32(15)
         )
         assert chi_squared(cells, 256) < 5
-
-
-def chi_squared(cells, count) -> float:
-    """Return by how many standard deviations chi-squared is off its mean."""
-    expected = len(cells) / count
-    statistic = ((np.bincount(cells, minlength=count) - expected) ** 2 / expected).sum()
-    return abs(statistic - (count - 1)) / np.sqrt(2 * (count - 1))
 
 
 def tails_are_independent(scramble) -> bool:

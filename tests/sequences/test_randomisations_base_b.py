@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
-from tables import first, some
+from tables import compositions, first, some
 
 from qmcjax import sequences
 from qmcjax.core import digits
@@ -161,12 +161,6 @@ def test_a_coordinate_is_scrambled_as_the_number_it_is(scramble, plain):
 
 
 # Elementary intervals.
-
-
-def compositions(total, parts):
-    if parts == 1:
-        return [(total,)]
-    return [(d, *rest) for d in range(total + 1) for rest in compositions(total - d, parts - 1)]
 
 
 @scramblings

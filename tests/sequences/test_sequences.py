@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import KINDS, SEQUENCES, first, is_net, refuses, some
+from tables import KINDS, SEQUENCES, first, is_net, reflected, refuses, some
 
 from qmcjax import sequences
 from qmcjax.core import digits
@@ -92,15 +92,6 @@ def test_halton_equals_scipy(dims):
     np.testing.assert_allclose(ours, qmc.Halton(dims, scramble=False).random(3000), rtol=0, atol=1e-14)
 
 
-def reflected(index: int, base: int) -> Fraction:
-    value, scale = Fraction(0), Fraction(1)
-    while index:
-        index, digit = divmod(index, base)
-        scale /= base
-        value += digit * scale
-    return value
-
-
 @pytest.mark.parametrize("base", [2, 3, 5, 7, 10, 31, 8161, 65536])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_radical_inverse_is_the_exact_fraction_rounded_once(base, dtype):
@@ -129,21 +120,6 @@ def test_blocks_of_a_02_sequence_are_nets(name, m, block):
 def test_sobol_components_0_and_2_are_no_02_sequence():
     """The limit of the theorem: the count would notice."""
     assert not is_net(np.asarray(sequences.sobol(3).bits(jnp.asarray(first(2**6)), (0, 2))), 6)
-
-
-@pytest.mark.slow
-def test_owen_scrambling_lowers_the_variance_of_a_smooth_mean_like_n_to_the_minus_3():
-    keys = jax.random.split(jax.random.key(11), 64)
-
-    def error(key, n):
-        points = sequences.owen(sequences.sobol(2), key)(jnp.arange(n, dtype=jnp.uint32), dtype=jnp.float64)
-        return jnp.mean(jnp.exp(points[:, 0] + points[:, 1])) - (jnp.e - 1) ** 2
-
-    sizes = [2**k for k in range(4, 15, 2)]
-    with jax.enable_x64(True):
-        variances = [float(jnp.mean(jax.vmap(lambda k, n=n: error(k, n))(keys) ** 2)) for n in sizes]
-    slope = np.polyfit(np.log(sizes), np.log(variances), 1)[0]
-    assert slope == pytest.approx(-3, abs=0.2)
 
 
 def test_jittered_puts_one_point_into_each_cell_of_any_grid():

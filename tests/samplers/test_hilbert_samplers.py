@@ -43,63 +43,6 @@ def test_many_components_of_a_long_run():
     assert sequences.components(sequences.hammersley_net(3), (1,)).size == 8
 
 
-# -- which point goes where
-
-
-def plain_index(j, s, length, spp):
-    before = s // spp * spp
-    return before * length + j * spp + s - before
-
-
-def doubling_index(j, s, length, spp):
-    before, count = 0, spp
-    while s >= before + count:
-        before, count = before + count, before + count
-    return before * length + j * count + s - before
-
-
-def partitioned_index(j, s, length, _):
-    return s * length + j
-
-
-def exact_index(base):
-    return lambda j, s, length, _: s * length + int(reflected(j, base) * length)
-
-
-NARROW = sequences.digital(SOBOL.matrices)
-"""The same without 64-bit indices."""
-FEW = sequences.components(NARROW, (1,))
-CASES = {
-    "segments": (lambda o: samplers.segments(o, FEW, 3), plain_index, 3),
-    "segments, doubling": (lambda o: samplers.segments(o, FEW, 3, doubling=True), doubling_index, 3),
-    "partitioned": (lambda o: samplers.partitioned(o, NARROW), partitioned_index, 1),
-    "partitioned, exact": (lambda o: samplers.partitioned(o, NARROW, exact=True), exact_index(2), 1),
-}
-"""What they have in common: coordinate 0 is the second of Sobol', which is different for all indices."""
-
-
-@pytest.mark.parametrize("case", CASES, ids=CASES)
-@pytest.mark.parametrize("side", [pytest.param(5, marks=pytest.mark.slow), 8192])
-def test_index_is_that_of_the_text(case, side):
-    """Against Python integers, up to the last index below 2**32."""
-    make, index_of, spp = CASES[case]
-    order = orders.hilbert(side, side)
-    sampler = make(order)
-    limit = sampler.most
-    rng = np.random.default_rng(3)
-    x, y = (jnp.asarray(rng.integers(0, side, 256, dtype=np.uint32)) for _ in range(2))
-    sample = rng.integers(0, limit, 256, dtype=np.uint32)
-    sample[:2] = [0, limit - 1]
-    position = order.position(x, y)
-    index = [index_of(int(j), int(s), order.length, spp) for j, s in zip(position, sample, strict=True)]
-    assert max(index) < 2**32
-    expected = SOBOL(jnp.asarray(np.array(index, np.uint32)), (1,), jnp.float64)
-    assert np.array_equal(points_of(sampler, x, y, jnp.asarray(sample), (0,)), expected)
-    sampler.check(side, side, limit)
-    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
-        sampler.check(side, side, limit + 1)
-
-
 @pytest.mark.parametrize(
     ("order", "seq", "component", "default"),
     [
@@ -135,15 +78,6 @@ def test_exact_partition_is_by_the_leading_digits_of_the_component(order, seq, c
     assert np.all(part.reshape(rounds, length) == part[:length])
     for j in range(length):
         assert np.array_equal(exact[j], points[part == j][:, left])
-
-
-@pytest.mark.parametrize("case", CASES, ids=CASES)
-def test_all_pixels_together_have_the_first_points(case):
-    sampler = CASES[case][0](orders.hilbert(8, 8))
-    drawn = np.asarray(points_of(sampler, *pixels(8, 8, 6), (0,)))
-    assert np.array_equal(
-        np.sort(drawn, axis=0), np.sort(SOBOL.points(384, dtype=jnp.float64)[:, 1:], axis=0)
-    )
 
 
 # -- how uniform that is
@@ -255,26 +189,6 @@ def test_shifts_are_exact(name, dtype):
                 kept = min(bits, 32)
                 assert Fraction(float(value)) == Fraction(int(exact * 2**kept), 2**kept)
             assert 0 <= value < 1
-
-
-# -- what is not wanted
-
-
-@pytest.mark.parametrize("case", ["segments", "partitioned", "shifted"])
-def test_only_wanted_dimensions_are_computed(case):
-    order = orders.hilbert(32, 32)
-
-    def operations(dims):
-        seq = sequences.halton(dims)
-        if case == "shifted":
-            sampler = samplers.shifted(order, seq, sequences.lattice(dims))
-        elif case == "segments":
-            sampler = samplers.segments(order, seq, 2, doubling=True)
-        else:
-            sampler = samplers.partitioned(order, seq, exact=True)
-        return len(jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*pixels(2, 2, 2)).eqns)
-
-    assert operations(9) == operations(3)
 
 
 # -- passes
@@ -438,6 +352,7 @@ def test_the_criterion_stops_where_it_holds():
 # -- bad input
 
 HILBERT = orders.hilbert(8, 8)
+FEW = sequences.digital(SOBOL.matrices[1:])
 LOWER = sequences.digital(np.stack([np.uint32(2**32 - 1) >> first(32), SOBOL.matrices[1]]))
 """Lower triangular: the leading digits repeat, but are no reflected ones."""
 

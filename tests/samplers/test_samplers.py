@@ -4,11 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import BY_DEFAULT, NETS, SAMPLERS, SIDE, SPP, first, is_net, pixels, points_of, refuses, some
+from tables import BY_DEFAULT, SAMPLERS, SIDE, SPP, first, pixels, points_of, refuses, some
 
 from qmcjax import orders, samplers, sequences
-
-each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
 
 
 @jax.jit
@@ -67,71 +65,11 @@ def test_pixels_and_samples_beyond_the_last_are_refused(name):
             sampler(*where)
 
 
-def test_only_wanted_dimensions_are_computed():
-    """The program for 2 of 9 dimensions is no larger than that of a sampler that has only 2."""
-
-    def operations(dims):
-        sampler = samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.halton(dims), SPP)
-        jaxpr = jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*pixels(SIDE, SIDE, SPP))
-        return len(jaxpr.eqns)
-
-    assert operations(9) == operations(2)
-
-
-@each_net
-@pytest.mark.parametrize("spp", [1, 2, 4, 8, 16])
-def test_screen_hands_out_exactly_the_points_of_the_net(net, spp):
-    """All points of the net, spp in each pixel, with pixel and offset put together again on integers."""
-    log_side = 4
-    points = net(2 * log_side + spp.bit_length() - 1)
-    sampler = samplers.full_screen(points, 16, 16)
-    assert sampler.spp == spp
-    x, y, sample = pixels(16, 16, spp)
-    inside = np.asarray(points_of(sampler, x, y, sample))
-    whole = (np.stack([x, y], axis=1) + inside) / 16
-    assert sorted(map(tuple, whole.tolist())) == sorted(
-        map(tuple, points.points(points.size, dtype=jnp.float64).tolist())
-    )
-
-
-@each_net
-def test_screen_keeps_full_precision_at_4096(net):
-    """32-bit coordinates: 20 bits inside the pixel. In float32 the sum would keep 12 (thesis 5.2.4)."""
-    sampler = samplers.full_screen(net(32), 4096, 4096)
-    rng = np.random.default_rng(5)
-    x, y = (jnp.asarray(rng.integers(0, 4096, 2000, dtype=np.uint32)) for _ in range(2))
-    sample = jnp.asarray(rng.integers(0, 256, 2000, dtype=np.uint32))
-    index = net(32).index_in_cell(x, y, 12, sample)
-    exact = np.asarray(net(32).bits(index)).astype(object) - np.stack([x, y], axis=1).astype(object) * 2**20
-    assert exact.min() >= 0
-    assert exact.max() < 2**20
-    assert np.array_equal(np.asarray(sampler(x, y, sample), np.float64) * 2**20, exact.astype(np.float64))
-
-
 def test_screen_covers_an_image_of_any_size_by_the_next_square():
     sampler = samplers.full_screen(sequences.hammersley_net(12), 20, 9)
     assert sampler.spp == 4
     whole = samplers.full_screen(sequences.hammersley_net(12), 32, 32)
     assert np.array_equal(sampler(19, 8, 3), whole(19, 8, 3))
-
-
-@pytest.mark.parametrize("make", [sequences.sobol, sequences.larcher_pillichshammer])
-def test_screen_of_a_sequence_takes_one_frame_after_the_other(make):
-    """The samples s of all pixels are the block s of the sequence, for any number of samples."""
-    seq = make()
-    sampler = samplers.full_screen(seq, 16, 16)
-    x, y, sample = pixels(16, 16, 3)
-    whole = (np.stack([x, y], axis=1) + np.asarray(sampler(x, y, sample, dtype=jnp.float64))) / 16
-    for s in range(3):
-        frame = np.asarray(seq.points(256, start=256 * s, dtype=jnp.float64))
-        assert sorted(map(tuple, whole[np.asarray(sample) == s].tolist())) == sorted(
-            map(tuple, frame.tolist())
-        )
-    sampler.check(16, 16, 3)
-    with pytest.raises(
-        ValueError, match=r"spp must be at most 16777216 for this sequence and image, got 16777217"
-    ):
-        sampler.check(16, 16, 2**24 + 1)
 
 
 def test_screen_of_a_jittered_grid_jitters_every_pixel():
@@ -155,16 +93,6 @@ def test_contiguous_blocks_follow_the_curve(name):
     index = np.asarray(sampler.order.position(x, y)) * SPP + np.asarray(sample)
     points = np.asarray(sampler.sequence.points(SIDE * SIDE * SPP))
     assert np.array_equal(sampler(x, y, sample), points[index, :2])
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["contiguous, hilbert, sobol", "contiguous, morton, owen", "independent, owen", "independent, xor"],
-)
-def test_the_points_of_each_pixel_are_a_net(name):
-    bits = np.asarray(SAMPLERS[name](*pixels(SIDE, SIDE, SPP), dtype=jnp.float64)) * 2.0**32
-    for pixel in bits.astype(np.uint32).reshape(-1, SPP, 2)[:100]:
-        assert is_net(pixel, 2)
 
 
 @pytest.mark.parametrize("randomize", ["owen", "xor"])

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, points_of, reflected
+from tables import first, pixels, points_of, reflected, reversed_bits
 
 import analysis
 import qmcjax as qj
@@ -167,21 +167,20 @@ def test_scrambling_goes_on_beyond_32_bits(scramble):
     assert np.array_equal(found[:, 0], twice.bits(low, (0,))[:, 0])
 
 
-def segment_index(j, s, length, spp):
-    before = s // spp * spp
-    return before * length + j * spp + s - before
+def segment_index(j, s, length, _):
+    before = s // 3 * 3
+    return before * length + j * 3 + s - before
 
 
-def doubling_index(j, s, length, spp):
-    before, count = 0, spp
+def doubling_index(j, s, length, _):
+    before, count = 0, 3
     while s >= before + count:
         before, count = before + count, before + count
     return before * length + j * count + s - before
 
 
 def exact_index(j, s, length, _):
-    digits = length.bit_length() - 1
-    return s * length + int(f"{j:0{digits}b}"[::-1], 2)
+    return s * length + reversed_bits(j, length.bit_length() - 1)
 
 
 # How samplers are made for so many samples, the index of sample s of pixel j, and their first component.
@@ -214,15 +213,42 @@ def test_64_bit_indices(name, side, spp, count):
     x[-1], y[-1], sample[-1] = side - 1, 0, spp - 1
     where = [uint32(a) for a in (x, y, sample)]
     position = np.asarray(order.position(*where[:2])).tolist()
-    given = 3 if name.startswith("segments") else spp
     words = np.asarray(points_of(sampler, *where, tuple(range(sampler.dims)))) * 2.0**32
     # Row i of Pascal's matrix modulo 2 has ones in the columns whose number contains the bits of i.
     rows = [sum(1 << k for k in range(i, 64) if i & ~k == 0) for i in range(32)]
     for j, s, word in zip(position, sample.tolist(), words.astype(np.uint32).tolist(), strict=True):
-        index = index_of(j, s, order.length, given)
+        index = index_of(j, s, order.length, spp)
         digits = "".join(str((row & index).bit_count() & 1) for row in rows)
-        assert word == [int(f"{index:064b}"[::-1], 2) >> 32, int(digits, 2)][component:]
+        assert word == [reversed_bits(index, 64) >> 32, int(digits, 2)][component:]
     sampler.check(side, side, spp)
+
+
+@some([name for name in LARGE if name != "contiguous"], ("segments", "partitioned"))
+@pytest.mark.parametrize("side", [8192, pytest.param(5, marks=pytest.mark.slow)])
+def test_32_bit_indices(name, side):
+    """Of a sequence without longer ones, up to the last index below 2**32."""
+    make, index_of, component = LARGE[name]
+    order = orders.hilbert(side, side)
+    sampler = make(order, sequences.digital(sequences.sobol(2).matrices), 0)
+    rng, limit = np.random.default_rng(3), sampler.most
+    x, y, sample = (uint32(np.append(rng.integers(0, n, 254), [0, n - 1])) for n in (side, side, limit))
+    numbers = zip(order.position(x, y).tolist(), sample.tolist(), strict=True)
+    index = [index_of(j, s, order.length, 0) for j, s in numbers]
+    assert max(index) < 2**32
+    dims = tuple(range(sampler.dims))
+    expected = sequences.sobol(2)(uint32(index), tuple(d + component for d in dims), jnp.float64)
+    assert np.array_equal(points_of(sampler, x, y, sample, dims), expected)
+    sampler.check(side, side, limit)
+    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
+        sampler.check(side, side, limit + 1)
+
+
+@some(LARGE, ("segments, doubling",))
+def test_all_pixels_together_have_the_first_points(name):
+    sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(2), 6)
+    drawn = np.asarray(points_of(sampler, *pixels(8, 8, 6), (0,)))
+    expected = sequences.sobol(2).points(384, dtype=jnp.float64)[:, LARGE[name][2]]
+    assert np.array_equal(np.sort(drawn[:, 0]), np.sort(expected))
 
 
 BITS = {
@@ -360,7 +386,7 @@ OF_DIMS = {
     "contiguous, owen": lambda d: samplers.contiguous(SMALL, sequences.owen(sequences.sobol(d), 1), 4),
     "contiguous, halton": lambda d: samplers.contiguous(SMALL, sequences.halton(d), 4),
     "contiguous, two words": lambda d: samplers.contiguous(SMALL, sequences.sobol(d), 2**30),
-    "segments": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
+    "segments, doubling": lambda d: samplers.segments(SMALL, sequences.halton(d), 2, doubling=True),
     "segments, lattice": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
     "partitioned": lambda d: samplers.partitioned(SMALL, sequences.halton(d + 1)),
     "partitioned, exact": lambda d: samplers.partitioned(SMALL, sequences.sobol(d + 1), exact=True),
@@ -413,7 +439,6 @@ ORDERS = {
     "scrambled": partial(orders.scrambled_morton, key=1),
 }
 LARCHER = sequences.larcher_pillichshammer()
-Z = partial(samplers.z, SIDE, SIDE, 8, 1, constituents=(1, 2))
 
 # Samplers, coordinates whose blocks are (0,m,2)-nets, and whether unions over aligned squares are.
 STRATIFIED = {
@@ -440,10 +465,7 @@ STRATIFIED = {
         (0, 1),
         True,
     ),
-    **{
-        f"z, {variant}": lambda variant=variant: (Z(variant), (1, 2), True)
-        for variant in ("plain", "hash", "multiplicative", "tree", "art")
-    },
+    "z, hash": lambda: (samplers.z(SIDE, SIDE, 8, 1, constituents=(1, 2)), (1, 2), True),
     "z, joint": lambda: (samplers.z(SIDE, SIDE, 8, 1, sequence=SOBOL), (0, 1), True),
     "optimized": lambda: (samplers.optimized(SIDE, SIDE, 8, 1), (0, 1), True),
     "independent, owen": lambda: (samplers.independent(LARCHER, 1), (0, 1), False),

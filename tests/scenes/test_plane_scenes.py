@@ -9,34 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import PLANE as SCENES
 from scipy import integrate
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 
-SCENES = {
-    "step": scenes.step(),
-    "step upwards": scenes.step(angle=-2.1, offset=-0.3),
-    "step along x": scenes.step(angle=0.0, offset=0.37),
-    "step almost along y": scenes.step(angle=np.pi / 2, offset=0.61),
-    "staircase": scenes.staircase(),
-    "line": scenes.line(),
-    "thin line": scenes.line(angle=2.0, offset=0.1, thickness=1e-4),
-    "disc": scenes.disc((0.45, 0.56), 0.31),
-    "cut disc": scenes.disc((1.03, 0.2), 0.4),
-    "tiny disc": scenes.disc((0.413, 0.22), 1e-3),
-    "huge disc": scenes.disc((70.4, 70.3), 99.0),
-    "triangle": scenes.triangle(),
-    "cut triangle": scenes.triangle([(1.2, 0.4), (0.15, -0.2), (0.35, 0.85)]),
-    "sliver": scenes.triangle([(0.1, 0.2), (0.1, 0.2001), (0.9, 0.77)]),
-    "flat board": scenes.flat_checkerboard(),
-    "flat board, straight": scenes.flat_checkerboard(7.3, 0.0),
-    "flat board, few": scenes.flat_checkerboard(0.9, -2.0),
-    "flat board, many": scenes.flat_checkerboard(30.0, 1.2),
-    "heaviside(2)": scenes.heaviside(2, 0.93),
-    "heaviside(3)": scenes.heaviside(3),
-    "heaviside(8)": scenes.heaviside(8, 3.3),
-}
 ONCE = ["step", "staircase", "line", "disc", "triangle", "flat board", "heaviside(3)"]
 """One of each kind."""
 NAMES = pytest.mark.parametrize("name", SCENES)
@@ -215,35 +193,6 @@ def test_reference_is_exact(name, width, height):
         assert abs(image[row, column] - exact) <= bound + slack
 
 
-@NAMES
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (33, 64), (128, 128)])
-def test_double_resolution(name, width, height):
-    """Four sub-pixels average to one."""
-    scene = SCENES[name]
-    image, bound = scene.reference(width, height)
-    finer, finer_bound = scene.reference(2 * width, 2 * height)
-    average = finer.reshape(height, 2, width, 2).mean(axis=(1, 3))
-    assert abs(average - image).max() <= min(bound + finer_bound, 1e-11 if name.startswith("huge") else 1e-12)
-
-
-@pytest.mark.slow
-@NAMES
-def test_reference_agrees_with_samples(name):
-    """The means of 2**24 random samples are within 5 sigma in each of 16 times 12 pixels."""
-    scene, (width, height), rng = SCENES[name], (16, 12), np.random.default_rng(5)
-    hits, squares, counts = np.zeros((3, width * height))
-    for _ in range(16):
-        points = rng.integers(0, 2**24, (2**20, len(scene.needs))).astype(np.float32) * np.float32(2**-24)
-        pixel = (points[:, 1] * height).astype(int) * width + (points[:, 0] * width).astype(int)
-        values = np.asarray(evaluated(scene, points), np.float64)
-        for sums, terms in ((hits, values), (squares, values**2), (counts, None)):
-            sums += np.bincount(pixel, terms, width * height)
-    image, bound = scene.reference(width, height)
-    mean = hits / counts
-    sigma = np.sqrt(np.maximum(squares / counts - mean**2, 1 / counts) / counts)
-    assert np.all(abs(mean - image.ravel()) <= 5 * sigma + bound)
-
-
 def test_scenes_agree_with_each_other():
     """A half plane is a large triangle, a line, and a step of a staircase; a quarter turn swaps squares."""
     (near, a), (far, b) = (s.reference(33, 20) for s in (scenes.step(0.4, 0.6), scenes.staircase(0.4, [0.6])))
@@ -420,12 +369,3 @@ def test_the_plain_derivative_of_an_image_is_refused():
     sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
     with pytest.raises(ValueError, match=r"Disc.* moves an edge"):
         jax.grad(lambda r: qj.render(scenes.disc((0.5, 0.5), r), sampler, 8, 8, 4).sum())(0.3)
-
-
-@KINDS
-@pytest.mark.parametrize("method", ["reference", "reference_gradient"])
-def test_bad_resolutions(name, method):
-    with pytest.raises(ValueError, match="width must be an integer"):
-        getattr(SCENES[name], method)(0, 4)
-    with pytest.raises(ValueError, match="height must be an integer"):
-        getattr(SCENES[name], method)(4, 65537)

@@ -4,25 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import PERSPECTIVE as SCENES
 from scipy import integrate
+from tables import each
 
 from qmcjax import scenes
 from qmcjax.scenes import _checkerboard_reference, _zone_plate
 
 FACTORIES = [scenes.checkerboard, scenes.zone_plate]
-SCENES = [
-    scenes.checkerboard(),
-    scenes.checkerboard(3.3),
-    scenes.checkerboard(0.37),
-    scenes.checkerboard(1e4),
-    scenes.zone_plate(),
-    scenes.zone_plate(17.3),
-    scenes.zone_plate(1e5),
-]
-
-
-def name(scene):
-    return "-".join([type(scene).__name__, *map(str, jax.tree.leaves(scene))])
 
 
 def random_points(n, seed=1):
@@ -44,7 +33,7 @@ def test_scenes_keep_numbers_of_their_own():
     np.testing.assert_array_equal(scene.centre, 0.5)
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 def test_values_follow_the_definition(scene):
     """In float64 the values are the formula's, but where a rounding falls across the border of a square."""
     points = random_points(20000).astype(np.float64) + 2.0**-30
@@ -56,7 +45,7 @@ def test_values_follow_the_definition(scene):
     assert far.mean() <= 1e-4
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 def test_float32_misses_only_what_rounding_explains(scene):
     """float32 and float64 differ by the rounded phase, or on squares whose border is within the rounding."""
     points = random_points(100000)
@@ -76,7 +65,7 @@ def test_float32_misses_only_what_rounding_explains(scene):
     assert np.mean(difference > 0) <= 20 * typical * np.log(1 / typical)
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_corners_and_horizon_are_finite(scene, dtype):
     """Values stay in [0, 1] down to the smallest numbers, at x = 1/2 and on the horizon itself."""
@@ -135,19 +124,7 @@ def test_zone_plate_gradient():
         assert abs(jax.grad(mean)(100.0) - difference) < 1e-8
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (32, 16), (33, 64)])
-def test_double_resolution(scene, width, height):
-    """Four sub-pixels average to one, within the bounds."""
-    image, bound = scene.reference(width, height)
-    finer, finer_bound = scene.reference(2 * width, 2 * height)
-    assert image.shape == (height, width) and image.dtype == np.float64
-    assert image.min() >= -bound and image.max() <= 1 + bound
-    average = finer.reshape(height, 2, width, 2).mean(axis=(1, 3))
-    assert abs(average - image).max() <= bound + finer_bound < 1e-9
-
-
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 @pytest.mark.parametrize("pixel", [(0, 0), (9, 0), (15, 0), (5, 1), (11, 6), (3, 11)])
 def test_reference_agrees_with_samples(scene, pixel):
     """The mean of 10^6 jittered samples is within 5 sigma; the first row touches the horizon."""
@@ -222,13 +199,3 @@ def test_accuracy_at_512():
     assert abs(image - image.T).max() <= 2 * bound
     whole, whole_bound = scenes.zone_plate().reference(1, 1)
     assert abs(image.mean() - whole[0, 0]) <= bound + whole_bound
-
-
-@pytest.mark.parametrize("factory", FACTORIES)
-@pytest.mark.parametrize(
-    ("error", "width", "height", "wrong"),
-    [(ValueError, 0, 4, "width"), (ValueError, 4, 65537, "height"), (TypeError, 4, 2.5, "height")],
-)
-def test_bad_resolutions(factory, error, width, height, wrong):
-    with pytest.raises(error, match=f"{wrong} must be an integer"):
-        factory().reference(width, height)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import pairwise, product
+from itertools import product
 from math import prod
 
 import jax
@@ -129,25 +129,6 @@ def test_partitions_of_a_zero_sequence_are_zero_sequences():
             for i in range(k + 1):
                 cells = np.floor(block * (3**i, 3 ** (k - i))) @ (3 ** (k - i), 1)
                 assert np.array_equal(np.sort(cells, axis=1), np.tile(np.arange(3**k), (81, 1)))
-
-
-CONSISTENT = {
-    "segments": lambda o: samplers.segments(o, sequences.components(sequences.halton(5), (1, 2, 3, 4)), 1),
-    "segments, doubling": lambda o: samplers.segments(o, sequences.sobol(4), 1, doubling=True),
-    "partitioned": lambda o: samplers.partitioned(o, sequences.halton(5, "faure_lemieux")),
-    "partitioned, exact": lambda o: samplers.partitioned(o, sequences.sobol(5), exact=True),
-    "shifted": lambda o: samplers.shifted(o, HALTON, sequences.lattice(4)),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("make", CONSISTENT.values(), ids=CONSISTENT.keys())
-def test_errors_go_to_zero(make):
-    """In every pixel, faster than those of random samples; where a component is stuck, they do not."""
-    sampler = make(orders.hilbert(8, 8))
-    errors = [np.abs(qj.render(Product(), sampler, 8, 8, spp) - 0.25).max() for spp in (1, 16, 256, 4096)]
-    assert all(later < earlier / 3 for earlier, later in pairwise(errors))
-    assert errors[-1] < 0.22 / 64
 
 
 @pytest.mark.slow

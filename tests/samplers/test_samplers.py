@@ -95,9 +95,15 @@ def test_contiguous_blocks_follow_the_curve(name):
     assert np.array_equal(sampler(x, y, sample), points[index, :2])
 
 
-@pytest.mark.parametrize("randomize", ["owen", "xor"])
-def test_independent_pixels_are_uniform_and_uncorrelated(randomize):
-    sampler = samplers.independent(sequences.sobol(2), key=2, randomize=randomize)
+SOBOL = sequences.sobol(2)
+
+
+@pytest.mark.parametrize(
+    ("randomize", "seq"),
+    [*((each, SOBOL) for each in ("owen", "xor", "shift")), ("shift", sequences.halton(2))],
+)
+def test_independent_pixels_are_uniform_and_uncorrelated(randomize, seq):
+    sampler = samplers.independent(seq, 2, randomize)
     side = jnp.asarray(first(64))
     points = np.asarray(sampler(side[None, :], side[:, None], jnp.uint32(1)), np.float64) - 0.5
     sigma = 1 / 12 / 64
@@ -112,9 +118,10 @@ def test_independent_pixels_are_uniform_and_uncorrelated(randomize):
             shared = shared[~np.eye(64, dtype=bool)]
         assert np.all(np.abs(shared.mean(axis=(0, 1))) < 5 * sigma * np.sqrt(2))
     assert np.all(np.abs(points.mean(axis=(0, 1))) < 5 / np.sqrt(12) / 64)
+    assert abs((points**2).mean() - 1 / 12) < 5 / np.sqrt(180) / 64 / np.sqrt(2)
 
 
-HILBERT, SOBOL = orders.hilbert(4096, 4096), sequences.sobol(2)
+HILBERT = orders.hilbert(4096, 4096)
 
 
 test_bad_input_is_named = refuses(

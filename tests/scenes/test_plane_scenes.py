@@ -12,8 +12,7 @@ import pytest
 from scene_tables import PLANE as SCENES
 from scipy import integrate
 
-import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import scenes
 
 ONCE = ["step", "staircase", "line", "disc", "triangle", "flat board", "heaviside(3)"]
 """One of each kind."""
@@ -193,24 +192,6 @@ def test_reference_is_exact(name, width, height):
         assert abs(image[row, column] - exact) <= bound + slack
 
 
-def test_scenes_agree_with_each_other():
-    """A half plane is a large triangle, a line, and a step of a staircase; a quarter turn swaps squares."""
-    (near, a), (far, b) = (s.reference(33, 20) for s in (scenes.step(0.4, 0.6), scenes.staircase(0.4, [0.6])))
-    assert abs(near - far).max() <= a + b
-    normal, tangent = np.array([np.cos(0.4), np.sin(0.4)]), np.array([-np.sin(0.4), np.cos(0.4)])
-    corners = [0.6 * normal - 9 * tangent, 0.6 * normal + 9 * tangent, -9 * normal]
-    large, b = scenes.triangle(corners).reference(33, 20)
-    assert abs(near - large).max() <= a + b
-    thick, b = scenes.line(0.4, -1.4, 4.0).reference(33, 20)
-    assert abs(near - thick).max() <= a + b
-    quarter, b = scenes.flat_checkerboard(3.3, 0.7 + np.pi / 2).reference(512, 512)
-    board, a = scenes.flat_checkerboard(3.3, 0.7).reference(512, 512)
-    assert abs(board + quarter - 1).max() <= a + b
-    plane, b = scenes.heaviside(2, 0.8).reference(33, 20)
-    diagonal, a = scenes.step(np.pi / 4, 0.8 * np.sqrt(0.5)).reference(33, 20)
-    assert abs(plane - diagonal).max() <= a + b
-
-
 @pytest.mark.parametrize(
     "scene, mean",
     [
@@ -335,13 +316,6 @@ def test_parameters_are_leaves(name):
     assert not np.array_equal(each[0], each[1])
 
 
-def test_factories_can_be_mapped():
-    radii = jnp.array([0.1, 0.2, 0.3], jnp.float32)
-    points = jnp.asarray(np.random.default_rng(19).random((100, 2), dtype=np.float32))
-    mapped = jax.vmap(lambda r: scenes.disc((0.5, 0.5), r)(points))(radii)
-    assert np.array_equal(mapped, [scenes.disc((0.5, 0.5), r)(points) for r in radii])
-
-
 @pytest.mark.parametrize("name", [*ONCE, "checkerboard"])
 def test_the_plain_derivative_is_refused(name):
     """Forward and in reverse, compiled and mapped, for each parameter, which is named."""
@@ -363,9 +337,3 @@ def test_the_plain_derivative_is_refused(name):
     # Something else can be differentiated.
     slope = jax.grad(lambda a: jnp.mean(a * scene(points)))(jnp.float32(2.0))
     assert slope == pytest.approx(float(jnp.mean(scene(points))), rel=1e-6)
-
-
-def test_the_plain_derivative_of_an_image_is_refused():
-    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
-    with pytest.raises(ValueError, match=r"Disc.* moves an edge"):
-        jax.grad(lambda r: qj.render(scenes.disc((0.5, 0.5), r), sampler, 8, 8, 4).sum())(0.3)

@@ -72,10 +72,13 @@ MAKERS = {
     "ball": lambda v: scenes.ball(v.reshape(2, 2), 0.5 * v.reshape(2, 2), v[:1], v[1]),
     "defocused_edge": lambda v: scenes.defocused_edge(v[0], v[1], v[2]),
     "soft_shadow": lambda v: scenes.soft_shadow(v[0], v[1], v[2], v[2:]),
+    "disc": lambda v: scenes.disc(v[:2], v[2]),
+    "checkerboard": lambda v: scenes.checkerboard(9 * v[0]),
+    "discontinuous": lambda v: scenes.genz("discontinuous", 2, v[:2], v[2]),
+    "zone_plate": lambda v: scenes.zone_plate(v[0]),
     "gaussian": lambda v: scenes.gaussian((v[0], 0.5), v[2]),
     "product": lambda v: scenes.product(v[:2]),
     "genz": lambda v: scenes.genz("product_peak", 2, v[2], v[:2]),
-    "discontinuous": lambda v: scenes.genz("discontinuous", 2, v[:2], v[2]),
     "path_toy": lambda v: scenes.path_toy(1, v[0], v[1], v[2]),
 }
 

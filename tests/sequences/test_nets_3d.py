@@ -18,13 +18,6 @@ NETS_3D = {
     "permutation": sequences.permutation_net_3d,
 }
 DIGITAL = {name: NETS_3D[name] for name in ("sobol", "larcher_pillichshammer")}
-KEEP_NETS = {
-    "xor": sequences.digital_shift,
-    "digit_scramble": sequences.digit_scramble,
-    "matousek": sequences.linear_matrix_scramble,
-    "owen": sequences.owen,
-    "owen_exact": sequences.owen_exact,
-}
 each_net = pytest.mark.parametrize("net", NETS_3D.values(), ids=NETS_3D.keys())
 each_digital = pytest.mark.parametrize("net", DIGITAL.values(), ids=DIGITAL.keys())
 
@@ -63,15 +56,6 @@ def test_each_tiling_of_a_permutation_net_raises_t_by_one(m):
 def test_projections_of_the_printed_nets(m):
     points = words(sequences.permutation_net_3d(m))
     assert all(is_net(points[:, pair], m) for pair in combinations(range(3), 2))
-
-
-@pytest.mark.parametrize("randomise", KEEP_NETS.values(), ids=KEEP_NETS.keys())
-@pytest.mark.parametrize(
-    ("net", "m"), [("sobol", 9), ("larcher_pillichshammer", 8), ("permutation", 5), ("permutation", 8)]
-)
-def test_randomisations_keep_t(randomise, net, m):
-    plain = NETS_3D[net](m)
-    assert t_value(words(randomise(plain, 3))) == t_value(words(plain))
 
 
 def test_a_shift_on_the_torus_loses_the_elementary_intervals():

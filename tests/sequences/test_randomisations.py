@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import again, chi_squared, first, is_net, some
+from tables import again, chi_squared, first, slow, some
 
-from analysis import squared_min_distance
+from analysis import squared_min_distance, t_value
 from qmcjax import sequences
 from qmcjax.core.bits import reverse
 from qmcjax.core.checks import prng_key
@@ -85,11 +85,20 @@ def coins(mirrored, prefix, depth) -> np.ndarray:
 
 
 @each_scrambling
-@pytest.mark.parametrize("seq", [sequences.sobol(2), sequences.permutation_net(10)], ids=["sobol", "net"])
-def test_elementary_intervals_stay(scramble, seq):
-    points = np.asarray(bits(scramble(seq, 11), first(2**10)))
-    for m in (1, 5, 10) if seq.size is None else (10,):
-        assert is_net(points[: 2**m], m)
+@pytest.mark.parametrize(
+    "seq",
+    [
+        sequences.sobol(2),
+        sequences.permutation_net(10),
+        *slow(sequences.sobol_net_3d(9), sequences.permutation_net_3d(5), sequences.permutation_net_3d(8)),
+        *slow(sequences.larcher_pillichshammer_net_3d(8)),
+    ],
+)
+def test_t_stays(scramble, seq):
+    m = (seq.size or 2**10).bit_length() - 1
+    plain, points = (np.asarray(bits(each, first(2**m))) for each in (seq, scramble(seq, 11)))
+    for k in (1, 5, 10) if seq.size is None else (m,):
+        assert t_value(points[: 2**k]) == t_value(plain[: 2**k])
 
 
 @each_scrambling

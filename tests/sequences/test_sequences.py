@@ -1,26 +1,17 @@
 """Sequences against independent definitions, and keys. Of every sequence: ``test_fingerprints``."""
 
 from fractions import Fraction
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import KINDS, SEQUENCES, first, is_net, reflected, refuses, some
+from tables import KINDS, SEQUENCES, first, is_net, reflected, refuses
 
 from qmcjax import sequences
 from qmcjax.core import digits
-
-KEYED = {
-    "uniform": lambda key: sequences.uniform(2, key),
-    "jittered": lambda key: sequences.jittered(64, 2, key),
-    "owen": lambda key: sequences.owen(sequences.sobol(2), key),
-    "owen_exact": lambda key: sequences.owen_exact(sequences.sobol(2), key),
-    "xor": lambda key: sequences.digital_shift(sequences.sobol(2), key),
-    "matousek": lambda key: sequences.linear_matrix_scramble(sequences.sobol(2), key),
-    "owen, 9": lambda key: sequences.owen(sequences.sobol(9), key),
-}
 
 
 @pytest.mark.slow
@@ -42,26 +33,16 @@ def test_many_points_by_tables_equal_few_by_columns():
     assert np.array_equal(seq.bits(jnp.asarray(index)), few)
 
 
-@some("make", KEYED, "uniform", "owen", "xor")
-def test_points_over_keys(make):
-    """One seed for all coordinates, a biased digit, or neighbours that move together would show."""
+@pytest.mark.parametrize("grid", [1, 64])
+def test_random_points_over_keys(grid):
+    """Uniform in the square, or in its cell; coordinates and neighbours are independent."""
     index = jnp.array([5, 10, 11], jnp.uint32)
     keys = jax.random.split(jax.random.key(9), 2000)
-    over_keys = np.asarray(jax.jit(jax.vmap(lambda key: make(key)(index)))(keys))
-    assert np.array_equal(over_keys[:3], np.stack([make(key)(index) for key in keys[:3]]))
-
-    points = over_keys[..., :2].astype(np.float64)
-    alone = points[:, 0] * 64 % 1 if make is KEYED["jittered"] else points[:, 0]
-    assert np.all(np.abs(alone.mean(axis=0) - 0.5) < 5 / np.sqrt(12 * len(keys)))
-    assert abs(np.corrcoef(alone.T)[0, 1]) < 5 / np.sqrt(len(keys))
-
-    neighbours = points[:, 1:, 0]
-    if make in (KEYED["jittered"], KEYED["uniform"]):
-        neighbours = neighbours * 64 % 1
-        assert abs(np.corrcoef(neighbours.T)[0, 1]) < 5 / np.sqrt(len(keys))
-    else:
-        # Consecutive points of a scrambled sequence lie in opposite halves, with any key.
-        assert np.all((neighbours[:, 0] < 0.5) != (neighbours[:, 1] < 0.5))
+    make = partial(sequences.uniform, 2) if grid == 1 else partial(sequences.jittered, grid, 2)
+    points = np.asarray(jax.jit(jax.vmap(lambda key: make(key)(index)))(keys), np.float64) * grid % 1
+    for pair in (points[:, 0], points[:, 1:, 0]):
+        assert np.all(np.abs(pair.mean(axis=0) - 0.5) < 5 / np.sqrt(12 * len(keys)))
+        assert abs(np.corrcoef(pair.T)[0, 1]) < 5 / np.sqrt(len(keys))
 
 
 @pytest.mark.parametrize("dims", [1, 2, 9, 300])

@@ -199,13 +199,6 @@ def test_candidates_have_the_dimensions_that_they_are_made_for(name):
             sampler.check(16, 8, 4)
 
 
-def test_errors_of_keywords_and_sizes():
-    with pytest.raises(ValueError, match="width must be"):
-        qj.recommend(2, 4).sampler(0, 8, 1)
-    with pytest.raises(TypeError, match="key must be"):
-        qj.recommend(2, 4).sampler(8, 8, "one")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["(0,2), Owen", "Z, hash", "Hilbert, Owen-Sobol'"])
 def test_a_new_measurement_agrees(name):

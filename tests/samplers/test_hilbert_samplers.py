@@ -17,9 +17,6 @@ from qmcjax import orders, samplers, sequences
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
 
 
-# -- components
-
-
 @pytest.mark.parametrize("seq", [sequences.owen(sequences.sobol(4), 7), HALTON])
 def test_components_are_columns(seq):
     chosen = sequences.components(seq, (3, 0, 2))
@@ -80,9 +77,6 @@ def test_exact_partition_is_by_the_leading_digits_of_the_component(order, seq, c
         assert np.array_equal(exact[j], points[part == j][:, left])
 
 
-# -- how uniform that is
-
-
 def words(sampler, *args, dims=(0, 1)):
     return (np.asarray(points_of(sampler, *args, dims)) * 2.0**32).astype(np.uint32)
 
@@ -139,9 +133,6 @@ def test_errors_of_a_stuck_component_stay():
     assert np.sqrt(np.mean(error**2)) > 0.1
 
 
-# -- shifts
-
-
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 @pytest.mark.parametrize("name", ["halton shifts lattice", "sobol shifts lattice", "halton shifts halton"])
 def test_shifts_are_exact(name, dtype):
@@ -170,9 +161,6 @@ def test_shifts_are_exact(name, dtype):
                 kept = min(bits, 32)
                 assert Fraction(float(value)) == Fraction(int(exact * 2**kept), 2**kept)
             assert 0 <= value < 1
-
-
-# -- passes
 
 
 def owen_pass(key):
@@ -329,8 +317,6 @@ def test_the_criterion_stops_where_it_holds():
         assert float(result.error) <= tolerance
     assert qj.render_passes(Doubled(), Prescribed(values), 1, 1, 3, tolerance=1e-6).passes == 3
 
-
-# -- bad input
 
 HILBERT = orders.hilbert(8, 8)
 FEW = sequences.digital(SOBOL.matrices[1:])

@@ -32,8 +32,6 @@ def on_screen(sampler, x, y, sample, side):
     return (np.stack([x, y], axis=1) + np.asarray(points_of(sampler, x, y, sample))) / side
 
 
-# The Halton sequence over the raster.
-
 HALTON = {
     "plain": sequences.halton(3),
     "zaremba": sequences.halton(2, "zaremba"),
@@ -135,8 +133,6 @@ def test_halton_of_more_dimensions_is_the_sequence():
     assert np.array_equal(both[:, 1], points[:, 0])
 
 
-# Digital shifts.
-
 SCRAMBLED = {
     **{f"plain {name}": net for name, net in NETS.items()},
     "plain sobol": lambda m: sequences.sobol(2),
@@ -196,8 +192,6 @@ def test_screen_of_a_net_at_any_resolution(make, side):
     assert np.array_equal(double * unit, exact % unit)
     assert np.array_equal(single, np.floor(double * 2**24) / 2**24)
 
-
-# Padded replications.
 
 OFFSETS = {"uniform": sequences.uniform(4, key=1), "halton": sequences.halton(4)}
 each_offsets = pytest.mark.parametrize("offsets", OFFSETS.values(), ids=OFFSETS.keys())
@@ -306,9 +300,6 @@ def test_replications_at_the_smallest_and_the_largest_resolution(side):
     offset = (np.asarray(net.bits(index)).astype(np.uint64) % unit) * np.uint64(side)
     points = np.asarray(points_of(sampler, jnp.asarray(x), jnp.asarray(y), sample))
     assert np.array_equal(points * 2.0**32, offset + words[:, 2:] // np.uint64(side))
-
-
-# All of them.
 
 
 @jax.tree_util.register_dataclass

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, pixels, points_of, reflected, reversed_bits
+from tables import few, first, pixels, points_of, reflected, reversed_bits
 
 import analysis
 import qmcjax as qj
@@ -16,17 +16,8 @@ from qmcjax import orders, samplers, scenes, sequences
 SOBOL = sequences.sobol(5)
 
 
-def some(names, default):
-    """Run these by default, and the others with the slow tests."""
-    params = [pytest.param(name, marks=() if name in default else pytest.mark.slow) for name in names]
-    return pytest.mark.parametrize("name", params)
-
-
 def uint32(numbers):
     return jnp.asarray(np.array(numbers, np.uint64).astype(np.uint32))
-
-
-# -- 64-bit indices
 
 
 def joe_kuo(degree, coefficients, initial):
@@ -126,7 +117,7 @@ def beyond(sequence, high, low):
     return part(low, dims, jnp.float64), part(low, dims)
 
 
-@some(WIDE, ("sobol", "halton"))
+@pytest.mark.parametrize("name", few(WIDE, "sobol", "halton"))
 def test_points_of_64_bit_indices_are_those_of_python_integers(name):
     make, exact, bound = WIDE[name]
     sequence = make()
@@ -198,7 +189,7 @@ LARGE = {
 }
 
 
-@some(LARGE, ("contiguous", "segments, doubling", "partitioned, exact"))
+@pytest.mark.parametrize("name", few(LARGE, "contiguous", "segments, doubling", "partitioned, exact"))
 @pytest.mark.parametrize(
     ("side", "spp", "count"), [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)]
 )
@@ -223,7 +214,9 @@ def test_64_bit_indices(name, side, spp, count):
     sampler.check(side, side, spp)
 
 
-@some([name for name in LARGE if name != "contiguous"], ("segments", "partitioned"))
+@pytest.mark.parametrize(
+    "name", few([name for name in LARGE if name != "contiguous"], "segments", "partitioned")
+)
 @pytest.mark.parametrize("side", [8192, pytest.param(5, marks=pytest.mark.slow)])
 def test_32_bit_indices(name, side):
     """Of a sequence without longer ones, up to the last index below 2**32."""
@@ -243,7 +236,7 @@ def test_32_bit_indices(name, side):
         sampler.check(side, side, limit + 1)
 
 
-@some(LARGE, ("segments, doubling",))
+@pytest.mark.parametrize("name", few(LARGE, "segments, doubling"))
 def test_all_pixels_together_have_the_first_points(name):
     sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(2), 6)
     drawn = np.asarray(points_of(sampler, *pixels(8, 8, 6), (0,)))
@@ -261,7 +254,7 @@ BITS = {
 
 @pytest.mark.filterwarnings("ignore:component .* co-prime")
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-@some(BITS, ("halton", "sobol"))
+@pytest.mark.parametrize("name", few(BITS, "halton", "sobol"))
 @pytest.mark.parametrize("doubling", [False, True])
 def test_points_do_not_depend_on_the_bits_of_indices(name, doubling, dtype):
     """Traced sample numbers may be any; below a known number, 32 bits suffice: the same bits of points."""
@@ -283,7 +276,7 @@ def test_64_bits_begin_with_the_iteration_that_needs_them():
     assert sampler.up_to(51).short and not sampler.up_to(52).short
 
 
-@some([name for name in LARGE if name != "contiguous"], ("partitioned",))
+@pytest.mark.parametrize("name", few([name for name in LARGE if name != "contiguous"], "partitioned"))
 def test_64_bit_indices_end_with_sample_numbers_of_32_bits(name):
     sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(3), 0)
     limit = sampler.most
@@ -306,7 +299,7 @@ NARROW = {
 }
 
 
-@some(NARROW, ("faure", "permuted"))
+@pytest.mark.parametrize("name", few(NARROW, "faure", "permuted"))
 def test_sequences_without_64_bit_indices_are_refused(name):
     """Before anything is computed."""
     sequence = NARROW[name]()
@@ -336,7 +329,7 @@ AT_8192 = {
 }
 
 
-@some(AT_8192, ("full_screen, halton", "segments"))
+@pytest.mark.parametrize("name", few(AT_8192, "full_screen, halton", "segments"))
 def test_what_is_out_of_reach_is_refused(name):
     """Those of which the number of a pixel and of a sample make no common index have all samples."""
     sampler, limit = AT_8192[name]()
@@ -362,8 +355,6 @@ def test_a_joint_z_sampler_of_64_bit_indices():
         assert low >> 10 == j % 2**22
         assert word == [float(digital(JOE_KUO, index, d)) for d in range(5)]
 
-
-# -- only wanted dimensions
 
 SMALL = orders.hilbert(8, 8)
 
@@ -402,7 +393,7 @@ OF_DIMS = {
 """All but ranked keys, which there are for four dimensions only."""
 
 
-@some(OF_DIMS, ("contiguous, owen", "dither"))
+@pytest.mark.parametrize("name", few(OF_DIMS, "contiguous, owen", "dither"))
 def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     """Operations in the lowered program; and no array in it has 32 coordinates of the 7 points."""
     where = (jnp.asarray(first(7)),) * 3
@@ -419,8 +410,6 @@ def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     assert OF_DIMS[name](32).dims == 32
     assert operations(OF_DIMS[name](32)) == operations(OF_DIMS[name](2)) + more
 
-
-# -- stratification
 
 SIDE = 16
 
@@ -476,7 +465,7 @@ STRATIFIED = {
 }
 
 
-@some(STRATIFIED, ("contiguous, hilbert", "z, hash"))
+@pytest.mark.parametrize("name", few(STRATIFIED, "contiguous, hilbert", "z, hash"))
 def test_blocks_of_samples_are_nets(name):
     """The 8 samples of each pixel; and those of each aligned square of 2**k pixels a side."""
     sampler, dims, squares = STRATIFIED[name]()
@@ -535,8 +524,6 @@ def test_parts_of_a_sequence_have_its_t():
         for start in (0, 256 - 2**k)
     )
 
-
-# -- consistency
 
 COUNTS = 2 ** np.arange(13)
 EIGHT = orders.hilbert(8, 8)
@@ -615,8 +602,6 @@ def test_errors_go_to_zero(name):
     else:
         assert np.all(errors < 2 * SIGMA * COUNTS[:, None] ** np.array([-0.8, -0.65]))
 
-
-# -- bad input
 
 MAKERS = {
     **ORDERS,

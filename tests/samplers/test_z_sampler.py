@@ -7,26 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table, first, grammar, is_net, low_power, pixels, refuses, reversed_bits, some
+from tables import Table, first, grammar, is_net, low_power, pixels, points_of, refuses, reversed_bits, some
 
 from qmcjax import orders, samplers, sequences
 
 VARIANTS = ("plain", "hash", "multiplicative", "tree", "art")
 
 
-values = jax.jit(lambda sampler, *a, dims: sampler(*a, dims=dims, dtype=jnp.float64), static_argnames="dims")
-
-
-def everywhere(sampler, spp=None):
-    """Every x, y, sample of an image, flat."""
-    shape = [first(n) for n in (sampler.height, sampler.width, sampler.spp if spp is None else spp)]
-    y, x, sample = np.meshgrid(*shape, indexing="ij")
-    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
-
-
 def bits(sampler, *where):
     """All 32 digits of all coordinates, as uint32."""
-    points = np.asarray(values(sampler, *where, dims=tuple(range(sampler.dims))))
+    points = np.asarray(points_of(sampler, *where, dims=tuple(range(sampler.dims))))
     return (points * 2.0**32).astype(np.uint32)
 
 
@@ -113,7 +103,7 @@ def test_indices_equal_their_recursion(variant, spp):
 def test_a_joint_sequence_has_one_order_for_all_dimensions():
     sequence = sequences.digital_shift(sequences.sobol(5), 4)
     sampler = samplers.z(5, 8, 4, 2, sequence=sequence)
-    where = everywhere(sampler)
+    where = pixels(sampler.width, sampler.height, sampler.spp)
     index = recursive_indices(sampler.orders.member(0), where, 3, 4)
     points = np.asarray(sequence.points(256, dtype=jnp.float64))
     assert np.array_equal(bits(sampler, *where), points[index] * 2.0**32)
@@ -151,10 +141,10 @@ def test_one_pixel_with_many_samples(variant):
 
 def test_z0_is_the_sobol_sequence_in_morton_order():
     sampler = samplers.z(8, 8, 4, None, "plain", constituents=(2, 1, 2))
-    x, y, sample = everywhere(sampler)
+    x, y, sample = pixels(sampler.width, sampler.height, sampler.spp)
     index = np.asarray(orders.morton(8, 8).position(x, y)) * 4 + np.asarray(sample)
     points = np.asarray(sequences.sobol(2).points(256, dtype=jnp.float64))[index]
-    assert np.array_equal(values(sampler, x, y, sample, dims=range(5)), points[:, [0, 1, 0, 0, 1]])
+    assert np.array_equal(points_of(sampler, x, y, sample, dims=tuple(range(5))), points[:, [0, 1, 0, 0, 1]])
 
 
 @each_case
@@ -239,7 +229,7 @@ def test_samples_of_siblings_are_apart(variant, spp):
 def test_going_on_swaps_the_blocks_of_pixels(variant, spp):
     """Appendix A: round r at position p takes the block of position p xor r, in the pixel's own order."""
     sampler = samplers.z(8, 6, spp, 4, variant, dims=3)
-    x, y, sample = everywhere(sampler, 8 * spp)
+    x, y, sample = pixels(sampler.width, sampler.height, 8 * spp)
     rounds, own = np.divmod(np.asarray(sample), np.uint32(spp))
     for c, index in enumerate(indices(sampler.extended(8), x, y, sample)):
         within = np.array(recursive_indices(order_of(sampler, c), (x, y, own), 3, spp))
@@ -256,7 +246,7 @@ def test_pixels_have_the_samples_of_their_count(variant, rounds):
     counts = 2 ** np.random.default_rng(3).integers(0, 6, (5, 8))
     sampler = samplers.z(8, 5, 32, 9, variant, dims=3)
     adaptive = sampler.extended(rounds).adaptive(counts)
-    x, y, sample = (np.asarray(a) for a in everywhere(sampler, 32 * rounds))
+    x, y, sample = (np.asarray(a) for a in pixels(sampler.width, sampler.height, 32 * rounds))
     m = counts[y, x]
     there = sample < rounds * m
     for c, index in enumerate(indices(adaptive, *map(jnp.asarray, (x, y, sample)))):
@@ -277,15 +267,15 @@ LIST = Table(
 
 @some("sampler", LIST)
 def test_any_pixel_any_sample_any_coordinate_on_its_own(sampler):
-    where = everywhere(LIST["hash, padded"])
-    points = np.asarray(values(sampler, *where, dims=range(5)))
+    where = pixels(8, 6, 8)
+    points = np.asarray(points_of(sampler, *where, dims=tuple(range(5))))
     assert np.all((points >= 0) & (points < 1))
     one = [int(a[77]) for a in where]
     assert np.array_equal(sampler(*one, (3, 0), jnp.float64), points[77, [3, 0]])
     backwards = jax.jit(jax.vmap(lambda *a: sampler(*a, (4, 1))))(*(a[::-1] for a in where))
     assert np.array_equal(backwards, points[::-1, [4, 1]].astype(np.float32))
     x, y, sample = (a.reshape(6, 8, 8) for a in where)
-    image = values(sampler, x[:1, :, 0], y[:, :1, 0], sample[0, 0, 5], dims=(2,))
+    image = points_of(sampler, x[:1, :, 0], y[:, :1, 0], sample[0, 0, 5], dims=(2,))
     assert np.array_equal(image, points.reshape(6, 8, 8, 5)[:, :, 5, 2:3])
 
 
@@ -309,7 +299,9 @@ def test_samples_together_are_those_alone(rounds, count):
 @pytest.mark.parametrize("variant", ["hash", "tree"])
 def test_only_constituents_of_wanted_dimensions_are_computed(variant):
     def operations(sampler, dims):
-        jaxpr = jax.make_jaxpr(lambda s, *a: s(*a, dims))(sampler, *everywhere(sampler))
+        jaxpr = jax.make_jaxpr(lambda s, *a: s(*a, dims))(
+            sampler, *pixels(sampler.width, sampler.height, sampler.spp)
+        )
         return len(jaxpr.eqns)
 
     make = lambda *constituents: samplers.z(8, 8, 8, 1, variant, constituents=constituents)  # noqa: E731
@@ -383,7 +375,7 @@ def power_of_error(sampler, spp):
     """Return the low power of the error of x * y."""
     y, x = (jnp.asarray(a.astype(np.uint32)) for a in np.mgrid[:SCREEN, :SCREEN])
     image = sum(
-        np.asarray(values(sampler, x, y, jnp.uint32(i), dims=(0, 1))).prod(axis=-1) for i in range(spp)
+        np.asarray(points_of(sampler, x, y, jnp.uint32(i), dims=(0, 1))).prod(axis=-1) for i in range(spp)
     )
     return low_power(image / spp - 0.25)
 

@@ -212,9 +212,6 @@ def test_scenes_without_edges(scene, mean):
     assert abs(image - mean).max() <= bound if mean is not None else abs(image.mean() - 0.5) <= bound < 1e-12
 
 
-# Boxes without an edge.
-
-
 def boxes(scene, count, rng):
     """Return random boxes of all sizes, half of them close to an edge."""
     dims = len(scene.needs)
@@ -293,9 +290,6 @@ def test_float32_misses_only_what_may_vary(name):
     single = np.asarray(evaluated(scene, points), np.float64)
     differ = abs(single - defined(jax.tree.map(np.float64, scene), points.astype(np.float64))) > 1e-6
     assert np.all(np.asarray(varied(scene, points, points))[differ])
-
-
-# Parameters.
 
 
 @KINDS

@@ -66,9 +66,6 @@ def test_cells_are_exact():
     assert cells(np.array([float(np.float32(2 / 3)), 1 / 3]), 3, 1).tolist() == [2, 0]  # as these round
 
 
-# The fraction.
-
-
 def ends(base):
     """Return the extreme and some other numerators of all digits of an index, and their tails."""
     rng, total = np.random.default_rng(base), base ** digits.digit_count(base)
@@ -160,9 +157,6 @@ def test_a_coordinate_is_scrambled_as_the_number_it_is(scramble, plain):
         assert np.array_equal(points(reference, mirror)[:, j], found[:, j])
 
 
-# Elementary intervals.
-
-
 @scramblings
 @each("faure(3)", "faure(5)", "faure(7)")
 def test_faure_sequences_remain_nets(scramble, plain):
@@ -208,8 +202,6 @@ def test_the_count_notices_what_is_no_net():
     net = points(sequences.owen_exact(PLAIN["faure(3)"], 3), first(27) + np.uint32(5))
     assert len(set(zip(*(cells(column, 3, 1).tolist() for column in net.T), strict=True))) < 27
 
-
-# How random it is.
 
 KEYS = jax.random.split(jax.random.key(5), 128)
 # Children of the root, of its three children, and of deep nodes: prefix, number of its digits.
@@ -371,9 +363,6 @@ def test_exact_permutations_in_other_bases(base, depth):
     for d in range(base):
         assert plausible(digit[:, d], base)
         assert base == 2 or plausible((digit[:, d] - digit[:, d - 1]) % base - 1, base - 1)
-
-
-# The machinery.
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
-from tables import compositions, first, some
+from tables import compositions, first, slow, some
 
 from qmcjax import sequences
 from qmcjax.core import digits
@@ -29,14 +29,7 @@ PLAIN = {
     "faure(5)": sequences.faure(4, 5),
     "faure(7)": sequences.faure(2, 7, modified=1),
 }
-SLOW = {"halton, faure", "halton, zaremba", "faure(5)", "faure(7)"}
 THREE = RadicalInverses((3, 3, 3))
-
-
-def each(*names):
-    """Run a test with each plain sequence, the slow ones only on request."""
-    marked = [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in names]
-    return pytest.mark.parametrize("plain", marked)
 
 
 @jax.jit
@@ -100,20 +93,6 @@ def test_fractions_stay_in_their_elementary_intervals(base):
         assert lowest <= Fraction(y) < lowest + Fraction(1, base**kept)
 
 
-@pytest.mark.slow
-def test_fractions_in_many_bases_at_once():
-    bases = np.array([[97, 113, 251]])
-    rng = np.random.default_rng(1)
-    leading = np.array(rng.integers(0, bases**4, (50, 3)), np.uint32)
-    last = np.array(rng.integers(0, bases, (50, 3)), np.uint32)
-    tail = rng.integers(0, 2**32, (50, 3), dtype=np.uint32)
-    for dtype in (jnp.float32, jnp.float64):
-        together = np.asarray(digits.cell_fraction(*map(jnp.asarray, (leading, last, tail)), bases, dtype))
-        for j, base in enumerate(bases[0].tolist()):
-            column = (jnp.asarray(part[:, j]) for part in (leading, last, tail))
-            assert np.array_equal(together[:, j], digits.cell_fraction(*column, base, dtype))
-
-
 # What a scrambling is: a tree of permutations of digits.
 
 
@@ -142,7 +121,7 @@ def test_points_go_through_the_permutations_of_a_tree(scramble, bases):
 
 
 @scramblings
-@each("halton, faure", "faure(3)", "faure(5)")
+@pytest.mark.parametrize("plain", ["faure(3)", *slow("halton, faure", "faure(5)")])
 def test_a_coordinate_is_scrambled_as_the_number_it_is(scramble, plain):
     """The same as the radical inverse with these digits, of which all is known above, to the last bit."""
     seq = PLAIN[plain]
@@ -158,7 +137,7 @@ def test_a_coordinate_is_scrambled_as_the_number_it_is(scramble, plain):
 
 
 @scramblings
-@each("faure(3)", "faure(5)", "faure(7)")
+@pytest.mark.parametrize("plain", ["faure(3)", *slow("faure(5)", "faure(7)")])
 def test_faure_sequences_remain_nets(scramble, plain):
     """(0,m,s)-nets: the first and the last block, in float64 and, as they are, in float32."""
     seq = scramble(PLAIN[plain], 3)
@@ -174,7 +153,7 @@ def test_faure_sequences_remain_nets(scramble, plain):
 
 
 @scramblings
-@each("halton", "halton, zaremba")
+@pytest.mark.parametrize("plain", ["halton", *slow("halton, zaremba")])
 def test_every_box_of_a_halton_period_holds_one_point(scramble, plain):
     """Of 2**3 3**2 consecutive points, one lies in each box 1/8 x 1/9; so for other shapes and bases."""
     seq = scramble(PLAIN[plain], 3)
@@ -370,9 +349,11 @@ def test_exact_permutations_in_other_bases(base, depth):
 def test_coordinates_together_equal_single_ones(scramble):
     seq = scramble(RadicalInverses((97, 101, 103, 107, 109, 113, 127, 131, 257)), 1)
     index = np.random.default_rng(0).integers(0, 2**32, 64, np.uint32)
-    together = points(seq, index, jnp.float32)
-    for j in (0, 3, 8):
-        assert np.array_equal(jax.jit(lambda s, i, j=j: s(i, (j,)))(seq, index)[:, 0], together[:, j])
+    for dtype in (jnp.float32, jnp.float64):
+        together = points(seq, index, dtype)
+        for j in (0, 3, 8):
+            alone = jax.jit(lambda s, i, j=j, dtype=dtype: s(i, (j,), dtype))(seq, index)
+            assert np.array_equal(alone[:, 0], together[:, j])
 
 
 @pytest.mark.slow
@@ -448,12 +429,6 @@ def test_joint_digits_of_exactly_scrambled_triples_are_uniform(base):
     if base > 2:
         parted = joint_digits(scramble, base, [0, 1, 2], [(0, 0), (1, 0), (2, 0)])
         assert excess(parted, base * (base - 1) * (base - 2)) < 5
-
-
-@pytest.mark.slow
-def test_joint_digits_see_permutations_that_are_not_nested():
-    """The limit of the theorem: one permutation for all second digits."""
-    assert excess(joint_digits(sequences.digit_scramble, 5, [1, 7], [(0, 1), (1, 1)]), 25) > 5
 
 
 @pytest.mark.parametrize("scramble", SCRAMBLINGS.values(), ids=SCRAMBLINGS)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import few, first, pixels, points_of, reflected, reversed_bits
+from tables import few, first, pixels, points_of, reflected, reversed_bits, slow
 
 import analysis
 import qmcjax as qj
@@ -217,7 +217,7 @@ def test_64_bit_indices(name, side, spp, count):
 @pytest.mark.parametrize(
     "name", few([name for name in LARGE if name != "contiguous"], "segments", "partitioned")
 )
-@pytest.mark.parametrize("side", [8192, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("side", [8192, *slow(5)])
 def test_32_bit_indices(name, side):
     """Of a sequence without longer ones, up to the last index below 2**32."""
     make, index_of, component = LARGE[name]

@@ -7,7 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table, first, grammar, is_net, low_power, pixels, points_of, refuses, reversed_bits, some
+from tables import (
+    Table,
+    first,
+    grammar,
+    is_net,
+    low_power,
+    pixels,
+    points_of,
+    refuses,
+    reversed_bits,
+    slow,
+    some,
+)
 
 from qmcjax import orders, samplers, sequences
 
@@ -80,9 +92,7 @@ def drawn(variant, spp):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize(
-    "size", [(13, 10), *(pytest.param(size, marks=pytest.mark.slow) for size in ((1, 1), (3, 17)))]
-)
+@pytest.mark.parametrize("size", [(13, 10), *slow((1, 1), (3, 17))])
 def test_a_whole_image_is_prepared_as_its_pixels_are(variant, size):
     sampler = samplers.z(*size, 4, 11, variant, dims=3)
     x, y = jnp.meshgrid(*map(first, size))
@@ -172,7 +182,7 @@ def pairs(a, b, levels):
 FIVE_SIGMA = 2 * stats.norm.sf(5)
 
 
-@pytest.mark.parametrize("variant", ["hash", pytest.param("tree", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("variant", ["hash", *slow("tree")])
 def test_constituents_have_independent_orders(variant):
     """Over the keys: the place of a pixel among 16, and of its first sample among two, in three of them."""
     keys = jax.random.split(jax.random.key(1), 4000)
@@ -309,7 +319,7 @@ def test_only_constituents_of_wanted_dimensions_are_computed(variant):
     assert operations(make(2, 2, 1, 2), (2, 3, 4)) == operations(make(2, 1), (0, 1, 2))
 
 
-@pytest.mark.parametrize("variant", ["hash", pytest.param("tree", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("variant", ["hash", *slow("tree")])
 def test_new_counts_are_no_new_trace(variant):
     sampler, where, counts = samplers.z(8, 8, 4, 0, variant, dims=4), pixels(8, 8, 4), np.full((8, 8), 4)
     points = jax.jit(lambda sampler: sampler(*where, dims=(0, 2)))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scene_tables import MOTION as SCENES
 from scipy import integrate
+from tables import slow
 
 from qmcjax import scenes
 from qmcjax.scenes._ball_reference import swept_means
@@ -143,7 +144,7 @@ def test_ball_agrees_with_quadrature(pixel):
     assert 0 < mean < 1 and abs(mean - image[row, column]) <= 1e-11 + bound
 
 
-@pytest.mark.parametrize("nodes", [pytest.param(64, marks=pytest.mark.slow), 48])
+@pytest.mark.parametrize("nodes", [*slow(64), 48])
 def test_swept_disc_does_not_depend_on_the_rule(nodes):
     """More nodes change nothing beyond the bound, for any line and size: also where kinks nearly meet."""
     rng = np.random.default_rng(nodes)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tables import slow
 
 from qmcjax import sequences
 
@@ -28,7 +29,7 @@ def test_a_file_that_is_known():
     assert np.array_equal(sequences.sobol_of(numbers).matrices, sequences.sobol(5).matrices)
 
 
-@pytest.mark.parametrize("dims", [600, pytest.param(21201, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dims", [600, *slow(21201)])
 def test_there_and_back(dims, tmp_path):
     """The table of Joe and Kuo through a file is the sequence that is built in."""
     (tmp_path / "a.txt").write_text(sequences.direction_numbers_text(joe_kuo(dims)))

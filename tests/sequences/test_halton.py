@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import digit_count, first, refuses
+from tables import digit_count, first, refuses, slow
 
 from qmcjax import sequences
 from qmcjax.sequences._halton import halton
@@ -151,9 +151,7 @@ def test_values_are_distinct_and_below_one(permutation):
     assert np.asarray(jax.jit(lambda s, i: s(i))(seq, jnp.asarray(index))).max() < 1
 
 
-@pytest.mark.parametrize(
-    "permutation", [None, *(pytest.param(name, marks=pytest.mark.slow) for name in KEYED)]
-)
+@pytest.mark.parametrize("permutation", [None, *slow(*KEYED)])
 def test_many_coordinates_together_equal_single_ones(permutation):
     """Large bases share a program, with quotients by another way."""
     seq = sequences.halton(200, permutation, key=KEYED.get(permutation))

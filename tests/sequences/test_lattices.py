@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, refuses
+from tables import first, refuses, slow
 
 from analysis import min_distance, squared_min_distance
 from qmcjax import sequences
@@ -155,9 +155,7 @@ def test_the_table_is_complete():
     assert table()[:, 0].tolist() == [2**m for m in range(1, 17)]
 
 
-@pytest.mark.parametrize(
-    "m", [*range(1, 14), *(pytest.param(m, marks=pytest.mark.slow) for m in (14, 15, 16))]
-)
+@pytest.mark.parametrize("m", [*range(1, 14), *slow(14, 15, 16)])
 def test_the_table_s_distances_are_those_of_its_lattices(m):
     """And none is beyond the face-centred cubic lattice of the same density."""
     n, _, _, square = table()[m - 1].tolist()
@@ -166,9 +164,7 @@ def test_the_table_s_distances_are_those_of_its_lattices(m):
     assert square <= 2 ** (1 / 3) * n ** (4 / 3) * (1 + 1e-12)
 
 
-@pytest.mark.parametrize(
-    "m", [*range(1, 11), *(pytest.param(m, marks=pytest.mark.slow) for m in (11, 12, 13))]
-)
+@pytest.mark.parametrize("m", [*range(1, 11), *slow(11, 12, 13)])
 def test_the_table_is_what_the_search_finds(m):
     assert table()[m - 1].tolist() == [2**m, *maximin_lattices.best_spatial(2**m)]
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import again, first, is_net, refuses
+from tables import again, first, is_net, refuses, slow
 
 from analysis import squared_min_distance, t_value
 from qmcjax import samplers, sequences
@@ -41,9 +41,7 @@ def test_elementary_intervals(net, m):
     assert t_value(words(net(m))) == 0
 
 
-@pytest.mark.parametrize(
-    "m", [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, *(pytest.param(m, marks=pytest.mark.slow) for m in (12, 13, 14))]
-)
+@pytest.mark.parametrize("m", [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, *slow(12, 13, 14)])
 def test_each_tiling_of_a_permutation_net_raises_t_by_one(m):
     """P_2, ..., P_5 are (0,m,3)-nets as printed; only the Latin hypercube survives the tiling in full."""
     points = words(sequences.permutation_net_3d(m))

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net
+from tables import first, is_net, slow
 
 from analysis import squared_min_distance
 from figures.thesis import thesis_5_14, thesis_5_17
@@ -101,9 +101,7 @@ def test_four_by_four_pixels_keep_the_distance_in_print(m):
     assert brute_force(pixels(m, 4, 4), 4 * 2**m) == PRINTED[m]
 
 
-@pytest.mark.parametrize(
-    "m", [7, 8, 9, 10, *(pytest.param(m, marks=pytest.mark.slow) for m in range(11, 17))]
-)
+@pytest.mark.parametrize("m", [7, 8, 9, 10, *slow(*range(11, 17))])
 def test_four_by_four_larger_pixels_keep_the_distance_in_print(m):
     assert squared_min_distance(pixels(m, 4, 4), side=4 * 2**m) == PRINTED[m]
 

@@ -34,9 +34,7 @@ SCRAMBLINGS = {
     "owen_exact": sequences.owen_exact,
 }
 each_scrambling = pytest.mark.parametrize(
-    "scramble",
-    [*SCRAMBLINGS.values(), pytest.param(art_owen, marks=pytest.mark.slow)],
-    ids=[*SCRAMBLINGS, "art_owen"],
+    "scramble", [*SCRAMBLINGS.values(), *slow(art_owen)], ids=[*SCRAMBLINGS, "art_owen"]
 )
 KEYS = jax.random.split(jax.random.key(5), 4000)
 
@@ -240,7 +238,7 @@ WRAPPED = {
 
 
 @some("wrap", WRAPPED, "owen")
-@pytest.mark.parametrize("dims", [3, pytest.param(9, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("dims", [3, *slow(9)])
 def test_all_ways_to_a_coordinate_agree(wrap, dims):
     """Words and bit_reversed, one coordinate at a time and all at once."""
 

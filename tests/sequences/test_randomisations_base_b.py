@@ -97,11 +97,7 @@ def test_fractions_stay_in_their_elementary_intervals(base):
 
 
 @scramblings
-@pytest.mark.parametrize(
-    "bases",
-    [(2, 3), *[pytest.param(bases, marks=pytest.mark.slow) for bases in [(2, 5, 89), (91, 97), (65536,)]]],
-    ids=str,
-)
+@pytest.mark.parametrize("bases", [(2, 3), *slow((2, 5, 89), (91, 97), (65536,))], ids=str)
 def test_points_go_through_the_permutations_of_a_tree(scramble, bases):
     """A digit's image is the one it has with zeros behind; those of all digits after a prefix differ."""
     seq = scramble(RadicalInverses(bases), 3)
@@ -255,7 +251,7 @@ def test_coordinates_are_scrambled_independently(scramble):
         assert plausible(number[0, :, node] * 6 + number[1, :, node], 36)
 
 
-@pytest.mark.parametrize("name", ["owen", "owen_exact"])
+@pytest.mark.parametrize("name", ["owen", *slow("owen_exact")])
 def test_how_two_points_differ_is_independent_between_coordinates(name):
     digit, _ = over_keys(SCRAMBLINGS[name])
     for a in range(len(NODES)):
@@ -264,6 +260,7 @@ def test_how_two_points_differ_is_independent_between_coordinates(name):
             assert plausible(difference[0] * 3 + difference[1], 9)
 
 
+@pytest.mark.slow
 def test_permutations_of_different_nodes():
     """Independent if exact; hashed, some differ by shifts only; the same at a level in digit scrambling."""
     pairs = [(a, b) for a in range(len(NODES)) for b in range(a)]
@@ -281,7 +278,7 @@ def test_permutations_of_different_nodes():
     assert np.array_equal(hashed[:, 5], hashed[:, 6])
 
 
-@pytest.mark.parametrize("name", ["owen", "owen_exact"])
+@pytest.mark.parametrize("name", ["owen", *slow("owen_exact")])
 def test_any_two_points_are_as_after_nested_uniform_scrambling(name):
     """Digits behind those that two points share: distinct pairs where they part, all pairs later."""
     digit, _ = over_keys(SCRAMBLINGS[name])
@@ -296,7 +293,7 @@ def test_any_two_points_are_as_after_nested_uniform_scrambling(name):
 
 
 @scramblings
-@pytest.mark.parametrize("count", [21, pytest.param(24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [21, *slow(24)])
 def test_zeros_behind_the_digits_are_scrambled(scramble, count):
     """What follows is uniform; for Owen's, another one for each point. Tables of the hash hold 24 digits."""
     tails = over_keys(scramble)[1] * 3.0**count % 1
@@ -406,10 +403,8 @@ def excess(outcomes, number):
     return (chi_square - (number - 1)) / np.sqrt(2 * (number - 1))
 
 
-@pytest.mark.parametrize("name", [pytest.param("owen", marks=pytest.mark.slow), "owen_exact"])
-@pytest.mark.parametrize(
-    "base", [5, pytest.param(7, marks=pytest.mark.slow), pytest.param(11, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("name", [*slow("owen"), "owen_exact"])
+@pytest.mark.parametrize("base", [5, *slow(7, 11)])
 def test_joint_digits_of_pairs_are_uniform(name, base):
     """Where two points part, all pairs of different digits are equally likely, whatever comes before."""
     first_digits = joint_digits(SCRAMBLINGS[name], base, [0, 1], [(0, 0), (1, 0)])
@@ -420,7 +415,7 @@ def test_joint_digits_of_pairs_are_uniform(name, base):
     assert excess(apart, base**2) < 5
 
 
-@pytest.mark.parametrize("base", [2, 3, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("base", [2, 3, *slow(5)])
 def test_joint_digits_of_exactly_scrambled_triples_are_uniform(base):
     """Three points of which two share the first digit, and three that part at once."""
     scramble = sequences.owen_exact

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from analysis import error_spectrum, radial_average
 from qmcjax import orders, samplers, sequences
 from qmcjax.orders._hierarchy import permuted
 
@@ -442,9 +441,3 @@ def chi_squared(numbers, count):
 def reversed_bits(number, digits):
     """Return a number with its binary digits backwards."""
     return int(f"{number:0{digits}b}"[::-1], 2)
-
-
-def low_power(errors):
-    """Return the mean radial power of an image below 1/16 of a cycle per pixel, 1 for white noise."""
-    frequency, power = radial_average(error_spectrum(errors, np.zeros_like(errors)))
-    return power[frequency < len(errors) / 16].mean()

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from tables import boxes, first, is_net, low_power, points_of, refuses
+from tables import boxes, first, is_net, points_of, refuses
 
+from analysis import error_spectrum, radial_average
 from analysis.tables.make_blue_noise import void_and_cluster
 from qmcjax import samplers, sequences
 
@@ -29,6 +30,12 @@ def image(sampler, side, spp, dims=(0, 1), start=0):
 
 def words(points):
     return (points * 2.0**32).astype(np.uint32)
+
+
+def low_power(errors):
+    """Return the mean radial power of an image below 1/16 of a cycle per pixel, 1 for white noise."""
+    frequency, power = radial_average(error_spectrum(errors, np.zeros_like(errors)))
+    return power[frequency < len(errors) / 16].mean()
 
 
 def test_masks_have_every_value_once():

@@ -2,7 +2,8 @@
 
 import socket
 from collections.abc import Callable, Mapping
-from functools import partial
+from fractions import Fraction
+from functools import cache, partial
 from typing import Any
 
 import jax
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from qmcjax import orders, samplers, sequences
+from qmcjax.orders._hierarchy import permuted
 
 
 class Table(Mapping):
@@ -342,3 +344,100 @@ def free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
+
+
+def refuses(error, calls):
+    """Return a test that each call raises an error with the message before it."""
+
+    @pytest.mark.parametrize("message", calls)
+    def test(message):
+        with pytest.raises(error, match=message):
+            calls[message]()
+
+    return test
+
+
+def pixels(width, height, spp=1, start=0):
+    """Return every x, y, sample of an image, pixel by pixel."""
+    shape = first(height), first(width), first(spp) + np.uint32(start)
+    y, x, sample = (jnp.asarray(a.ravel()) for a in np.meshgrid(*shape, indexing="ij"))
+    return x, y, sample
+
+
+@partial(jax.jit, static_argnames=("dims", "dtype"))
+def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
+    """Return points of samples, by one program instead of many small ones."""
+    with jax.enable_x64(True):
+        return sampler(x, y, sample, dims, dtype)
+
+
+@cache
+def permutations_of_4():
+    """Return the permutations of four by their numbers."""
+    every = jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4))
+    return np.asarray(permuted(*every)).tolist()
+
+
+def grammar(order):
+    """Return the root, the permutation of the children of a node, and the child, in Python integers."""
+
+    def triple32(word):
+        word = (word ^ word >> 17) * 0xED5AD4BB % 2**32
+        word = (word ^ word >> 11) * 0xAC4C1B51 % 2**32
+        word = (word ^ word >> 15) * 0x31848BAB % 2**32
+        return word ^ word >> 14
+
+    golden, numbered = 0x9E3779B9, permutations_of_4()
+    if hasattr(order, "seed"):
+        return (
+            int(order.seed),
+            lambda node: numbered[node * 24 >> 32],
+            lambda node, digit: triple32((node + (digit + 1) * golden) % 2**32),
+        )
+    if hasattr(order, "dim"):
+        mask = 0x55555555 * int(order.dim) % 2**32
+        return (
+            0,
+            lambda node: numbered[((node ^ mask) * golden % 2**32) * 24 >> 32],
+            lambda node, digit: (4 * node + digit) % 2**32,
+        )
+    production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
+    shift, letters = int(getattr(order, "shift", 0)), len(production)
+    return (
+        0,
+        lambda node: numbered[numbers[node]],
+        lambda node, digit: production[(node + shift) % letters][digit],
+    )
+
+
+def digit_count(base):
+    """Return the number of digits of an index."""
+    return next(k for k in range(33) if base**k >= 2**32)
+
+
+def reflected(index, base):
+    """Return phi_b as an exact fraction, Hilbert paper, Eq. 1."""
+    numerator, denominator = 0, 1
+    while index:
+        index, digit = divmod(index, base)
+        numerator, denominator = numerator * base + digit, denominator * base
+    return Fraction(numerator, denominator)
+
+
+def compositions(total, parts):
+    """Return all tuples of numbers from 0 on with a sum."""
+    if parts == 1:
+        return [(total,)]
+    return [(d, *rest) for d in range(total + 1) for rest in compositions(total - d, parts - 1)]
+
+
+def chi_squared(numbers, count):
+    """Return by how many standard deviations chi-squared is off its mean."""
+    expected = len(numbers) / count
+    statistic = ((np.bincount(numbers, minlength=count) - expected) ** 2 / expected).sum()
+    return abs(statistic - (count - 1)) / np.sqrt(2 * (count - 1))
+
+
+def reversed_bits(number, digits):
+    """Return a number with its binary digits backwards."""
+    return int(f"{number:0{digits}b}"[::-1], 2)

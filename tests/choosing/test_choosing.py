@@ -12,7 +12,7 @@ from scipy.stats import ttest_1samp, ttest_rel
 
 import qmcjax as qj
 from analysis.tables import make_recommendations
-from qmcjax import choosing, samplers, scenes, sequences
+from qmcjax import choosing, samplers, scenes
 
 TABLE = Path(choosing.__file__).parent / "_data" / "recommendations.csv"
 
@@ -197,32 +197,6 @@ def test_candidates_have_the_dimensions_that_they_are_made_for(name):
             sampler = samplers.as_sampler("sampler", candidate.make(dims, 16, 8, 4, 1))
             assert sampler.dims >= dims
             sampler.check(16, 8, 4)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ((1, 4), ValueError, r"needs must be an integer in \[2, 250\], got 1"),
-        ((251, 4), ValueError, r"needs must be an integer in \[2, 250\], got 251"),
-        ((2.0, 4), TypeError, "needs must be a scene, the names of its dimensions or how many there are"),
-        (("x", 4), TypeError, "needs must be a scene"),
-        ((("x",), 4), ValueError, r"needs must be an integer in \[2, 250\], got 1"),
-        ((sequences.sobol(2), 4), TypeError, "needs must be a scene"),
-        ((scenes.disc, 4), TypeError, "needs must be a scene"),
-        ((2, 0), ValueError, r"spp must be an integer in \[1, "),
-        ((2, 4, 1), TypeError, "smooth must be True or False, got 1"),
-    ],
-)
-def test_errors(arguments, error, message):
-    with pytest.raises(error, match=message):
-        qj.recommend(*arguments)
-
-
-def test_errors_of_keywords_and_sizes():
-    with pytest.raises(ValueError, match="width must be"):
-        qj.recommend(2, 4).sampler(0, 8, 1)
-    with pytest.raises(TypeError, match="key must be"):
-        qj.recommend(2, 4).sampler(8, 8, "one")
 
 
 @pytest.mark.slow

@@ -2,12 +2,9 @@
 
 import math
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from qmcjax.core import bits
 
@@ -52,28 +49,6 @@ def test_hash_word_is_a_bijection_with_avalanche():
         flipped = np.asarray(bits.hash_word(jnp.asarray(WORDS ^ np.uint32(1 << k))))
         rate = digits(base ^ flipped).mean(axis=0)
         assert np.all(np.abs(rate - 0.5) < 5 * 0.5 / np.sqrt(len(WORDS)))
-
-
-@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(0, 31))
-def test_owen_hash_is_nested(word, seed, k):
-    """The first k digits of the result depend on the first k digits of the argument only, one to one."""
-    other = word ^ (1 << k)
-    a, b = (int(bits.owen_hash(jnp.uint32(w), jnp.uint32(seed))) for w in (word, other))
-    below = (1 << k) - 1
-    assert (a ^ b) & below == 0
-    assert (a ^ b) >> k & 1 == 1
-
-
-def test_owen_hash_flips_a_digit_by_the_digits_before_it():
-    """Digit 1 is flipped by a coin that depends on digit 0, unlike in a digital shift."""
-    seeds = jax.random.bits(jax.random.key(5), (4000,), jnp.uint32)
-    flips = [
-        (bits.owen_hash(jnp.uint32(node), seeds) ^ jnp.uint32(node)) >> 1 & jnp.uint32(1) for node in (0, 1)
-    ]
-    coins = np.array(flips, float)
-    bound = 5 * 0.5 / np.sqrt(4000)
-    assert np.all(np.abs(coins.mean(axis=1) - 0.5) < bound)
-    assert abs((coins[0] != coins[1]).mean() - 0.5) < bound
 
 
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])

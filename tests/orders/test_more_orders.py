@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import first
+from tables import first, grammar, permutations_of_4
 
 from qmcjax import orders
 from qmcjax.core.thue_morse import factors as art_factors
-from qmcjax.orders._hierarchy import _MATRICES, permuted, unpermuted
+from qmcjax.orders._hierarchy import _MATRICES, unpermuted
 from qmcjax.orders._lookup_tree import LookupTree, art_production
 
 VARIANTS = {
@@ -22,7 +22,7 @@ VARIANTS = {
     "art": partial(orders.scrambled_morton, variant="art"),
 }
 each_variant = pytest.mark.parametrize("make", VARIANTS.values(), ids=VARIANTS.keys())
-HIERARCHICAL = {"accordion": orders.accordion, "moore": orders.moore} | {
+HIERARCHICAL = {name: getattr(orders, name) for name in ("accordion", "hilbert", "moore", "morton")} | {
     name: partial(make, key=3) for name, make in VARIANTS.items()
 }
 HIERARCHICAL["optimized"] = partial(orders.optimized, spp=1, key=3)
@@ -90,40 +90,25 @@ def test_peano_equals_its_grammar(k):
     assert np.array_equal(pixels(orders.peano(3**k, 3**k)), curve)
 
 
-@pytest.mark.parametrize("side", [1, 2, 512])
-def test_moore_takes_unit_steps_and_closes(side):
-    curve = pixels(orders.moore(side, side))
-    assert np.array_equal(positions(orders.moore(side, side))[curve[:, 1], curve[:, 0]], first(side**2))
-    steps = np.abs(np.diff(curve, axis=0, append=curve[:1])).sum(axis=1)
-    assert np.all(steps == (1 if side > 1 else 0))
+MAX = orders.MAX_SIDE
+CONTINUOUS = [
+    *((orders.hilbert, side, lambda n: (n - 1, 0)) for side in (2, 4, 8, 16, 512, MAX)),
+    *((orders.moore, side, lambda n: (1, 0)) for side in (2, 512, MAX)),
+    *((orders.peano, side, lambda n: (n - 1, n - 1)) for side in (3, 729, orders.PEANO_SIDE)),
+]
 
 
-@pytest.mark.parametrize("side", [3, 729])
-def test_peano_takes_unit_steps_between_opposite_corners(side):
-    curve = pixels(orders.peano(side, side))
-    assert np.array_equal(positions(orders.peano(side, side))[curve[:, 1], curve[:, 0]], first(side**2))
-    assert np.all(np.abs(np.diff(curve, axis=0)).sum(axis=1) == 1)
-    assert curve[[0, -1]].tolist() == [[0, 0], [side - 1, side - 1]]
-
-
-@pytest.mark.parametrize(
-    ("make", "side"), [(orders.moore, orders.MAX_SIDE), (orders.peano, orders.PEANO_SIDE)]
-)
-def test_unit_steps_at_the_largest_size(make, side):
-    order = make(side, side)
-    assert order.raster == (side, side)
-    start = np.random.default_rng(1).integers(0, side**2 - 1, 20000).astype(np.uint32)
-    start[:2] = [0, side**2 - 2]
+@pytest.mark.parametrize(("make", "side", "end"), CONTINUOUS)
+def test_steps_go_to_neighbours(make, side, end):
+    """From one corner to another; around and back to the pixel beside the first on Moore's curve."""
+    order, last = make(side, side), side**2 - 1
+    assert (order.raster, order.length) == ((side, side), side**2)
+    start = np.random.default_rng(1).integers(0, last, 20000) if side > 1000 else np.arange(last)
+    start = np.append(start, [0, last - 1]).astype(np.uint32)
     pixel = jax.jit(lambda o, p: jnp.stack(o.pixel(p)))
     here, there = (np.asarray(pixel(order, p)).astype(np.int64) for p in (start, start + np.uint32(1)))
     assert np.all(np.abs(here - there).sum(axis=0) == 1)
-    if make is orders.moore:
-        first_pixel, last_pixel = here[:, 0], there[:, 1]
-        assert np.abs(first_pixel - last_pixel).sum() == 1
-
-
-def test_peano_refuses_sides_beyond_32_bits():
-    assert orders.peano(1, 59049).length == 3**20
+    assert (there[:, -1] - here[:, -2]).tolist() == list(end(side))
 
 
 @pytest.mark.parametrize("make", HIERARCHICAL.values(), ids=HIERARCHICAL.keys())
@@ -146,54 +131,12 @@ def test_aligned_blocks_hold_aligned_runs(make):
     assert np.all((here ^ there) >> (2 * k) == 0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("make", HIERARCHICAL.values(), ids=HIERARCHICAL.keys())
-def test_bijection(make):
-    """All of 512 x 512 pixels, and some of 65536 x 65536, go to a position of their own and back."""
-    order = make(512, 512)
-    curve = pixels(order)
-    assert len(np.unique(curve[:, 0] + 512 * curve[:, 1])) == 512**2
-    assert np.array_equal(positions(order)[curve[:, 1], curve[:, 0]], first(512**2))
-    position = np.random.default_rng(4).integers(0, 2**32, 10**5, dtype=np.uint32)
-    there_and_back = jax.jit(lambda o, p: o.position(*o.pixel(p)))
-    assert np.array_equal(there_and_back(make(2**16, 2**16), position), position)
-
-
-NUMBERS = np.asarray(permuted(*jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4))))
-
-
 def test_numbers_are_all_permutations_and_invertible():
     assert len(_MATRICES) == 6
-    assert sorted(map(tuple, NUMBERS)) == list(permutations(range(4)))
+    numbers = permutations_of_4()
+    assert sorted(map(tuple, numbers)) == list(permutations(range(4)))
     number, digit = np.broadcast_arrays(first(24)[:, None], first(4))
-    assert np.array_equal(unpermuted(jnp.asarray(number), jnp.asarray(NUMBERS)), digit)
-
-
-def triple32(word):
-    word = (word ^ word >> 17) * 0xED5AD4BB % 2**32
-    word = (word ^ word >> 11) * 0xAC4C1B51 % 2**32
-    word = (word ^ word >> 15) * 0x31848BAB % 2**32
-    return word ^ word >> 14
-
-
-def grammar(order):
-    """Root, number of a node's permutation, and child, in Python integers."""
-    if hasattr(order, "seed"):
-        golden = 0x9E3779B9
-        return (
-            int(order.seed),
-            lambda node: node * 24 >> 32,
-            lambda node, digit: triple32((node + (digit + 1) * golden) % 2**32),
-        )
-    if hasattr(order, "dim"):
-        alpha, mask = int((GOLDEN_RATIO - 1) * 2**32), 0x55555555 * int(order.dim) % 2**32
-        return (
-            0,
-            lambda node: ((node ^ mask) * alpha % 2**32) * 24 >> 32,
-            lambda node, digit: 4 * node + digit,
-        )
-    production, numbers = np.asarray(order.production), np.asarray(order.permutations)
-    return 0, lambda node: int(numbers[node]), lambda node, digit: int(production[node, digit])
+    assert np.array_equal(unpermuted(jnp.asarray(number), jnp.asarray(np.uint32(numbers))), digit)
 
 
 @each_variant
@@ -205,7 +148,7 @@ def test_scrambled_morton_equals_its_recursion(make):
     def curve(node, x, y, side):
         if side == 1:
             return [(x, y)]
-        place = NUMBERS[permutation(node)].tolist()
+        place = permutation(node)
         drawn = []
         for digit in sorted(range(4), key=place.__getitem__):
             half = side // 2
@@ -434,43 +377,9 @@ def test_art_repeats_no_letter_within_its_bound():
     assert nearest_repetition(letters(random, 0, 6), 25) < 12
 
 
-@each_variant
-def test_a_new_key_gives_a_new_order_without_a_new_trace(make):
-    traces = []
-
-    @jax.jit
-    def position(order, x):
-        traces.append(1)
-        return order.position(x, x)
-
-    x = jnp.asarray(first(64))
-    a, b = position(make(64, 64, 0), x), position(make(64, 64, jax.random.key(1)), x)
-    assert len(traces) == 1
-    assert np.mean(a == b) < 0.2
-
-
-@each_variant
-def test_vmap_over_keys_equals_a_loop(make):
-    def pixel(key, position):
-        return jnp.stack(make(4, 4, key).pixel(position))
-
-    keys, position = jax.random.split(jax.random.key(0), 2), jnp.asarray(first(16))
-    together = jax.jit(jax.vmap(pixel, in_axes=(0, None)))(keys, position)
-    assert np.array_equal(together, [pixels(make(4, 4, key)).T for key in keys])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"key": 1, "variant": "tree", "alphabet": 0}, r"alphabet must be an integer in \[1, 65536\], got 0"),
-    ],
-)
-def test_bad_scramblings_are_named(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        orders.scrambled_morton(4, 4, **arguments)
-
-
 def test_bad_codes_are_named():
+    with pytest.raises(ValueError, match=r"alphabet must be an integer in \[1, 65536\], got 0"):
+        orders.scrambled_morton(4, 4, 1, "tree", 0)
     order = orders.scrambled_morton(4, 4, 1)
     with pytest.raises(ValueError, match=r"digits must be an integer in \[0, 16\], got 17"):
         order.scrambled(0, 17)

@@ -157,8 +157,6 @@ def test_errors_are_smaller_after_the_filter_than_those_of_drawn_orders(spp):
     assert np.mean(ratios) + 5 * standard_error < 1 and np.mean(ratios) < MARGIN, np.mean(ratios)
 
 
-# -- the search, which needs Numba
-
 make = pytest.importorskip("analysis.tables.make_optimized_orders", exc_type=ImportError)
 
 

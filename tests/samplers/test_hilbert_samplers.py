@@ -2,45 +2,19 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
-from itertools import pairwise, product
+from itertools import product
 from math import prod
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net
+from tables import first, is_net, pixels, points_of, reflected, refuses
 
 import qmcjax as qj
 from qmcjax import orders, samplers, sequences
 
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
-
-
-def every(side, spp, start=0):
-    """Every x, y, sample of a square image, pixel by pixel."""
-    y, x, sample = np.meshgrid(first(side), first(side), first(spp) + np.uint32(start), indexing="ij")
-    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
-
-
-@partial(jax.jit, static_argnames=("dims", "dtype"))
-def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
-    """One program instead of many small ones."""
-    with jax.enable_x64(True):
-        return sampler(x, y, sample, dims, dtype)
-
-
-def inverse(number, base):
-    """phi_b as an exact fraction, Eq. 1."""
-    value, place = Fraction(0), Fraction(1, base)
-    while number:
-        number, digit = divmod(number, base)
-        value, place = value + digit * place, place / base
-    return value
-
-
-# -- components
 
 
 @pytest.mark.parametrize("seq", [sequences.owen(sequences.sobol(4), 7), HALTON])
@@ -64,63 +38,6 @@ def test_many_components_of_a_long_run():
     chosen = sequences.components(seq, tuple(range(11, 0, -1)))
     assert np.array_equal(chosen.points(8192), seq.points(8192)[:, :0:-1])
     assert sequences.components(sequences.hammersley_net(3), (1,)).size == 8
-
-
-# -- which point goes where
-
-
-def plain_index(j, s, length, spp):
-    before = s // spp * spp
-    return before * length + j * spp + s - before
-
-
-def doubling_index(j, s, length, spp):
-    before, count = 0, spp
-    while s >= before + count:
-        before, count = before + count, before + count
-    return before * length + j * count + s - before
-
-
-def partitioned_index(j, s, length, _):
-    return s * length + j
-
-
-def exact_index(base):
-    return lambda j, s, length, _: s * length + int(inverse(j, base) * length)
-
-
-NARROW = sequences.digital(SOBOL.matrices)
-"""The same without 64-bit indices."""
-FEW = sequences.components(NARROW, (1,))
-CASES = {
-    "segments": (lambda o: samplers.segments(o, FEW, 3), plain_index, 3),
-    "segments, doubling": (lambda o: samplers.segments(o, FEW, 3, doubling=True), doubling_index, 3),
-    "partitioned": (lambda o: samplers.partitioned(o, NARROW), partitioned_index, 1),
-    "partitioned, exact": (lambda o: samplers.partitioned(o, NARROW, exact=True), exact_index(2), 1),
-}
-"""What they have in common: coordinate 0 is the second of Sobol', which is different for all indices."""
-
-
-@pytest.mark.parametrize("case", CASES, ids=CASES)
-@pytest.mark.parametrize("side", [pytest.param(5, marks=pytest.mark.slow), 8192])
-def test_index_is_that_of_the_text(case, side):
-    """Against Python integers, up to the last index below 2**32."""
-    make, index_of, spp = CASES[case]
-    order = orders.hilbert(side, side)
-    sampler = make(order)
-    limit = sampler.most
-    rng = np.random.default_rng(3)
-    x, y = (jnp.asarray(rng.integers(0, side, 256, dtype=np.uint32)) for _ in range(2))
-    sample = rng.integers(0, limit, 256, dtype=np.uint32)
-    sample[:2] = [0, limit - 1]
-    position = order.position(x, y)
-    index = [index_of(int(j), int(s), order.length, spp) for j, s in zip(position, sample, strict=True)]
-    assert max(index) < 2**32
-    expected = SOBOL(jnp.asarray(np.array(index, np.uint32)), (1,), jnp.float64)
-    assert np.array_equal(points_of(sampler, x, y, jnp.asarray(sample), (0,)), expected)
-    sampler.check(side, side, limit)
-    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
-        sampler.check(side, side, limit + 1)
 
 
 @pytest.mark.parametrize(
@@ -160,18 +77,6 @@ def test_exact_partition_is_by_the_leading_digits_of_the_component(order, seq, c
         assert np.array_equal(exact[j], points[part == j][:, left])
 
 
-@pytest.mark.parametrize("case", CASES, ids=CASES)
-def test_all_pixels_together_have_the_first_points(case):
-    sampler = CASES[case][0](orders.hilbert(8, 8))
-    drawn = np.asarray(points_of(sampler, *every(8, 6), (0,)))
-    assert np.array_equal(
-        np.sort(drawn, axis=0), np.sort(SOBOL.points(384, dtype=jnp.float64)[:, 1:], axis=0)
-    )
-
-
-# -- how uniform that is
-
-
 def words(sampler, *args, dims=(0, 1)):
     return (np.asarray(points_of(sampler, *args, dims)) * 2.0**32).astype(np.uint32)
 
@@ -180,13 +85,13 @@ def test_doubling_iterations_are_nets():
     """Of each pixel, each quadrant and the image; but two iterations of one pixel together are none."""
     sampler = samplers.segments(orders.hilbert(8, 8), SOBOL, 2, doubling=True)
     for before, count in ((0, 2), (2, 2), (4, 4), (8, 8)):
-        bits = words(sampler, *every(8, count, before)).reshape(8, 8, count, 2)
+        bits = words(sampler, *pixels(8, 8, count, before)).reshape(8, 8, count, 2)
         log = count.bit_length() - 1
         assert is_net(bits.reshape(-1, 2), 6 + log)
         assert all(is_net(bits[i : i + 4, j : j + 4].reshape(-1, 2), 4 + log) for i in (0, 4) for j in (0, 4))
         assert all(is_net(pixel, log) for row in bits for pixel in row)
-        assert is_net(words(sampler, *every(8, before + count)), 6 + (before + count).bit_length() - 1)
-    together = words(sampler, *every(8, 4)).reshape(64, 4, 2)
+        assert is_net(words(sampler, *pixels(8, 8, before + count)), 6 + (before + count).bit_length() - 1)
+    together = words(sampler, *pixels(8, 8, 4)).reshape(64, 4, 2)
     assert not any(is_net(pixel, 2) for pixel in together)
 
 
@@ -212,31 +117,12 @@ def test_a_component_that_is_not_co_prime_to_the_curve_never_fills_a_pixel():
 def test_partitions_of_a_zero_sequence_are_zero_sequences():
     """Faure in base 3 along Peano: aligned blocks of 3**k points of a pixel are (0,k,2)-nets in base 3."""
     sampler = samplers.partitioned(orders.peano(9, 9), sequences.faure(3))
-    points = np.asarray(points_of(sampler, *every(9, 54))).reshape(81, 54, 2) + 1e-9
+    points = np.asarray(points_of(sampler, *pixels(9, 9, 54))).reshape(81, 54, 2) + 1e-9
     for k in (1, 2, 3):
         for block in (points[:, : 3**k], points[:, 3**k : 2 * 3**k]):
             for i in range(k + 1):
                 cells = np.floor(block * (3**i, 3 ** (k - i))) @ (3 ** (k - i), 1)
                 assert np.array_equal(np.sort(cells, axis=1), np.tile(np.arange(3**k), (81, 1)))
-
-
-CONSISTENT = {
-    "segments": lambda o: samplers.segments(o, sequences.components(sequences.halton(5), (1, 2, 3, 4)), 1),
-    "segments, doubling": lambda o: samplers.segments(o, sequences.sobol(4), 1, doubling=True),
-    "partitioned": lambda o: samplers.partitioned(o, sequences.halton(5, "faure_lemieux")),
-    "partitioned, exact": lambda o: samplers.partitioned(o, sequences.sobol(5), exact=True),
-    "shifted": lambda o: samplers.shifted(o, HALTON, sequences.lattice(4)),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("make", CONSISTENT.values(), ids=CONSISTENT.keys())
-def test_errors_go_to_zero(make):
-    """In every pixel, faster than those of random samples; where a component is stuck, they do not."""
-    sampler = make(orders.hilbert(8, 8))
-    errors = [np.abs(qj.render(Product(), sampler, 8, 8, spp) - 0.25).max() for spp in (1, 16, 256, 4096)]
-    assert all(later < earlier / 3 for earlier, later in pairwise(errors))
-    assert errors[-1] < 0.22 / 64
 
 
 @pytest.mark.slow
@@ -247,9 +133,6 @@ def test_errors_of_a_stuck_component_stay():
     assert np.sqrt(np.mean(error**2)) > 0.1
 
 
-# -- shifts
-
-
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 @pytest.mark.parametrize("name", ["halton shifts lattice", "sobol shifts lattice", "halton shifts halton"])
 def test_shifts_are_exact(name, dtype):
@@ -258,7 +141,7 @@ def test_shifts_are_exact(name, dtype):
     shifts = sequences.sobol(4) if name.startswith("sobol") else HALTON
     seq = sequences.halton(3) if name.endswith("halton") else sequences.lattice(3)
     sampler = samplers.shifted(order, shifts, seq)
-    x, y, sample = (a[:256] for a in every(9, 4))
+    x, y, sample = (a[:256] for a in pixels(9, 9, 4))
     drawn = np.asarray(points_of(sampler, x, y, sample, dims, dtype))
     position = order.position(x, y)
     binary = sequences.BinarySequence
@@ -268,39 +151,16 @@ def test_shifts_are_exact(name, dtype):
     for i, (j, s) in enumerate(zip(position.tolist(), sample.tolist(), strict=True)):
         for value, d in zip(drawn[i], dims, strict=True):
             base = (2, 3, 5)[d]
-            offset = int(inverse(j, base) * 2**32) if shift_bits is None else int(shift_bits[i, d])
+            offset = int(reflected(j, base) * 2**32) if shift_bits is None else int(shift_bits[i, d])
             offset = Fraction(offset, 2**32)
             if seq_bits is None:
-                exact = (inverse(s, base) + offset) % 1
+                exact = (reflected(s, base) + offset) % 1
                 assert abs(Fraction(float(value)) - exact) <= Fraction(1, 2**bits)
             else:
                 exact = (Fraction(int(seq_bits[i, d]), 2**32) + offset) % 1
                 kept = min(bits, 32)
                 assert Fraction(float(value)) == Fraction(int(exact * 2**kept), 2**kept)
             assert 0 <= value < 1
-
-
-# -- what is not wanted
-
-
-@pytest.mark.parametrize("case", ["segments", "partitioned", "shifted"])
-def test_only_wanted_dimensions_are_computed(case):
-    order = orders.hilbert(32, 32)
-
-    def operations(dims):
-        seq = sequences.halton(dims)
-        if case == "shifted":
-            sampler = samplers.shifted(order, seq, sequences.lattice(dims))
-        elif case == "segments":
-            sampler = samplers.segments(order, seq, 2, doubling=True)
-        else:
-            sampler = samplers.partitioned(order, seq, exact=True)
-        return len(jax.make_jaxpr(lambda x, y, s: sampler(x, y, s, (0, 1)))(*every(2, 2)).eqns)
-
-    assert operations(9) == operations(3)
-
-
-# -- passes
 
 
 def owen_pass(key):
@@ -322,7 +182,7 @@ def test_samples_of_a_pass_are_those_of_its_sampler():
     """In any order, of many passes at once; passes and keys differ."""
     sampler = samplers.randomized(owen_pass, key=5)
     assert (sampler.spp, sampler.dims) == (2, 4)
-    x, y, sample = every(4, 11)
+    x, y, sample = pixels(4, 4, 11)
     drawn = np.asarray(points_of(sampler, x, y, sample, (3, 1)))
     for k in range(6):
         of_pass = np.asarray(points_of(sampler.of_pass(k), x, y, sample % np.uint32(2), (3, 1)))
@@ -389,18 +249,6 @@ def test_a_new_pass_or_key_compiles_nothing():
     start = len(traces)
     qj.render_passes(scene, samplers.randomized(owen_pass, key=1), 4, 4, 5)
     assert len(traces) == start
-
-    sampled = []
-
-    @jax.jit
-    def points(sampler):
-        sampled.append(1)
-        return sampler(*every(4, 4))
-
-    assert not np.any(
-        points(samplers.randomized(owen_pass, key=0)) == points(samplers.randomized(owen_pass, key=1))
-    )
-    assert len(sampled) == 1
 
 
 @jax.tree_util.register_dataclass
@@ -470,68 +318,51 @@ def test_the_criterion_stops_where_it_holds():
     assert qj.render_passes(Doubled(), Prescribed(values), 1, 1, 3, tolerance=1e-6).passes == 3
 
 
-# -- bad input
-
 HILBERT = orders.hilbert(8, 8)
+FEW = sequences.digital(SOBOL.matrices[1:])
 LOWER = sequences.digital(np.stack([np.uint32(2**32 - 1) >> first(32), SOBOL.matrices[1]]))
 """Lower triangular: the leading digits repeat, but are no reflected ones."""
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: sequences.components(HALTON, (0, 4)), r"dims must be an integer in \[0, 3\], got 4"),
-        (lambda: sequences.components(HALTON, (1, 2, 1)), r"dims must be different .* got \(1, 2, 1\)"),
-        (lambda: samplers.segments(HILBERT, FEW, 2**26 + 1), "spp must be at most 67108864: .* got 67108865"),
-        (
-            lambda: samplers.segments(HILBERT, FEW, 4).check(8, 9, 1),
-            "width, height must be the order's 8 x 8, got 8 x 9",
+test_bad_input_is_named = refuses(
+    ValueError,
+    {
+        r"dims must be an integer in \[0, 3\], got 4": lambda: sequences.components(HALTON, (0, 4)),
+        r"dims must be different .* got \(1, 2, 1\)": lambda: sequences.components(HALTON, (1, 2, 1)),
+        "spp must be at most 67108864: .* got 67108865": lambda: samplers.segments(HILBERT, FEW, 2**26 + 1),
+        "width, height must be the order's 8 x 8, got 8 x 9": lambda: samplers.segments(
+            HILBERT, FEW, 4
+        ).check(8, 9, 1),
+        "order.length must be a power of 3, the base of component=1, got 64": lambda: samplers.partitioned(
+            HILBERT, HALTON, 1
         ),
-        (
-            lambda: samplers.partitioned(HILBERT, HALTON, 1),
-            "order.length must be a power of 3, the base of component=1, got 64",
+        r"got order.length=24 and the bases \(2, 3, 5, 7\)": lambda: samplers.partitioned(
+            orders.raster(6, 4), HALTON
         ),
-        (
-            lambda: samplers.partitioned(orders.raster(6, 4), HALTON),
-            r"got order.length=24 and the bases \(2, 3, 5, 7\)",
+        "component=0 of LatticeSequence": lambda: samplers.partitioned(HILBERT, sequences.lattice(2), 0),
+        "component=0 of Gray": lambda: samplers.partitioned(HILBERT, sequences.gray(SOBOL), 0),
+        r"component must be .* \[0, 3\], got 4": lambda: samplers.partitioned(HILBERT, HALTON, 4),
+        "exact must be False .* got exact=True, component=0 of Owen": lambda: samplers.partitioned(
+            HILBERT, sequences.owen(SOBOL, 1), exact=True
         ),
-        (lambda: samplers.partitioned(HILBERT, sequences.lattice(2), 0), "component=0 of LatticeSequence"),
-        (lambda: samplers.partitioned(HILBERT, sequences.gray(SOBOL), 0), "component=0 of Gray"),
-        (lambda: samplers.partitioned(HILBERT, HALTON, 4), r"component must be .* \[0, 3\], got 4"),
-        (
-            lambda: samplers.partitioned(HILBERT, sequences.owen(SOBOL, 1), exact=True),
-            "exact must be False .* got exact=True, component=0 of Owen",
+        "exact must be False .* got exact=True, component=0 of Digital": lambda: samplers.partitioned(
+            HILBERT, LOWER, exact=True
         ),
-        (
-            lambda: samplers.partitioned(HILBERT, LOWER, exact=True),
-            "exact must be False .* got exact=True, component=0 of Digital",
+        "order.length must be at most the sequence's 16 points, got 64": lambda: samplers.partitioned(
+            HILBERT, sequences.hammersley_net(4)
         ),
-        (
-            lambda: samplers.partitioned(HILBERT, sequences.hammersley_net(4)),
-            "order.length must be at most the sequence's 16 points, got 64",
+        "shifts must have at least the sequence's 4 dims, got 2": lambda: samplers.shifted(
+            HILBERT, sequences.halton(2), HALTON
         ),
-        (
-            lambda: samplers.shifted(HILBERT, sequences.halton(2), HALTON),
-            "shifts must have at least the sequence's 4 dims, got 2",
+        "shifts must have a point for each of the curve's 64 positions, got 16": lambda: samplers.shifted(
+            HILBERT, sequences.hammersley_net(4), SOBOL
         ),
-        (
-            lambda: samplers.shifted(HILBERT, sequences.hammersley_net(4), SOBOL),
-            "shifts must have a point for each of the curve's 64 positions, got 16",
+        "spp must be at most 16 .* got 17": lambda: samplers.shifted(
+            HILBERT, SOBOL, sequences.hammersley_net(4)
+        ).check(8, 8, 17),
+        "spp must be given, since Independent has none": lambda: samplers.randomized(
+            lambda key: samplers.independent(SOBOL, key), 0
         ),
-        (
-            lambda: samplers.shifted(HILBERT, SOBOL, sequences.hammersley_net(4)).check(8, 8, 17),
-            "spp must be at most 16 .* got 17",
-        ),
-        (
-            lambda: samplers.randomized(lambda key: samplers.independent(SOBOL, key), 0),
-            "spp must be given, since Independent has none",
-        ),
-        (
-            lambda: samplers.randomized(owen_pass, 0, spp=3).check(4, 4, 30),
-            "spp must be at most 2 .* got 3",
-        ),
-    ],
+        "spp must be at most 2 .* got 3": lambda: samplers.randomized(owen_pass, 0, spp=3).check(4, 4, 30),
+    },
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first
+from tables import few, first, pixels, points_of, reflected, reversed_bits, slow
 
 import analysis
 import qmcjax as qj
@@ -16,33 +16,8 @@ from qmcjax import orders, samplers, scenes, sequences
 SOBOL = sequences.sobol(5)
 
 
-@partial(jax.jit, static_argnames=("dims", "dtype"))
-def points_of(sampler, x, y, sample, dims=(0, 1), dtype=jnp.float64):
-    """One program instead of many small ones."""
-    with jax.enable_x64(True):
-        return sampler(x, y, sample, dims, dtype)
-
-
-def some(names, default):
-    """Run these by default, and the others with the slow tests."""
-    params = [pytest.param(name, marks=() if name in default else pytest.mark.slow) for name in names]
-    return pytest.mark.parametrize("name", params)
-
-
 def uint32(numbers):
     return jnp.asarray(np.array(numbers, np.uint64).astype(np.uint32))
-
-
-# -- 64-bit indices
-
-
-def reflected(index, base):
-    """phi_b as an exact fraction, Hilbert paper, Eq. 1."""
-    numerator, denominator = 0, 1
-    while index:
-        index, digit = divmod(index, base)
-        numerator, denominator = numerator * base + digit, denominator * base
-    return Fraction(numerator, denominator)
 
 
 def joe_kuo(degree, coefficients, initial):
@@ -109,11 +84,7 @@ WIDE = {
         0,
     ),
     "halton": (lambda: sequences.halton(3), halton_point, 2.0**-52),
-    "van_der_corput": (
-        lambda: sequences.van_der_corput(65536),
-        lambda i, _: reflected(i, 65536),
-        2.0**-52,
-    ),
+    "van_der_corput": (lambda: sequences.van_der_corput(65536), lambda i, _: reflected(i, 65536), 2.0**-52),
     "lattice": (lambda: sequences.lattice(4), lattice_point, 0),
     "xor": (
         lambda: XOR,
@@ -146,7 +117,7 @@ def beyond(sequence, high, low):
     return part(low, dims, jnp.float64), part(low, dims)
 
 
-@some(WIDE, ("sobol", "halton"))
+@pytest.mark.parametrize("name", few(WIDE, "sobol", "halton"))
 def test_points_of_64_bit_indices_are_those_of_python_integers(name):
     make, exact, bound = WIDE[name]
     sequence = make()
@@ -187,21 +158,20 @@ def test_scrambling_goes_on_beyond_32_bits(scramble):
     assert np.array_equal(found[:, 0], twice.bits(low, (0,))[:, 0])
 
 
-def segment_index(j, s, length, spp):
-    before = s // spp * spp
-    return before * length + j * spp + s - before
+def segment_index(j, s, length, _):
+    before = s // 3 * 3
+    return before * length + j * 3 + s - before
 
 
-def doubling_index(j, s, length, spp):
-    before, count = 0, spp
+def doubling_index(j, s, length, _):
+    before, count = 0, 3
     while s >= before + count:
         before, count = before + count, before + count
     return before * length + j * count + s - before
 
 
 def exact_index(j, s, length, _):
-    digits = length.bit_length() - 1
-    return s * length + int(f"{j:0{digits}b}"[::-1], 2)
+    return s * length + reversed_bits(j, length.bit_length() - 1)
 
 
 # How samplers are made for so many samples, the index of sample s of pixel j, and their first component.
@@ -213,28 +183,15 @@ LARGE = {
         segment_index,
         1,
     ),
-    "segments, doubling": (
-        lambda o, s, n: samplers.segments(o, s, 3, doubling=True),
-        doubling_index,
-        0,
-    ),
-    "partitioned": (
-        lambda o, s, n: samplers.partitioned(o, s),
-        lambda j, s, length, _: s * length + j,
-        1,
-    ),
-    "partitioned, exact": (
-        lambda o, s, n: samplers.partitioned(o, s, exact=True),
-        exact_index,
-        1,
-    ),
+    "segments, doubling": (lambda o, s, n: samplers.segments(o, s, 3, doubling=True), doubling_index, 0),
+    "partitioned": (lambda o, s, n: samplers.partitioned(o, s), lambda j, s, length, _: s * length + j, 1),
+    "partitioned, exact": (lambda o, s, n: samplers.partitioned(o, s, exact=True), exact_index, 1),
 }
 
 
-@some(LARGE, ("contiguous", "segments, doubling", "partitioned, exact"))
+@pytest.mark.parametrize("name", few(LARGE, "contiguous", "segments, doubling", "partitioned, exact"))
 @pytest.mark.parametrize(
-    ("side", "spp", "count"),
-    [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)],
+    ("side", "spp", "count"), [(2**13, 2**10, 10**4), pytest.param(2**16, 2**31, 300, marks=pytest.mark.slow)]
 )
 def test_64_bit_indices(name, side, spp, count):
     """8192 x 8192 pixels with 1024 samples, and the largest image, where N is 2**32."""
@@ -247,15 +204,44 @@ def test_64_bit_indices(name, side, spp, count):
     x[-1], y[-1], sample[-1] = side - 1, 0, spp - 1
     where = [uint32(a) for a in (x, y, sample)]
     position = np.asarray(order.position(*where[:2])).tolist()
-    given = 3 if name.startswith("segments") else spp
     words = np.asarray(points_of(sampler, *where, tuple(range(sampler.dims)))) * 2.0**32
     # Row i of Pascal's matrix modulo 2 has ones in the columns whose number contains the bits of i.
     rows = [sum(1 << k for k in range(i, 64) if i & ~k == 0) for i in range(32)]
     for j, s, word in zip(position, sample.tolist(), words.astype(np.uint32).tolist(), strict=True):
-        index = index_of(j, s, order.length, given)
+        index = index_of(j, s, order.length, spp)
         digits = "".join(str((row & index).bit_count() & 1) for row in rows)
-        assert word == [int(f"{index:064b}"[::-1], 2) >> 32, int(digits, 2)][component:]
+        assert word == [reversed_bits(index, 64) >> 32, int(digits, 2)][component:]
     sampler.check(side, side, spp)
+
+
+@pytest.mark.parametrize(
+    "name", few([name for name in LARGE if name != "contiguous"], "segments", "partitioned")
+)
+@pytest.mark.parametrize("side", [8192, *slow(5)])
+def test_32_bit_indices(name, side):
+    """Of a sequence without longer ones, up to the last index below 2**32."""
+    make, index_of, component = LARGE[name]
+    order = orders.hilbert(side, side)
+    sampler = make(order, sequences.digital(sequences.sobol(2).matrices), 0)
+    rng, limit = np.random.default_rng(3), sampler.most
+    x, y, sample = (uint32(np.append(rng.integers(0, n, 254), [0, n - 1])) for n in (side, side, limit))
+    numbers = zip(order.position(x, y).tolist(), sample.tolist(), strict=True)
+    index = [index_of(j, s, order.length, 0) for j, s in numbers]
+    assert max(index) < 2**32
+    dims = tuple(range(sampler.dims))
+    expected = sequences.sobol(2)(uint32(index), tuple(d + component for d in dims), jnp.float64)
+    assert np.array_equal(points_of(sampler, x, y, sample, dims), expected)
+    sampler.check(side, side, limit)
+    with pytest.raises(ValueError, match=f"spp must be at most {limit} .* got {limit + 1}"):
+        sampler.check(side, side, limit + 1)
+
+
+@pytest.mark.parametrize("name", few(LARGE, "segments, doubling"))
+def test_all_pixels_together_have_the_first_points(name):
+    sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(2), 6)
+    drawn = np.asarray(points_of(sampler, *pixels(8, 8, 6), (0,)))
+    expected = sequences.sobol(2).points(384, dtype=jnp.float64)[:, LARGE[name][2]]
+    assert np.array_equal(np.sort(drawn[:, 0]), np.sort(expected))
 
 
 BITS = {
@@ -268,7 +254,7 @@ BITS = {
 
 @pytest.mark.filterwarnings("ignore:component .* co-prime")
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-@some(BITS, ("halton", "sobol"))
+@pytest.mark.parametrize("name", few(BITS, "halton", "sobol"))
 @pytest.mark.parametrize("doubling", [False, True])
 def test_points_do_not_depend_on_the_bits_of_indices(name, doubling, dtype):
     """Traced sample numbers may be any; below a known number, 32 bits suffice: the same bits of points."""
@@ -290,7 +276,7 @@ def test_64_bits_begin_with_the_iteration_that_needs_them():
     assert sampler.up_to(51).short and not sampler.up_to(52).short
 
 
-@some([name for name in LARGE if name != "contiguous"], ("partitioned",))
+@pytest.mark.parametrize("name", few([name for name in LARGE if name != "contiguous"], "partitioned"))
 def test_64_bit_indices_end_with_sample_numbers_of_32_bits(name):
     sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(3), 0)
     limit = sampler.most
@@ -313,7 +299,7 @@ NARROW = {
 }
 
 
-@some(NARROW, ("faure", "permuted"))
+@pytest.mark.parametrize("name", few(NARROW, "faure", "permuted"))
 def test_sequences_without_64_bit_indices_are_refused(name):
     """Before anything is computed."""
     sequence = NARROW[name]()
@@ -343,7 +329,7 @@ AT_8192 = {
 }
 
 
-@some(AT_8192, ("full_screen, halton", "segments"))
+@pytest.mark.parametrize("name", few(AT_8192, "full_screen, halton", "segments"))
 def test_what_is_out_of_reach_is_refused(name):
     """Those of which the number of a pixel and of a sample make no common index have all samples."""
     sampler, limit = AT_8192[name]()
@@ -370,8 +356,6 @@ def test_a_joint_z_sampler_of_64_bit_indices():
         assert word == [float(digital(JOE_KUO, index, d)) for d in range(5)]
 
 
-# -- only wanted dimensions
-
 SMALL = orders.hilbert(8, 8)
 
 
@@ -393,7 +377,7 @@ OF_DIMS = {
     "contiguous, owen": lambda d: samplers.contiguous(SMALL, sequences.owen(sequences.sobol(d), 1), 4),
     "contiguous, halton": lambda d: samplers.contiguous(SMALL, sequences.halton(d), 4),
     "contiguous, two words": lambda d: samplers.contiguous(SMALL, sequences.sobol(d), 2**30),
-    "segments": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
+    "segments, doubling": lambda d: samplers.segments(SMALL, sequences.halton(d), 2, doubling=True),
     "segments, lattice": lambda d: samplers.segments(SMALL, sequences.lattice(d), 2),
     "partitioned": lambda d: samplers.partitioned(SMALL, sequences.halton(d + 1)),
     "partitioned, exact": lambda d: samplers.partitioned(SMALL, sequences.sobol(d + 1), exact=True),
@@ -409,7 +393,7 @@ OF_DIMS = {
 """All but ranked keys, which there are for four dimensions only."""
 
 
-@some(OF_DIMS, ("contiguous, owen", "dither"))
+@pytest.mark.parametrize("name", few(OF_DIMS, "contiguous, owen", "dither"))
 def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     """Operations in the lowered program; and no array in it has 32 coordinates of the 7 points."""
     where = (jnp.asarray(first(7)),) * 3
@@ -426,8 +410,6 @@ def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     assert OF_DIMS[name](32).dims == 32
     assert operations(OF_DIMS[name](32)) == operations(OF_DIMS[name](2)) + more
 
-
-# -- stratification
 
 SIDE = 16
 
@@ -446,7 +428,6 @@ ORDERS = {
     "scrambled": partial(orders.scrambled_morton, key=1),
 }
 LARCHER = sequences.larcher_pillichshammer()
-Z = partial(samplers.z, SIDE, SIDE, 8, 1, constituents=(1, 2))
 
 # Samplers, coordinates whose blocks are (0,m,2)-nets, and whether unions over aligned squares are.
 STRATIFIED = {
@@ -473,10 +454,7 @@ STRATIFIED = {
         (0, 1),
         True,
     ),
-    **{
-        f"z, {variant}": lambda variant=variant: (Z(variant), (1, 2), True)
-        for variant in ("plain", "hash", "multiplicative", "tree", "art")
-    },
+    "z, hash": lambda: (samplers.z(SIDE, SIDE, 8, 1, constituents=(1, 2)), (1, 2), True),
     "z, joint": lambda: (samplers.z(SIDE, SIDE, 8, 1, sequence=SOBOL), (0, 1), True),
     "optimized": lambda: (samplers.optimized(SIDE, SIDE, 8, 1), (0, 1), True),
     "independent, owen": lambda: (samplers.independent(LARCHER, 1), (0, 1), False),
@@ -487,7 +465,7 @@ STRATIFIED = {
 }
 
 
-@some(STRATIFIED, ("contiguous, hilbert", "z, hash"))
+@pytest.mark.parametrize("name", few(STRATIFIED, "contiguous, hilbert", "z, hash"))
 def test_blocks_of_samples_are_nets(name):
     """The 8 samples of each pixel; and those of each aligned square of 2**k pixels a side."""
     sampler, dims, squares = STRATIFIED[name]()
@@ -546,8 +524,6 @@ def test_parts_of_a_sequence_have_its_t():
         for start in (0, 256 - 2**k)
     )
 
-
-# -- consistency
 
 COUNTS = 2 ** np.arange(13)
 EIGHT = orders.hilbert(8, 8)
@@ -626,8 +602,6 @@ def test_errors_go_to_zero(name):
     else:
         assert np.all(errors < 2 * SIGMA * COUNTS[:, None] ** np.array([-0.8, -0.65]))
 
-
-# -- bad input
 
 MAKERS = {
     **ORDERS,

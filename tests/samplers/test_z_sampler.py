@@ -7,41 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table, first, is_net, some
+from tables import Table, first, grammar, is_net, pixels, points_of, refuses, reversed_bits, slow, some
 
 from analysis import error_spectrum
 from qmcjax import orders, samplers, sequences
-from qmcjax.orders._hierarchy import permuted
 
 VARIANTS = ("plain", "hash", "multiplicative", "tree", "art")
-GOLDEN = 0x9E3779B9
-
-
-@cache
-def permutations():
-    """Return the permutations of four by their numbers."""
-    every = jnp.broadcast_arrays(jnp.arange(24, dtype=jnp.uint32)[:, None], first(4))
-    return np.asarray(permuted(*every)).tolist()
-
-
-values = jax.jit(lambda sampler, *a, dims: sampler(*a, dims=dims, dtype=jnp.float64), static_argnames="dims")
-
-
-def everywhere(sampler, spp=None):
-    """Every x, y, sample of an image, flat."""
-    shape = [first(n) for n in (sampler.height, sampler.width, sampler.spp if spp is None else spp)]
-    y, x, sample = np.meshgrid(*shape, indexing="ij")
-    return tuple(jnp.asarray(a.ravel()) for a in (x, y, sample))
 
 
 def bits(sampler, *where):
     """All 32 digits of all coordinates, as uint32."""
-    points = np.asarray(values(sampler, *where, dims=tuple(range(sampler.dims))))
+    points = np.asarray(points_of(sampler, *where, dims=tuple(range(sampler.dims))))
     return (points * 2.0**32).astype(np.uint32)
-
-
-def reversed_bits(number, digits):
-    return int(f"{number:0{digits}b}"[::-1], 2)
 
 
 def indices(sampler, *where):
@@ -51,37 +28,6 @@ def indices(sampler, *where):
         np.array([reversed_bits(w, 32) for w in words[:, j].tolist()], np.uint32)
         for j in range(0, sampler.dims, 2)
     ]
-
-
-def triple32(word):
-    word = (word ^ word >> 17) * 0xED5AD4BB % 2**32
-    word = (word ^ word >> 11) * 0xAC4C1B51 % 2**32
-    word = (word ^ word >> 15) * 0x31848BAB % 2**32
-    return word ^ word >> 14
-
-
-def grammar(order):
-    """Root, permutation of the children of a node, and child, in Python integers."""
-    if hasattr(order, "seed"):
-        return (
-            int(order.seed),
-            lambda node: permutations()[node * 24 >> 32],
-            lambda node, digit: triple32((node + (digit + 1) * GOLDEN) % 2**32),
-        )
-    if hasattr(order, "dim"):
-        mask = 0x55555555 * int(order.dim) % 2**32
-        return (
-            0,
-            lambda node: permutations()[((node ^ mask) * GOLDEN % 2**32) * 24 >> 32],
-            lambda node, digit: (4 * node + digit) % 2**32,
-        )
-    production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
-    shift, letters = int(getattr(order, "shift", 0)), len(production)
-    return (
-        0,
-        lambda node: permutations()[numbers[node]],
-        lambda node, digit: production[(node + shift) % letters][digit],
-    )
 
 
 def recursive_indices(order, where, log_side, spp):
@@ -135,9 +81,7 @@ def drawn(variant, spp):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize(
-    "size", [(13, 10), *(pytest.param(size, marks=pytest.mark.slow) for size in ((1, 1), (3, 17)))]
-)
+@pytest.mark.parametrize("size", [(13, 10), *slow((1, 1), (3, 17))])
 def test_a_whole_image_is_prepared_as_its_pixels_are(variant, size):
     sampler = samplers.z(*size, 4, 11, variant, dims=3)
     x, y = jnp.meshgrid(*map(first, size))
@@ -158,7 +102,7 @@ def test_indices_equal_their_recursion(variant, spp):
 def test_a_joint_sequence_has_one_order_for_all_dimensions():
     sequence = sequences.digital_shift(sequences.sobol(5), 4)
     sampler = samplers.z(5, 8, 4, 2, sequence=sequence)
-    where = everywhere(sampler)
+    where = pixels(sampler.width, sampler.height, sampler.spp)
     index = recursive_indices(sampler.orders.member(0), where, 3, 4)
     points = np.asarray(sequence.points(256, dtype=jnp.float64))
     assert np.array_equal(bits(sampler, *where), points[index] * 2.0**32)
@@ -166,8 +110,7 @@ def test_a_joint_sequence_has_one_order_for_all_dimensions():
 
 
 @pytest.mark.parametrize(
-    ("side", "spp", "variant", "count"),
-    [(2**13, 2**10, "hash", 10**4), (2**16, 2**31, "plain", 300)],
+    ("side", "spp", "variant", "count"), [(2**13, 2**10, "hash", 10**4), (2**16, 2**31, "plain", 300)]
 )
 def test_indices_of_two_words(side, spp, variant, count):
     """The first 32 digits of both coordinates, where there are more than 2**32 samples in all."""
@@ -197,10 +140,10 @@ def test_one_pixel_with_many_samples(variant):
 
 def test_z0_is_the_sobol_sequence_in_morton_order():
     sampler = samplers.z(8, 8, 4, None, "plain", constituents=(2, 1, 2))
-    x, y, sample = everywhere(sampler)
+    x, y, sample = pixels(sampler.width, sampler.height, sampler.spp)
     index = np.asarray(orders.morton(8, 8).position(x, y)) * 4 + np.asarray(sample)
     points = np.asarray(sequences.sobol(2).points(256, dtype=jnp.float64))[index]
-    assert np.array_equal(values(sampler, x, y, sample, dims=range(5)), points[:, [0, 1, 0, 0, 1]])
+    assert np.array_equal(points_of(sampler, x, y, sample, dims=tuple(range(5))), points[:, [0, 1, 0, 0, 1]])
 
 
 @each_case
@@ -228,7 +171,7 @@ def pairs(a, b, levels):
 FIVE_SIGMA = 2 * stats.norm.sf(5)
 
 
-@pytest.mark.parametrize("variant", ["hash", pytest.param("tree", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("variant", ["hash", *slow("tree")])
 def test_constituents_have_independent_orders(variant):
     """Over the keys: the place of a pixel among 16, and of its first sample among two, in three of them."""
     keys = jax.random.split(jax.random.key(1), 4000)
@@ -285,7 +228,7 @@ def test_samples_of_siblings_are_apart(variant, spp):
 def test_going_on_swaps_the_blocks_of_pixels(variant, spp):
     """Appendix A: round r at position p takes the block of position p xor r, in the pixel's own order."""
     sampler = samplers.z(8, 6, spp, 4, variant, dims=3)
-    x, y, sample = everywhere(sampler, 8 * spp)
+    x, y, sample = pixels(sampler.width, sampler.height, 8 * spp)
     rounds, own = np.divmod(np.asarray(sample), np.uint32(spp))
     for c, index in enumerate(indices(sampler.extended(8), x, y, sample)):
         within = np.array(recursive_indices(order_of(sampler, c), (x, y, own), 3, spp))
@@ -302,7 +245,7 @@ def test_pixels_have_the_samples_of_their_count(variant, rounds):
     counts = 2 ** np.random.default_rng(3).integers(0, 6, (5, 8))
     sampler = samplers.z(8, 5, 32, 9, variant, dims=3)
     adaptive = sampler.extended(rounds).adaptive(counts)
-    x, y, sample = (np.asarray(a) for a in everywhere(sampler, 32 * rounds))
+    x, y, sample = (np.asarray(a) for a in pixels(sampler.width, sampler.height, 32 * rounds))
     m = counts[y, x]
     there = sample < rounds * m
     for c, index in enumerate(indices(adaptive, *map(jnp.asarray, (x, y, sample)))):
@@ -323,15 +266,15 @@ LIST = Table(
 
 @some("sampler", LIST)
 def test_any_pixel_any_sample_any_coordinate_on_its_own(sampler):
-    where = everywhere(LIST["hash, padded"])
-    points = np.asarray(values(sampler, *where, dims=range(5)))
+    where = pixels(8, 6, 8)
+    points = np.asarray(points_of(sampler, *where, dims=tuple(range(5))))
     assert np.all((points >= 0) & (points < 1))
     one = [int(a[77]) for a in where]
     assert np.array_equal(sampler(*one, (3, 0), jnp.float64), points[77, [3, 0]])
     backwards = jax.jit(jax.vmap(lambda *a: sampler(*a, (4, 1))))(*(a[::-1] for a in where))
     assert np.array_equal(backwards, points[::-1, [4, 1]].astype(np.float32))
     x, y, sample = (a.reshape(6, 8, 8) for a in where)
-    image = values(sampler, x[:1, :, 0], y[:, :1, 0], sample[0, 0, 5], dims=(2,))
+    image = points_of(sampler, x[:1, :, 0], y[:, :1, 0], sample[0, 0, 5], dims=(2,))
     assert np.array_equal(image, points.reshape(6, 8, 8, 5)[:, :, 5, 2:3])
 
 
@@ -355,7 +298,9 @@ def test_samples_together_are_those_alone(rounds, count):
 @pytest.mark.parametrize("variant", ["hash", "tree"])
 def test_only_constituents_of_wanted_dimensions_are_computed(variant):
     def operations(sampler, dims):
-        jaxpr = jax.make_jaxpr(lambda s, *a: s(*a, dims))(sampler, *everywhere(sampler))
+        jaxpr = jax.make_jaxpr(lambda s, *a: s(*a, dims))(
+            sampler, *pixels(sampler.width, sampler.height, sampler.spp)
+        )
         return len(jaxpr.eqns)
 
     make = lambda *constituents: samplers.z(8, 8, 8, 1, variant, constituents=constituents)  # noqa: E731
@@ -363,24 +308,13 @@ def test_only_constituents_of_wanted_dimensions_are_computed(variant):
     assert operations(make(2, 2, 1, 2), (2, 3, 4)) == operations(make(2, 1), (0, 1, 2))
 
 
-@pytest.mark.parametrize("variant", ["hash", pytest.param("tree", marks=pytest.mark.slow)])
-def test_new_keys_and_counts_give_new_points_without_a_new_trace(variant):
-    traces = []
-
-    @jax.jit
-    def points(sampler, where):
-        traces.append(1)
-        return sampler(*where, dims=(0, 2))
-
-    make = lambda key: samplers.z(8, 8, 4, key, variant, dims=4)  # noqa: E731
-    where = everywhere(make(0))
-    a, b = points(make(0), where), points(make(jax.random.key(1)), where)
-    assert len(traces) == 1
-    assert np.mean(a == b) < 0.1
-    counts = np.full((8, 8), 4)
-    assert np.array_equal(points(make(0).adaptive(counts), where), a)
-    points(make(1).adaptive(counts // 2), where)
-    assert len(traces) == 2
+@pytest.mark.parametrize("variant", ["hash", *slow("tree")])
+def test_new_counts_are_no_new_trace(variant):
+    sampler, where, counts = samplers.z(8, 8, 4, 0, variant, dims=4), pixels(8, 8, 4), np.full((8, 8), 4)
+    points = jax.jit(lambda sampler: sampler(*where, dims=(0, 2)))
+    assert np.array_equal(points(sampler.adaptive(counts)), points(sampler))
+    points(sampler.adaptive(counts // 2))
+    assert points._cache_size() == 2
 
 
 def test_check_and_sizes():
@@ -403,45 +337,34 @@ def small():
     return samplers.z(5, 3, 4, 0)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: samplers.z(8, 8, 1, 0, "tree", alphabet=0), "alphabet must be an integer .* got 0"),
-        (lambda: samplers.z(8, 8, 1, 0, dims=3, constituents=(2, 1)), r"at most one .* dims=3, .*\(2, 1\)"),
-        (
-            lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)),
-            "at most one .* sequence=sobol",
+test_bad_input_is_named = refuses(
+    ValueError,
+    {
+        "alphabet must be an integer .* got 0": lambda: samplers.z(8, 8, 1, 0, "tree", alphabet=0),
+        r"at most one .* dims=3, .*\(2, 1\)": lambda: samplers.z(8, 8, 1, 0, dims=3, constituents=(2, 1)),
+        "at most one .* sequence=sobol": lambda: samplers.z(8, 8, 1, 0, dims=2, sequence=sequences.sobol(2)),
+        "spp must be at most 64: .* 67108864 pixels .* 4294967296 indices, got 128": lambda: samplers.z(
+            8192, 8192, 128, 0, sequence=sequences.faure(2)
         ),
-        (
-            lambda: samplers.z(8192, 8192, 128, 0, sequence=sequences.faure(2)),
-            "spp must be at most 64: the padded raster has 67108864 pixels .* 4294967296 indices, got 128",
+        "spp must be at most 2: .* 64 pixels and the sequence 128 indices, got 4": lambda: samplers.z(
+            5, 3, 4, 0, sequence=sequences.hammersley_net(7)
         ),
-        (
-            lambda: samplers.z(5, 3, 4, 0, sequence=sequences.hammersley_net(7)),
-            "spp must be at most 2: .* 64 pixels and the sequence 128 indices, got 4",
-        ),
-        (lambda: small()(0, 0, 4), "sample must be integers in .0, 3., got 4"),
-        (lambda: small().extended(2)(0, 0, 8), "sample must be integers in .0, 7., got 8"),
-        (lambda: small()(8, 0, 0), "x must be integers in .0, 7., got 8"),
-        (lambda: small()(0, 0, 0, dims=(2,)), "dims must be .* got 2"),
-        (lambda: small().extended(65), r"rounds must be an integer in \[1, 64\], got 65"),
-        (lambda: samplers.z(2**16, 2**16, 4, 0).extended(2**30), r"rounds .* in \[1, 1073741823\], got"),
-        (lambda: small().adaptive(np.ones((5, 3), int)), r"counts must be .* shape \(3, 5\), .* \(5, 3\)"),
-        (lambda: small().adaptive(np.ones((2, 5), int)), r"counts must be integers .* got \(2, 5\)"),
-        (lambda: small().adaptive(np.full((3, 5), 3)), r"counts .* powers of two in \[1, spp=4\], got 3"),
-        (lambda: small().adaptive(np.full((3, 5), 8)), r"counts .* powers of two in \[1, spp=4\], got 8"),
-        (lambda: small().adaptive(np.full((3, 5), 0)), r"counts .* powers of two in \[1, spp=4\], got 0"),
-        (
-            lambda: small().adaptive(np.full((3, 5), 2))(4, 2, 2),
-            "sample .* the 2 samples of its pixel, got 2",
-        ),
-        (lambda: small().adaptive(np.full((3, 5), 2))(5, 2, 0), "x must be integers in .0, 4., got 5"),
-        (lambda: small().adaptive(np.full((3, 5), 2))(4, 3, 0), "y must be integers in .0, 2., got 3"),
-    ],
+        "sample must be integers in .0, 3., got 4": lambda: small()(0, 0, 4),
+        "sample must be integers in .0, 7., got 8": lambda: small().extended(2)(0, 0, 8),
+        "x must be integers in .0, 7., got 8": lambda: small()(8, 0, 0),
+        "dims must be .* got 2": lambda: small()(0, 0, 0, dims=(2,)),
+        r"rounds must be an integer in \[1, 64\], got 65": lambda: small().extended(65),
+        r"rounds .* in \[1, 1073741823\], got": lambda: samplers.z(2**16, 2**16, 4, 0).extended(2**30),
+        r"counts must be .* shape \(3, 5\), .* \(5, 3\)": lambda: small().adaptive(np.ones((5, 3), int)),
+        r"counts must be integers .* got \(2, 5\)": lambda: small().adaptive(np.ones((2, 5), int)),
+        r"counts .* powers of two in \[1, spp=4\], got 3": lambda: small().adaptive(np.full((3, 5), 3)),
+        r"counts .* powers of two in \[1, spp=4\], got 8": lambda: small().adaptive(np.full((3, 5), 8)),
+        r"counts .* powers of two in \[1, spp=4\], got 0": lambda: small().adaptive(np.full((3, 5), 0)),
+        "sample .* the 2 samples of its pixel, got 2": lambda: small().adaptive(np.full((3, 5), 2))(4, 2, 2),
+        "x must be integers in .0, 4., got 5": lambda: small().adaptive(np.full((3, 5), 2))(5, 2, 0),
+        "y must be integers in .0, 2., got 3": lambda: small().adaptive(np.full((3, 5), 2))(4, 3, 0),
+    },
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
 
 
 SCREEN = 256
@@ -450,9 +373,7 @@ SCREEN = 256
 def low_power(sampler, spp):
     """Power of the error of x * y, averaged over annuli of width 1 below SCREEN / 16: white noise has 1."""
     y, x = (jnp.asarray(a.astype(np.uint32)) for a in np.mgrid[:SCREEN, :SCREEN])
-    image = sum(
-        np.asarray(values(sampler, x, y, jnp.uint32(i), dims=(0, 1))).prod(axis=-1) for i in range(spp)
-    )
+    image = sum(np.asarray(points_of(sampler, x, y, jnp.uint32(i))).prod(axis=-1) for i in range(spp))
     spectrum = error_spectrum(image / spp, np.full((SCREEN, SCREEN), 0.25))
     frequency = np.fft.fftfreq(SCREEN) * SCREEN
     annulus = np.hypot(frequency[:, None], frequency).astype(int)

@@ -7,32 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import MOTION as SCENES
 from scipy import integrate
+from tables import slow
 
 from qmcjax import scenes
 from qmcjax.scenes._ball_reference import swept_means
 from qmcjax.scenes._circle_area import disc_in_boxes
 
-JUMPING = {"starts": [[0.2, 0.25], [0.75, 0.7], [0.5, 0.1]], "ends": None, "times": [0.3, 0.45]}
-MOVING = {"starts": [[0.1, 0.3]], "ends": [[0.9, 0.5]], "times": [], "radius": 0.2}
-SCENES = {
-    "moving_edge": scenes.moving_edge(),
-    "moving_edge, slow": scenes.moving_edge(0.6, -1e-3),
-    "moving_edge, still": scenes.moving_edge(0.37, None),
-    "blinking_disc": scenes.blinking_disc(),
-    "blinking_disc, still": scenes.blinking_disc((0.1, 0.4), 0.35, None),
-    "ball": scenes.ball(),
-    "ball, jumping": scenes.ball(**JUMPING),
-    "ball, one line": scenes.ball(**MOVING),
-    "ball, still": scenes.ball([[0.6, 0.6]], None, (), 0.3),
-    "defocused_edge": scenes.defocused_edge(),
-    "defocused_edge, square": scenes.defocused_edge(2.5, -0.3, 0.1, "square"),
-    "defocused_edge, upright": scenes.defocused_edge(0.0, 0.5, 0.02),
-    "defocused_edge, still": scenes.defocused_edge(-0.6, 0.2, None),
-    "soft_shadow": scenes.soft_shadow(),
-    "soft_shadow, upright": scenes.soft_shadow(0.0, 0.4, 0.7, (0.1, 0.5)),
-    "soft_shadow, still": scenes.soft_shadow(4.0, -0.7, 0.3, None),
-}
 NEEDS = {
     scenes.MovingEdge: ("time",),
     scenes.BlinkingDisc: ("time",),
@@ -76,20 +58,6 @@ def distance(scene, p):
     return x * across + y * along - scene.offset
 
 
-def sample_errors(scene, log2, seed):
-    """Return the differences of means of samples from the reference over 3 x 2 pixels, in sigmas."""
-    rng = np.random.default_rng(seed)
-    image, _ = scene.reference(3, 2)
-    n, value = np.zeros(6), np.zeros(6)
-    for _ in range(2 ** max(log2 - 18, 0)):
-        p = rng.random((len(scene.needs), 2 ** min(log2, 18)))
-        pixel = (2 * p[1]).astype(int) * 3 + (3 * p[0]).astype(int)
-        n += np.bincount(pixel, minlength=6)
-        value += np.bincount(pixel, distance(scene, p) < 0, minlength=6)
-    mean = image.ravel()
-    return abs(value / n - mean) / np.sqrt(np.maximum(mean * (1 - mean), 1e-13) / n)
-
-
 @every
 def test_values_follow_the_definition(scene):
     """In both precisions, but nearer to an edge than rounding; with the dimensions that it needs."""
@@ -108,30 +76,6 @@ def test_values_follow_the_definition(scene):
 def test_what_does_not_change_needs_no_coordinates():
     for name, scene in SCENES.items():
         assert scene.needs == ("x", "y", *(() if "still" in name else NEEDS[type(scene)]))
-
-
-@every
-def test_pixels_sum_to_coarser_pixels(scene):
-    """Four sub-pixels average to one to 1e-12, also where the resolution is odd."""
-    for width, height in ((1, 1), (7, 5), (48, 40)):
-        image, bound = scene.reference(width, height)
-        finer, finer_bound = scene.reference(2 * width, 2 * height)
-        assert image.shape == (height, width) and image.dtype == np.float64
-        assert -bound <= image.min() and image.max() <= 1 + bound
-        average = finer.reshape(height, 2, width, 2).mean(axis=(1, 3))
-        assert abs(average - image).max() <= 1e-12
-        assert bound + finer_bound <= 3e-12
-
-
-@every
-def test_reference_agrees_with_samples(scene):
-    assert sample_errors(scene, 16, 3).max() <= 5
-
-
-@pytest.mark.slow
-@every
-def test_reference_agrees_with_many_samples(scene):
-    assert sample_errors(scene, 24, 4).max() <= 5
 
 
 def disc_area(cx, cy, r, x0, x1, y0, y1):
@@ -200,7 +144,7 @@ def test_ball_agrees_with_quadrature(pixel):
     assert 0 < mean < 1 and abs(mean - image[row, column]) <= 1e-11 + bound
 
 
-@pytest.mark.parametrize("nodes", [pytest.param(64, marks=pytest.mark.slow), 48])
+@pytest.mark.parametrize("nodes", [*slow(64), 48])
 def test_swept_disc_does_not_depend_on_the_rule(nodes):
     """More nodes change nothing beyond the bound, for any line and size: also where kinks nearly meet."""
     rng = np.random.default_rng(nodes)
@@ -226,22 +170,11 @@ def half_plane_share(angle, offset, box):
     return total / (2 * slopes[0] * slopes[1])
 
 
-# Scene, the half plane where it is 1 (the light: 0) and what displaces its edge: a disc or a rectangle.
+# Scene, the half plane where it is 1, and what displaces its edge: a disc or a rectangle.
 SMEARED = {
     "disc": (scenes.defocused_edge(0.4, 0.6, 0.15), 0.6, 0.15),
     "small disc": (scenes.defocused_edge(1.2, 0.7, 0.01), 0.7, 0.01),
     "square": (scenes.defocused_edge(2.5, -0.3, 0.1, "square"), -0.3, (0.2, 0.2)),
-    # Seen from the light the edge and its displacement grow by 1 / (1 - height) and height / (1 - height).
-    "light": (
-        scenes.soft_shadow(0.4, 0.6, 0.5, (0.5, 0.3)),
-        1.2 - 0.5 * math.sqrt(2) * math.sin(0.4 + math.pi / 4),
-        (0.5, 0.3),
-    ),
-    "narrow light": (
-        scenes.soft_shadow(0.4, 0.6, 0.2, (0.01, 0.02)),
-        0.75 - 0.125 * math.sqrt(2) * math.sin(0.4 + math.pi / 4),
-        (0.0025, 0.005),
-    ),
 }
 
 
@@ -257,7 +190,6 @@ def test_smeared_edges_agree_with_quadrature(scene, offset, displacement):
             mean = smeared_by_disc(scene.angle, offset, displacement, box)
         else:
             mean = smeared_by_box(scene.angle, offset, displacement, box)
-        mean = 1 - mean if isinstance(scene, scenes.SoftShadow) else mean
         assert abs(mean - image[row, column]) <= 1e-11 + bound
 
 
@@ -366,34 +298,3 @@ def test_varies_tells_the_coordinates_apart():
     lens = scenes.defocused_edge(0.0, 0.5, 0.1, "square")
     box = jnp.asarray([[0.45, 0.1, 0.0, 0.0]]), jnp.asarray([[0.46, 0.2, 1.0, 1.0]])
     assert np.array_equal(varies(lens, *box), [[True, False, True, False]])
-
-
-MAKERS = {
-    "moving_edge": lambda v: scenes.moving_edge(v[0], v[1]),
-    "blinking_disc": lambda v: scenes.blinking_disc(v[:2], v[2], v[2:]),
-    "ball": lambda v: scenes.ball(v.reshape(2, 2), 0.5 * v.reshape(2, 2), v[:1], v[1]),
-    "defocused_edge": lambda v: scenes.defocused_edge(v[0], v[1], v[2]),
-    "soft_shadow": lambda v: scenes.soft_shadow(v[0], v[1], v[2], v[2:]),
-}
-
-
-@pytest.mark.parametrize("make", MAKERS.values(), ids=MAKERS)
-def test_vmap_over_parameters_is_a_loop(make):
-    """A new parameter is a new leaf, not a new program; the plain derivative is refused by its name."""
-    parameters = jnp.asarray([[0.3, 0.6, 0.5, 0.9], [0.2, 0.5, 0.4, 0.5]], jnp.float32)
-    points = jnp.asarray(np.random.default_rng(2).random((200, len(make(parameters[0]).needs))), jnp.float32)
-    compiled = jax.jit(lambda scene: scene(points))
-    looped = np.stack([compiled(make(v)) for v in parameters])
-    assert compiled._cache_size() == 1 and not np.array_equal(*looped)
-    mapped = jax.vmap(lambda v: make(v)(points))(parameters)
-    assert np.mean(np.asarray(mapped) != looped) <= 0.005
-    with pytest.raises(ValueError, match=rf"^{type(make(parameters[0])).__name__}\.\w+ moves an edge"):
-        jax.grad(lambda v: jnp.sum(make(v)(points)))(parameters[0])
-
-
-@every
-def test_bad_resolutions(scene):
-    with pytest.raises(ValueError, match=r"width must be an integer in \[1, 65536\], got 0"):
-        scene.reference(0, 4)
-    with pytest.raises(ValueError, match=r"height must be an integer in \[1, 65536\], got 65537"):
-        scene.reference(4, 65537)

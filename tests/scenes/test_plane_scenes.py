@@ -9,34 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import PLANE as SCENES
 from scipy import integrate
 
-import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import scenes
 
-SCENES = {
-    "step": scenes.step(),
-    "step upwards": scenes.step(angle=-2.1, offset=-0.3),
-    "step along x": scenes.step(angle=0.0, offset=0.37),
-    "step almost along y": scenes.step(angle=np.pi / 2, offset=0.61),
-    "staircase": scenes.staircase(),
-    "line": scenes.line(),
-    "thin line": scenes.line(angle=2.0, offset=0.1, thickness=1e-4),
-    "disc": scenes.disc((0.45, 0.56), 0.31),
-    "cut disc": scenes.disc((1.03, 0.2), 0.4),
-    "tiny disc": scenes.disc((0.413, 0.22), 1e-3),
-    "huge disc": scenes.disc((70.4, 70.3), 99.0),
-    "triangle": scenes.triangle(),
-    "cut triangle": scenes.triangle([(1.2, 0.4), (0.15, -0.2), (0.35, 0.85)]),
-    "sliver": scenes.triangle([(0.1, 0.2), (0.1, 0.2001), (0.9, 0.77)]),
-    "flat board": scenes.flat_checkerboard(),
-    "flat board, straight": scenes.flat_checkerboard(7.3, 0.0),
-    "flat board, few": scenes.flat_checkerboard(0.9, -2.0),
-    "flat board, many": scenes.flat_checkerboard(30.0, 1.2),
-    "heaviside(2)": scenes.heaviside(2, 0.93),
-    "heaviside(3)": scenes.heaviside(3),
-    "heaviside(8)": scenes.heaviside(8, 3.3),
-}
 ONCE = ["step", "staircase", "line", "disc", "triangle", "flat board", "heaviside(3)"]
 """One of each kind."""
 NAMES = pytest.mark.parametrize("name", SCENES)
@@ -215,53 +192,6 @@ def test_reference_is_exact(name, width, height):
         assert abs(image[row, column] - exact) <= bound + slack
 
 
-@NAMES
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (33, 64), (128, 128)])
-def test_double_resolution(name, width, height):
-    """Four sub-pixels average to one."""
-    scene = SCENES[name]
-    image, bound = scene.reference(width, height)
-    finer, finer_bound = scene.reference(2 * width, 2 * height)
-    average = finer.reshape(height, 2, width, 2).mean(axis=(1, 3))
-    assert abs(average - image).max() <= min(bound + finer_bound, 1e-11 if name.startswith("huge") else 1e-12)
-
-
-@pytest.mark.slow
-@NAMES
-def test_reference_agrees_with_samples(name):
-    """The means of 2**24 random samples are within 5 sigma in each of 16 times 12 pixels."""
-    scene, (width, height), rng = SCENES[name], (16, 12), np.random.default_rng(5)
-    hits, squares, counts = np.zeros((3, width * height))
-    for _ in range(16):
-        points = rng.integers(0, 2**24, (2**20, len(scene.needs))).astype(np.float32) * np.float32(2**-24)
-        pixel = (points[:, 1] * height).astype(int) * width + (points[:, 0] * width).astype(int)
-        values = np.asarray(evaluated(scene, points), np.float64)
-        for sums, terms in ((hits, values), (squares, values**2), (counts, None)):
-            sums += np.bincount(pixel, terms, width * height)
-    image, bound = scene.reference(width, height)
-    mean = hits / counts
-    sigma = np.sqrt(np.maximum(squares / counts - mean**2, 1 / counts) / counts)
-    assert np.all(abs(mean - image.ravel()) <= 5 * sigma + bound)
-
-
-def test_scenes_agree_with_each_other():
-    """A half plane is a large triangle, a line, and a step of a staircase; a quarter turn swaps squares."""
-    (near, a), (far, b) = (s.reference(33, 20) for s in (scenes.step(0.4, 0.6), scenes.staircase(0.4, [0.6])))
-    assert abs(near - far).max() <= a + b
-    normal, tangent = np.array([np.cos(0.4), np.sin(0.4)]), np.array([-np.sin(0.4), np.cos(0.4)])
-    corners = [0.6 * normal - 9 * tangent, 0.6 * normal + 9 * tangent, -9 * normal]
-    large, b = scenes.triangle(corners).reference(33, 20)
-    assert abs(near - large).max() <= a + b
-    thick, b = scenes.line(0.4, -1.4, 4.0).reference(33, 20)
-    assert abs(near - thick).max() <= a + b
-    quarter, b = scenes.flat_checkerboard(3.3, 0.7 + np.pi / 2).reference(512, 512)
-    board, a = scenes.flat_checkerboard(3.3, 0.7).reference(512, 512)
-    assert abs(board + quarter - 1).max() <= a + b
-    plane, b = scenes.heaviside(2, 0.8).reference(33, 20)
-    diagonal, a = scenes.step(np.pi / 4, 0.8 * np.sqrt(0.5)).reference(33, 20)
-    assert abs(plane - diagonal).max() <= a + b
-
-
 @pytest.mark.parametrize(
     "scene, mean",
     [
@@ -280,9 +210,6 @@ def test_scenes_without_edges(scene, mean):
     """All is inside or outside; sixty-four coordinates have a mean of 1/2, and no digits are lost."""
     image, bound = scene.reference(4, 3)
     assert abs(image - mean).max() <= bound if mean is not None else abs(image.mean() - 0.5) <= bound < 1e-12
-
-
-# Boxes without an edge.
 
 
 def boxes(scene, count, rng):
@@ -365,9 +292,6 @@ def test_float32_misses_only_what_may_vary(name):
     assert np.all(np.asarray(varied(scene, points, points))[differ])
 
 
-# Parameters.
-
-
 @KINDS
 def test_parameters_are_leaves(name):
     """Mapped over all parameters at once, compiled or not, the values are those of one after the other."""
@@ -384,13 +308,6 @@ def test_parameters_are_leaves(name):
     assert evaluated._cache_size() <= count + 1
     assert np.mean(np.asarray(mapped) != np.stack(each)) <= 1e-3
     assert not np.array_equal(each[0], each[1])
-
-
-def test_factories_can_be_mapped():
-    radii = jnp.array([0.1, 0.2, 0.3], jnp.float32)
-    points = jnp.asarray(np.random.default_rng(19).random((100, 2), dtype=np.float32))
-    mapped = jax.vmap(lambda r: scenes.disc((0.5, 0.5), r)(points))(radii)
-    assert np.array_equal(mapped, [scenes.disc((0.5, 0.5), r)(points) for r in radii])
 
 
 @pytest.mark.parametrize("name", [*ONCE, "checkerboard"])
@@ -414,18 +331,3 @@ def test_the_plain_derivative_is_refused(name):
     # Something else can be differentiated.
     slope = jax.grad(lambda a: jnp.mean(a * scene(points)))(jnp.float32(2.0))
     assert slope == pytest.approx(float(jnp.mean(scene(points))), rel=1e-6)
-
-
-def test_the_plain_derivative_of_an_image_is_refused():
-    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
-    with pytest.raises(ValueError, match=r"Disc.* moves an edge"):
-        jax.grad(lambda r: qj.render(scenes.disc((0.5, 0.5), r), sampler, 8, 8, 4).sum())(0.3)
-
-
-@KINDS
-@pytest.mark.parametrize("method", ["reference", "reference_gradient"])
-def test_bad_resolutions(name, method):
-    with pytest.raises(ValueError, match="width must be an integer"):
-        getattr(SCENES[name], method)(0, 4)
-    with pytest.raises(ValueError, match="height must be an integer"):
-        getattr(SCENES[name], method)(4, 65537)

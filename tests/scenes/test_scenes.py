@@ -1,30 +1,17 @@
 """The scenes as functions of a point, and their references against samples, quadrature and themselves."""
 
-import re
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import PERSPECTIVE as SCENES
 from scipy import integrate
+from tables import each
 
 from qmcjax import scenes
 from qmcjax.scenes import _checkerboard_reference, _zone_plate
 
 FACTORIES = [scenes.checkerboard, scenes.zone_plate]
-SCENES = [
-    scenes.checkerboard(),
-    scenes.checkerboard(3.3),
-    scenes.checkerboard(0.37),
-    scenes.checkerboard(1e4),
-    scenes.zone_plate(),
-    scenes.zone_plate(17.3),
-    scenes.zone_plate(1e5),
-]
-
-
-def name(scene):
-    return "-".join([type(scene).__name__, *map(str, jax.tree.leaves(scene))])
 
 
 def random_points(n, seed=1):
@@ -44,14 +31,11 @@ def test_scenes_keep_numbers_of_their_own():
     scene = scenes.disc(centre, 0.2)
     centre[:] = np.nan
     np.testing.assert_array_equal(scene.centre, 0.5)
-    for factory in (scenes.checkerboard, scenes.zone_plate):
-        with pytest.raises(ValueError, match=r"must have shape \(\), got \(2,\)"):
-            factory([1.0, 20.0])
-        with pytest.raises(TypeError, match="must be positive and finite, got 'a'"):
-            factory("a")
+    for made in (scenes.checkerboard(), scenes.zone_plate()):
+        assert made.needs == ("x", "y") and len(jax.tree.leaves(made)) == 1
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 def test_values_follow_the_definition(scene):
     """In float64 the values are the formula's, but where a rounding falls across the border of a square."""
     points = random_points(20000).astype(np.float64) + 2.0**-30
@@ -63,7 +47,7 @@ def test_values_follow_the_definition(scene):
     assert far.mean() <= 1e-4
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 def test_float32_misses_only_what_rounding_explains(scene):
     """float32 and float64 differ by the rounded phase, or on squares whose border is within the rounding."""
     points = random_points(100000)
@@ -83,7 +67,7 @@ def test_float32_misses_only_what_rounding_explains(scene):
     assert np.mean(difference > 0) <= 20 * typical * np.log(1 / typical)
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_corners_and_horizon_are_finite(scene, dtype):
     """Values stay in [0, 1] down to the smallest numbers, at x = 1/2 and on the horizon itself."""
@@ -104,34 +88,6 @@ def test_horizon_is_the_mean():
     assert np.array_equal(values == 0.5, [True, True, True, False, False])
 
 
-@pytest.mark.parametrize("factory", FACTORIES)
-def test_jit_vmap_and_single_points(factory):
-    """Compiled, mapped over points or over the parameter: always the same values."""
-    points = jnp.asarray(random_points(1000))
-    parameters = jnp.array([1.5, 8.0, 300.0], dtype=jnp.float32)
-    eager = np.stack([factory(p)(points) for p in parameters])
-    mapped = jax.vmap(lambda p: factory(p)(points))(parameters)
-    compiled = jax.jit(jax.vmap(lambda scene: scene(points)))(jax.vmap(factory)(parameters))
-    single = jax.vmap(factory(parameters[1]))(points)
-    if factory is scenes.zone_plate:
-        for values, expected in ((mapped, eager), (compiled, eager), (single, eager[1])):
-            np.testing.assert_allclose(values, expected, atol=2e-4)  # phases up to 600, fused differently
-    else:
-        assert np.mean(np.asarray(mapped) != eager) <= 1e-3
-        assert np.mean(np.asarray(compiled) != eager) <= 1e-3
-        assert np.mean(np.asarray(single) != eager[1]) <= 1e-3
-
-
-@pytest.mark.parametrize("factory", FACTORIES)
-def test_parameter_is_a_leaf(factory):
-    """A new parameter does not recompile."""
-    compiled = jax.jit(lambda scene, point: scene(point))
-    for parameter in (1.0, 2.0, 3.0):
-        compiled(factory(parameter), jnp.zeros((4, 2), jnp.float32))
-    assert compiled._cache_size() == 1
-    assert factory().needs == ("x", "y") and len(jax.tree.leaves(factory())) == 1
-
-
 def test_zone_plate_gradient():
     """The derivative with respect to the frequency is the finite difference."""
     with jax.enable_x64(True):
@@ -142,19 +98,7 @@ def test_zone_plate_gradient():
         assert abs(jax.grad(mean)(100.0) - difference) < 1e-8
 
 
-@pytest.mark.parametrize("scene", SCENES, ids=name)
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5), (32, 16), (33, 64)])
-def test_double_resolution(scene, width, height):
-    """Four sub-pixels average to one, within the bounds."""
-    image, bound = scene.reference(width, height)
-    finer, finer_bound = scene.reference(2 * width, 2 * height)
-    assert image.shape == (height, width) and image.dtype == np.float64
-    assert image.min() >= -bound and image.max() <= 1 + bound
-    average = finer.reshape(height, 2, width, 2).mean(axis=(1, 3))
-    assert abs(average - image).max() <= bound + finer_bound < 1e-9
-
-
-@pytest.mark.parametrize("scene", SCENES, ids=name)
+@each("scene", SCENES)
 @pytest.mark.parametrize("pixel", [(0, 0), (9, 0), (15, 0), (5, 1), (11, 6), (3, 11)])
 def test_reference_agrees_with_samples(scene, pixel):
     """The mean of 10^6 jittered samples is within 5 sigma; the first row touches the horizon."""
@@ -229,23 +173,3 @@ def test_accuracy_at_512():
     assert abs(image - image.T).max() <= 2 * bound
     whole, whole_bound = scenes.zone_plate().reference(1, 1)
     assert abs(image.mean() - whole[0, 0]) <= bound + whole_bound
-
-
-@pytest.mark.parametrize("factory", FACTORIES)
-@pytest.mark.parametrize("value", [0, -1, float("nan"), float("inf"), jnp.float32(-2)])
-def test_bad_parameters(factory, value):
-    argument = "squares" if factory is scenes.checkerboard else "frequency"
-    with pytest.raises(
-        ValueError, match=f"{argument} must be positive and finite, got {re.escape(repr(value))}"
-    ):
-        factory(value)
-
-
-@pytest.mark.parametrize("factory", FACTORIES)
-@pytest.mark.parametrize(
-    ("error", "width", "height", "wrong"),
-    [(ValueError, 0, 4, "width"), (ValueError, 4, 65537, "height"), (TypeError, 4, 2.5, "height")],
-)
-def test_bad_resolutions(factory, error, width, height, wrong):
-    with pytest.raises(error, match=f"{wrong} must be an integer"):
-        factory().reference(width, height)

@@ -53,20 +53,6 @@ def test_no_dimension_comes_again_and_others_are_near_nets():
     assert np.array_equal(columns[0], columns[3])
 
 
-@pytest.mark.parametrize(
-    ("m", "dims", "message"),
-    [
-        (0, 2, r"m must be an integer in \[1, 32\], got 0"),
-        (33, 2, r"m must be an integer in \[1, 32\], got 33"),
-        (4, 0, r"dims must be an integer in \[1, 32\], got 0"),
-        (4, 33, r"dims must be an integer in \[1, 32\], got 33"),
-    ],
-)
-def test_errors(m, dims, message):
-    with pytest.raises(ValueError, match=message):
-        sequences.cascaded_net(m, dims)
-
-
 def test_there_are_no_frames():
     with pytest.raises(ValueError, match="net must be invertible"):
         sequences.cascaded_net(4, 2).inverted(2)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import few, first, is_net, slow
+from tables import chi_squared, few, first, is_net, slow
 
 from qmcjax import sequences
 from qmcjax.core.bits import gray_decode, hash_word
@@ -49,13 +49,6 @@ def test_digits_are_permuted_as_the_digits_before_them_decide(name):
             for node, digit, image in zip(map(tuple, before[:k].T), before[k], after[k], strict=True):
                 assert images.setdefault((node, digit), image) == image
                 assert origins.setdefault((node, image), digit) == digit
-
-
-def chi_squared(numbers, count) -> float:
-    """Return by how many standard deviations chi-squared is off its mean."""
-    expected = len(numbers) / count
-    statistic = ((np.bincount(numbers, minlength=count) - expected) ** 2 / expected).sum()
-    return abs(statistic - (count - 1)) / np.sqrt(2 * (count - 1))
 
 
 def over_keys(sequence, n):

@@ -1,18 +1,15 @@
 """(0,m,2)-nets: elementary intervals, minimum distances in print, and the way back from pixel to index."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, again, first, is_net
+from tables import NETS, again, each, first, is_net
 
 from analysis import squared_min_distance
 from qmcjax import sequences
 
-each_net = pytest.mark.parametrize("net", NETS.values(), ids=NETS.keys())
 
-
-@each_net
+@each("net", NETS)
 @pytest.mark.parametrize("m", range(1, 13))
 def test_elementary_intervals(net, m):
     """Each of the 2**m dyadic boxes of area 2**-m holds exactly one point, for every shape of box."""
@@ -68,49 +65,38 @@ def test_permutation_net_of_32_bits():
     assert np.array_equal(points, np.stack([x, y], axis=1).astype(np.uint32))
 
 
-@each_net
+DIGITAL_3D = {"sobol, 3-D": sequences.sobol_net_3d, "modified, 3-D": sequences.larcher_pillichshammer_net_3d}
+
+
+@each("net", NETS | DIGITAL_3D)
 @pytest.mark.parametrize("log_side", [0, 1, 3, 5])
-@pytest.mark.parametrize("extra", range(1, 7))
+@pytest.mark.parametrize("extra", range(7))
 def test_index_in_cell_inverts_the_net(net, log_side, extra):
-    """All points, once each, in the cells they are asked for in."""
-    m = 2 * log_side + extra
+    """All points, once each, in the cells of the first two coordinates that they are asked for in."""
+    m = max(2 * log_side + extra, 1)
     points = net(m)
-    assert points.points_per_cell(log_side) == 2**extra
+    assert points.points_per_cell(log_side) == 2 ** (m - 2 * log_side)
     side = np.arange(2**log_side, dtype=np.uint32)
-    x, y, sample = (a.ravel() for a in np.meshgrid(side, side, first(2**extra)))
+    x, y, sample = (a.ravel() for a in np.meshgrid(side, side, first(2 ** (m - 2 * log_side))))
     x, y, sample = (again(a, 2**16) for a in (x, y, sample))
     index = points.index_in_cell(x, y, log_side, sample)
     assert np.array_equal(np.sort(index[: 2**m]), first(2**m))
-    cells = np.asarray(points.bits(index)).astype(np.uint64) >> np.uint64(32 - log_side)
+    cells = np.asarray(points.bits(index)).astype(np.uint64)[:, :2] >> np.uint64(32 - log_side)
     assert np.array_equal(cells, np.stack([x, y], axis=1))
 
 
-@each_net
-@pytest.mark.parametrize("log_side", [1, 2, 5])
-def test_index_in_cell_with_one_point_per_cell(net, log_side):
-    side = np.arange(2**log_side, dtype=np.uint32)
-    x, y = (again(a, 4**5) for a in np.meshgrid(side, side))
-    index = net(2 * log_side).index_in_cell(x, y, log_side, jnp.zeros_like(x))
-    cells = np.asarray(net(2 * log_side).bits(index)).astype(np.uint64) >> np.uint64(32 - log_side)
-    assert np.array_equal(cells, np.stack([x, y], axis=1))
-
-
-@each_net
-def test_index_in_cell_at_the_largest_size(net):
-    """4096 x 4096 cells with 256 points each: all 32 bits."""
+@each("net", NETS)
+@pytest.mark.parametrize("m", [31, 32])
+def test_index_in_cell_at_the_largest_sizes(net, m):
+    """4096 x 4096 cells with 128 or 256 points each: all bits."""
     rng = np.random.default_rng(1)
     x, y = (jnp.asarray(rng.integers(0, 4096, 1000, dtype=np.uint32)) for _ in range(2))
-    sample = jnp.asarray(rng.integers(0, 256, 1000, dtype=np.uint32))
-    bits = net(32).bits(net(32).index_in_cell(x, y, 12, sample))
+    sample = jnp.asarray(rng.integers(0, 2 ** (m - 24), 1000, dtype=np.uint32))
+    bits = net(m).bits(net(m).index_in_cell(x, y, 12, sample))
     assert np.array_equal(bits >> 20, jnp.stack([x, y], axis=1))
 
 
-def test_jit_with_the_net_as_argument_keeps_m_static():
-    bits = jax.jit(lambda net: net.bits(jnp.arange(8, dtype=jnp.uint32)))
-    assert np.array_equal(bits(sequences.permutation_net(3)), sequences.permutation_net(3).bits(first(8)))
-
-
-@each_net
+@each("net", NETS)
 def test_more_cells_than_points_is_an_error(net):
     with pytest.raises(
         ValueError, match="m must be at least 8 for one point in each of 16 x 16 cells, got m=7"
@@ -125,7 +111,7 @@ FRAMED = {
 }
 
 
-@pytest.mark.parametrize("seq", FRAMED.values(), ids=FRAMED.keys())
+@each("seq", FRAMED)
 @pytest.mark.parametrize("log_side", [0, 1, 2, 3, 5])
 def test_each_frame_of_a_02_sequence_has_one_point_in_every_cell(seq, log_side):
     """For any resolution, not only powers of four: the printed program needs tables for the others."""

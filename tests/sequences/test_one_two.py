@@ -3,7 +3,6 @@
 import random
 
 import numpy as np
-import pytest
 from tables import first
 
 import analysis
@@ -54,9 +53,3 @@ def test_the_search_finds_pairs():
         assert max(analysis.t_value(matrices, m=m) for m in range(1, 33, 3)) == 1
     rows = make_one_two.rows_of([0b1, 0b0], 0b111, 2)
     assert [row & 7 for row in rows] == [0b110, 0b000]
-
-
-@pytest.mark.parametrize("dims", [0, 21])
-def test_dims_out_of_range(dims):
-    with pytest.raises(ValueError, match=rf"dims must be an integer in \[1, 20\], got {dims}"):
-        sequences.one_two(dims)

@@ -3,10 +3,9 @@
 from importlib import resources
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net
+from tables import first
 
 from analysis import squared_min_distance
 from qmcjax.sequences._nets.optimized_net import optimized_net
@@ -26,14 +25,6 @@ compiled_bits = jax.jit(lambda net, index: net.bits(index))
 def grid(net, index):
     """Return points on the integer grid."""
     return np.asarray(compiled_bits(net, index)).astype(np.int64) >> (32 - net.m)
-
-
-@pytest.mark.parametrize("m", range(1, 13))
-def test_elementary_intervals(m):
-    """Each of the 2**m dyadic boxes of area 2**-m holds exactly one point, for every shape of box."""
-    bits = np.asarray(compiled_bits(optimized_net(m), first(2**m)))
-    assert is_net(bits, m)
-    assert np.array_equal(bits[:, 0] >> np.uint32(32 - m), first(2**m))
 
 
 @pytest.mark.parametrize("m", range(1, 17))
@@ -90,54 +81,3 @@ def test_second_coordinate_is_the_matrix_in_the_file_times_the_digits():
         index_digits = (np.arange(2**m) >> np.arange(m)[:, None]) & 1
         y = (2 ** np.arange(m - 1, -1, -1)) @ (matrix @ index_digits % 2)
         assert np.array_equal(grid(optimized_net(m), first(2**m))[:, 1], y)
-
-
-@pytest.mark.parametrize("m", [1, 2, 5, 8, 9, 12])
-def test_index_in_cell_inverts_the_net(m):
-    """All points, once each, in the cells they are asked for in, for every raster."""
-    net = optimized_net(m)
-    for log_side in range(m // 2 + 1):
-        spp = net.points_per_cell(log_side)
-        side = first(2**log_side)
-        x, y, sample = (jnp.asarray(a.ravel()) for a in np.meshgrid(side, side, first(spp)))
-        index = net.index_in_cell(x, y, log_side, sample)
-        assert np.array_equal(np.sort(index), first(2**m))
-        assert np.array_equal(grid(net, index) >> (m - log_side), np.stack([x, y], axis=1))
-
-
-@pytest.mark.parametrize("m", [31, 32])
-def test_index_in_cell_at_the_largest_sizes(m):
-    rng = np.random.default_rng(1)
-    net, log_side = optimized_net(m), 15
-    x, y = (jnp.asarray(rng.integers(0, 2**log_side, 1000, dtype=np.uint32)) for _ in range(2))
-    sample = jnp.asarray(rng.integers(0, net.points_per_cell(log_side), 1000, dtype=np.uint32))
-    index = net.index_in_cell(x, y, log_side, sample)
-    assert np.array_equal(grid(net, index) >> (m - log_side), np.stack([x, y], axis=1))
-
-
-def test_jit_and_vmap():
-    """The net as an argument, its matrices as leaves: one trace for other matrices of the same order."""
-    net, index, traces = optimized_net(9), jnp.asarray(first(512)), 0
-
-    @jax.jit
-    def bits(net, index):
-        nonlocal traces
-        traces += 1
-        return net.bits(index)
-
-    assert np.array_equal(bits(net, index), net.bits(index))
-    other = jax.tree.map(lambda leaf: leaf ^ jnp.uint32(1), net)
-    assert np.array_equal(bits(other, index), other.bits(index))
-    assert traces == 1
-    assert np.array_equal(jax.vmap(net.bits)(index), net.bits(index))
-    cells = jnp.asarray(first(16))
-    inverted = jax.vmap(lambda x, y: net.index_in_cell(x, y, 4, jnp.uint32(1)))(cells, cells[::-1])
-    assert np.array_equal(inverted, net.index_in_cell(cells, cells[::-1], 4, jnp.ones(16, jnp.uint32)))
-
-
-@pytest.mark.parametrize(
-    ("m", "error"), [(0, ValueError), (33, ValueError), (2.0, TypeError), (True, TypeError)]
-)
-def test_orders_without_a_matrix(m, error):
-    with pytest.raises(error, match=rf"m must be an integer in \[1, 32\], got {m}"):
-        optimized_net(m)

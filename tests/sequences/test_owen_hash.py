@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow
 
 from qmcjax.core.bits import hash_word, owen_hash
 
@@ -141,9 +142,7 @@ def test_all_scramblings_of_three_digits_come(name):
         assert (empty == 0 and off < 5) if name == "owen_hash" else empty >= 64
 
 
-@pytest.mark.parametrize(
-    "nodes", [TOP[:15], pytest.param(NODES, marks=pytest.mark.slow)], ids=["four", "all"]
-)
+@pytest.mark.parametrize("nodes", [TOP[:15], *slow(NODES)], ids=["four", "all"])
 def test_any_three_coins_are_independent(nodes):
     """The products of three signs, of the nodes of four levels, and of all above."""
     signs = 1 - 2 * coins("owen_hash", nodes).astype(np.float32)
@@ -162,7 +161,7 @@ def four_digits(seeds, depth):
     return number
 
 
-@pytest.mark.parametrize("depth", [0, *(pytest.param(depth, marks=pytest.mark.slow) for depth in (1, 7, 28))])
+@pytest.mark.parametrize("depth", [0, *slow(1, 7, 28)])
 def test_all_scramblings_of_four_digits_come_and_no_parity_is_far_off(depth):
     """Over 2**22 seeds: random draws would reach all, too. A parity is of any set of the 15 coins."""
     counts = np.zeros(2**15)

@@ -71,9 +71,3 @@ def test_dependencies_are_found_in_small_matrices():
     assert not ((factors[:, :, None] * rows).sum(axis=1) % 3).any()
     spanned = [len({tuple(np.array(f) @ r % 3) for f in np.ndindex(3, 3, 3)}) for r in rows]
     assert np.array_equal(3 ** (3 - defects), spanned)
-
-
-@pytest.mark.parametrize("dims", [0, 33])
-def test_dims_out_of_range(dims):
-    with pytest.raises(ValueError, match=rf"dims must be an integer in \[1, 32\], got {dims}"):
-        sequences.quad_optimized(dims)

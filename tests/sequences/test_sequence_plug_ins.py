@@ -187,11 +187,7 @@ def test_any_integer_is_an_index(index):
     assert np.array_equal(SOBOL.bits(index), SOBOL.bits(np.asarray(index).astype(np.uint32)))
 
 
-SIZED = {
-    "net": sequences.hammersley_net(5),
-    "lattice": sequences.rank1_lattice(21),
-    "plain object": Simple(),
-}
+SIZED = {"net": sequences.hammersley_net(5), "lattice": sequences.rank1_lattice(21), "plain object": Simple()}
 
 
 @some("seq", SIZED, "lattice")

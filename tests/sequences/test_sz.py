@@ -89,9 +89,3 @@ def test_nimbers_are_a_field_with_subfields_of_small_numbers():
     for x, y, z in zip(a, b, c, strict=True):
         assert _nim_product(_nim_product(x, y), z) == _nim_product(x, _nim_product(y, z))
         assert _nim_product(x, y ^ z) == _nim_product(x, y) ^ _nim_product(x, z)
-
-
-@pytest.mark.parametrize("dims", [0, 257])
-def test_dims_out_of_range(dims):
-    with pytest.raises(ValueError, match=rf"dims must be an integer in \[1, 256\], got {dims}"):
-        sequences.sz(dims)

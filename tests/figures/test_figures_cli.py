@@ -12,6 +12,7 @@ import subprocess
 import sys
 import termios
 import time
+from itertools import product
 from pathlib import Path
 
 import jax
@@ -531,28 +532,19 @@ def make(quality, progress):
     assert len(widths) == 1 and 7.0 not in widths, "a figure's parameters are its own"
 
 
+# fmt: off
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     """Write a package whose figure reaches modules in several ways, and other files not at all."""
     files = {
-        "__init__.py": "from tree import _top",
-        "_top.py": "",
+        "__init__.py": "from tree import _top", "_top.py": "",
         "figure.py": "import tree.leaf\nfrom tree.sub import name, deep\nfrom . import beside",
-        "leaf.py": "def f():\n    from tree import late",
-        "late.py": "",
-        "beside.py": "from .sub.deeper import x",
-        "other.py": "",
-        "sub/__init__.py": "from ._inner import name",
-        "sub/_inner.py": "name = 1",
-        "sub/deep.py": "from tree import figure",
-        "sub/deeper.py": "x = 1\nfrom ..... import beyond",
-        "sub/table.npz": "1",
-        "sub/data/table.csv": "1",
-        "sub/README.md": "1",
-        "sub/.swap": "1",
-        "sub/out/numbers.json": "{}",
-        "sub/out/figure.png": "1",
-        "sub/unused/__init__.py": "",
+        "leaf.py": "def f():\n    from tree import late", "late.py": "",
+        "beside.py": "from .sub.deeper import x", "other.py": "",
+        "sub/__init__.py": "from ._inner import name", "sub/_inner.py": "name = 1",
+        "sub/deep.py": "from tree import figure", "sub/deeper.py": "x = 1\nfrom ..... import beyond",
+        "sub/table.npz": "1", "sub/data/table.csv": "1", "sub/README.md": "1", "sub/.swap": "1",
+        "sub/out/numbers.json": "{}", "sub/out/figure.png": "1", "sub/unused/__init__.py": "",
         "sub/unused/table.npz": "1",
     }
     for name, text in files.items():
@@ -561,31 +553,17 @@ def package(tmp_path, monkeypatch):
         path.write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     return tmp_path / "tree"
+# fmt: on
+
+
+MATTER = """figure.py __init__.py _top.py leaf.py late.py beside.py sub/__init__.py sub/_inner.py sub/deep.py
+    sub/deeper.py sub/table.npz sub/data/table.csv"""
+OTHERS = """other.py sub/README.md sub/.swap sub/out/numbers.json sub/out/figure.png sub/unused/__init__.py
+    sub/unused/table.npz"""
 
 
 @pytest.mark.parametrize(
-    "file, matters",
-    [
-        ("figure.py", True),
-        ("__init__.py", True),
-        ("_top.py", True),
-        ("leaf.py", True),
-        ("late.py", True),
-        ("beside.py", True),
-        ("sub/__init__.py", True),
-        ("sub/_inner.py", True),
-        ("sub/deep.py", True),
-        ("sub/deeper.py", True),
-        ("sub/table.npz", True),
-        ("sub/data/table.csv", True),
-        ("other.py", False),
-        ("sub/README.md", False),
-        ("sub/.swap", False),
-        ("sub/out/numbers.json", False),
-        ("sub/out/figure.png", False),
-        ("sub/unused/__init__.py", False),
-        ("sub/unused/table.npz", False),
-    ],
+    "matters, file", [*product([True], MATTER.split()), *product([False], OTHERS.split())]
 )
 def test_fingerprint_sees_what_is_imported(package, file, matters):
     before = fingerprint("tree.figure", "draft")

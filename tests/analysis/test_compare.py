@@ -275,10 +275,7 @@ def test_the_table_is_one_of_plain_values(comparison):
 
 
 @pytest.mark.parametrize(
-    ("error", "message", "change"),
-    [
-        (TypeError, "samplers must map names to samplers", {"samplers": [owen]}),
-    ],
+    ("error", "message", "change"), [(TypeError, "samplers must map names to samplers", {"samplers": [owen]})]
 )
 def test_bad_input_is_named(error, message, change):
     given = {"samplers": {"Owen": owen}, "scenes": {"disc": scenes.disc()}, "spps": [1], **change}

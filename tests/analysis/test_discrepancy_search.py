@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.optimize import linprog
 
 import analysis
@@ -146,13 +147,9 @@ def test_search_in_space():
     assert found.discrepancy < 0.125
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (dict(seconds=None), "seconds must be a number where steps is None"),
-        (dict(n=513, dims=3), "n must be"),
-    ],
+test_wrong_values = refused(
+    (dict(seconds=None), "seconds must be a number where steps is None"),
+    (dict(n=513, dims=3), "n must be"),
+    call=lambda arguments: analysis.search_discrepancy(**(dict(n=4, seconds=1.0, key=1) | arguments)),
+    error=ValueError,
 )
-def test_wrong_values(arguments, message):
-    with pytest.raises(ValueError, match=message):
-        analysis.search_discrepancy(**(dict(n=4, seconds=1.0, key=1) | arguments))

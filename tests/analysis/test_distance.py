@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from refusals import refused
 from scipy.spatial import KDTree
 
 from analysis import _closest_pair as closest_pair
@@ -416,13 +417,8 @@ def test_bad_floats(measure, arguments, message):
         measure(**arguments)
 
 
-BAD_INTEGERS = [
+test_bad_integers = refused(
     (dict(points=np.zeros((2, 2)), side=4), "float64.*min_distance"),
     (dict(points=[[0], [1]], side=4, shear=1), "shear.*d=1"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "message"), BAD_INTEGERS)
-def test_bad_integers(arguments, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        squared_min_distance(**arguments)
+    call=lambda arguments: squared_min_distance(**arguments),
+)

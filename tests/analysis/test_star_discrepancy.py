@@ -215,11 +215,7 @@ def test_figure_6a_is_the_first_block():
     assert 0.00027 < min(others) < max(others) < 0.00036
 
 
-SOBOL = {
-    (3, 256): (0.0254, 0.0255),
-    (4, 128): (0.0696, 0.0697),
-    (5, 128): (0.08005, 0.08015),
-}
+SOBOL = {(3, 256): (0.0254, 0.0255), (4, 128): (0.0696, 0.0697), (5, 128): (0.08005, 0.08015)}
 """(dimensions, points): an interval around the exact value. For d = 5, 0.0801 was found independently;
 Thiemard's bounds are 0.0686 and 0.1143 (epsilon 0.05)."""
 

@@ -125,13 +125,7 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
     assert {NASTY} == {tree["measured"]["a"][1]["b"] for tree in trees if "measured" in tree}
     assert [tree["items"][1]["name"] for tree in trees if "items" in tree] == [NASTY]
     facts = next(each["text"] for each in parsed.all("dl", "facts"))
-    for fact in (
-        "python -m figures z-9",
-        "1.5 s",
-        "Abacus, 2 cores, JAX 9.9",
-        "2020-02-02",
-        "Side64",
-    ):
+    for fact in ("python -m figures z-9", "1.5 s", "Abacus, 2 cores, JAX 9.9", "2020-02-02", "Side64"):
         assert fact in facts
     assert "4 x 3 pixels at 4 samples per pixel" in facts
 

@@ -152,15 +152,7 @@ SPREAD = {
         scenes.disc(), sequences.van_der_corput(), 24, 17, 2**13, mesh=mesh
     ),
     "convergence": lambda mesh: (
-        analysis.convergence(
-            scenes.disc(),
-            {"xor": XOR(1)},
-            [4],
-            width=24,
-            height=17,
-            repeats=1,
-            mesh=mesh,
-        )
+        analysis.convergence(scenes.disc(), {"xor": XOR(1)}, [4], width=24, height=17, repeats=1, mesh=mesh)
         .rows[0]
         .errors
     ),

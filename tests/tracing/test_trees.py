@@ -16,10 +16,7 @@ from qmcjax.tracing._shapes import triangle_tree
 from qmcjax.tracing._shapes.vectors import components
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-WAYS = {
-    "jax": search.by_program,
-    "compiled": pytest.param(compiled_world.search, marks=needs_numba),
-}
+WAYS = {"jax": search.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
 
 
 def blob(around, up):

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import refused
 
 from qmcjax import tracing
 from qmcjax.tracing import motion
@@ -414,7 +415,9 @@ def test_one_ray_and_many_and_programs_are_the_same():
 
 SPINNING = motion.affine(spin)
 BENT = motion.straightened(SPINNING, [0.0, 1.0])
-WRONG = [
+
+
+test_what_is_not_linear_is_refused = refused(
     (tracing.sphere([0, 0, 0], 1.0, motion=lambda t: (t, t)), "motion of object 0 must be linear"),
     (tracing.box([0, 0, 0], [1, 1, 1], motion=SPINNING), "motion of object 0 must be linear"),
     (tracing.sphere([0, 0, 0], 1.0, motion=BENT), "triangles, rectangles or boxes, where it turns"),
@@ -426,13 +429,9 @@ WRONG = [
         tracing.disc([0, 0, 0], AHEAD, 1.0, motion=slide(AHEAD, AWAY)),
         "or spheres for visibility.*Disc in object 0",
     ),
-]
-
-
-@pytest.mark.parametrize(("item", "message"), WRONG)
-def test_what_is_not_linear_is_refused(item, message):
-    with pytest.raises(TypeError, match=message):
-        tracing.visible_intervals(tracing.world([item]), np.zeros(3), AHEAD)
+    call=lambda item: tracing.visible_intervals(tracing.world([item]), np.zeros(3), AHEAD),
+    error=TypeError,
+)
 
 
 def test_wrong_arguments():

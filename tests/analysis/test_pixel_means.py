@@ -50,18 +50,6 @@ def test_values_of_several_functions_and_of_float64():
     assert np.all(np.abs(np.asarray(values) - 0.5) <= 1 / 32)
 
 
-def test_what_a_gaussian_leaves_of_waves():
-    """It scales a wave of frequency f by exp(-2 (pi sigma f)**2)."""
-    x = np.arange(64)
-    for cycles in (2, 8):
-        wave = np.broadcast_to(np.cos(2 * np.pi * cycles * x / 64), (64, 64))
-        for sigma in (1.0, 1.5):
-            expected = np.sqrt(0.5) * np.exp(-2 * (np.pi * sigma * cycles / 64) ** 2)
-            assert analysis.filtered_error(wave + 3, np.full((64, 64), 3.0), sigma) == pytest.approx(
-                expected, rel=2e-3
-            )
-
-
 def test_low_frequencies_of_waves_and_of_noise():
     x = np.arange(64)
     low, high = (np.broadcast_to(np.cos(2 * np.pi * c * x / 64), (64, 64)) for c in (3, 4))
@@ -138,17 +126,6 @@ def test_a_wave_is_weighted_by_the_filters_transfer(across, down, sigma):
     transfer = [weights @ np.cos(2 * np.pi * f / 32 * pixels) for f in (across, down)]
     expected = math.prod(transfer) * np.sqrt(np.mean(wave**2))
     assert analysis.filtered_error(wave, zeros(32), sigma) == pytest.approx(expected, rel=1e-12, abs=1e-15)
-
-
-def test_little_is_left_of_fast_waves():
-    """A period of 4 pixels at sigma 4: exp(-2 pi^2), where a filter cut off at 4 sigma leaves 5e-6."""
-    wave = np.cos(np.pi / 2 * np.arange(64)) + zeros(64)
-    expected = np.exp(-2 * np.pi**2) / np.sqrt(2)
-    assert analysis.filtered_error(wave, zeros(64), 4.0) == pytest.approx(expected, rel=1e-6)
-    assert expected < 2e-9
-
-
-SAMPLER = samplers.independent(sequences.sobol(2), key=1)
 
 
 test_bad_input_is_named = refused(

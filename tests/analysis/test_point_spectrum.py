@@ -199,14 +199,8 @@ def test_white_noise():
 
 
 test_bad_arguments = refused(
-    (np.zeros((0, 2)), 8, None, r"points.*\(0, 2\)"),
-    (np.zeros(4), 8, None, r"points.*\(4,\)"),
     (np.zeros((4, 1)), 8, None, r"points.*\(4, 1\)"),
     (np.zeros((4, 4)), 8, None, "points.*d=4"),
-    (np.zeros((4, 2), np.int32), 8, None, "points.*int32"),
-    (np.full((4, 2), 1.0), 8, None, r"points.*\[0, 1\).*1\.0"),
-    (np.full((4, 2), -0.5), 8, None, r"points.*\[0, 1\).*-0\.5"),
-    (np.full((4, 2), np.nan), 8, None, r"points.*\[0, 1\).*nan"),
     (np.zeros((4, 2)), 1, None, r"resolution.*\[2, 4096\].*1"),
     (np.zeros((4, 2)), 4097, None, r"resolution.*\[2, 4096\].*4097"),
     (np.zeros((4, 3)), 257, None, r"resolution.*\[2, 256\].*257"),

@@ -402,40 +402,25 @@ def test_rotation_boxes_against_many_angles(way):
 QUARTER = ([[1, 0], [1, 1], [0, 1]], [1, S, 1], [0, 0, 0, 1, 1, 1], 2)
 
 
-def changed(place, value):
-    return [value if i == place else given for i, given in enumerate(QUARTER)]
+def nurbs(place, value):
+    return motion.nurbs(*(value if i == place else given for i, given in enumerate(QUARTER)))
 
 
+SMALL = "weights must be positive for at least one"
 test_bad_input_is_named = refused(
-    (lambda: motion.nurbs(*changed(3, 0)), ValueError, r"degree must be an integer in \[1, 16\], got 0"),
-    (lambda: motion.nurbs(*changed(3, 2.0)), TypeError, "degree must be an integer"),
-    (lambda: motion.nurbs(*changed(0, [[1, np.nan]] * 3)), ValueError, "control must be finite"),
-    (lambda: motion.nurbs(*changed(0, "abc")), TypeError, "control must be made of real numbers"),
-    (lambda: motion.nurbs(*changed(0, [[1, 0]])), ValueError, "control must be at least 3 points"),
-    (lambda: motion.nurbs(*changed(1, [1, -1, 1])), ValueError, "weights must be not negative"),
-    (lambda: motion.nurbs(*changed(1, [1, 1, 0])), ValueError, "weights must be positive for at least one"),
-    (
-        # A jump from the first to the last point.
-        lambda: motion.nurbs([[0], [1], [2]], [1, 0, 1], [0, 0, 1, 2, 2], 1),
-        ValueError,
-        "weights must be positive for at least one",
-    ),
-    (
-        lambda: motion.nurbs(*changed(2, [0, 0, 0, 1, 1])),
-        ValueError,
-        r"knots must have shape \(6,\), got \(5,\)",
-    ),
-    (lambda: motion.nurbs(*changed(2, [0, 0, 0, 1, 1, 0])), ValueError, "knots must be nondecreasing"),
-    (
-        lambda: motion.nurbs(*changed(2, [0, 0, 0.5, 1, 1, 1])),
-        ValueError,
-        "knots must be the same for the first",
-    ),
-    (
-        lambda: motion.nurbs(*changed(2, [1, 1, 1, 1, 1, 1])),
-        ValueError,
-        "knots must be at most 2 times equal",
-    ),
+    (lambda: nurbs(3, 0), ValueError, r"degree must be an integer in \[1, 16\], got 0"),
+    (lambda: nurbs(3, 2.0), TypeError, "degree must be an integer"),
+    (lambda: nurbs(0, [[1, np.nan]] * 3), ValueError, "control must be finite"),
+    (lambda: nurbs(0, "abc"), TypeError, "control must be made of real numbers"),
+    (lambda: nurbs(0, [[1, 0]]), ValueError, "control must be at least 3 points"),
+    (lambda: nurbs(1, [1, -1, 1]), ValueError, "weights must be not negative"),
+    (lambda: nurbs(1, [1, 1, 0]), ValueError, SMALL),
+    # A jump from the first to the last point.
+    (lambda: motion.nurbs([[0], [1], [2]], [1, 0, 1], [0, 0, 1, 2, 2], 1), ValueError, SMALL),
+    (lambda: nurbs(2, [0, 0, 0, 1, 1]), ValueError, r"knots must have shape \(6,\), got \(5,\)"),
+    (lambda: nurbs(2, [0, 0, 0, 1, 1, 0]), ValueError, "knots must be nondecreasing"),
+    (lambda: nurbs(2, [0, 0, 0.5, 1, 1, 1]), ValueError, "knots must be the same for the first"),
+    (lambda: nurbs(2, [1, 1, 1, 1, 1, 1]), ValueError, "knots must be at most 2 times equal"),
     (lambda: CIRCLE.by_arc_length(0), ValueError, "segments must be an integer"),
     (lambda: motion.approximated(CIRCLE, 0.0, 4.0, 1, [1.0]), ValueError, r"segments must be .*\[2, 65536\]"),
 )

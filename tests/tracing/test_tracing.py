@@ -667,10 +667,15 @@ FLAT = [[0, 0, 0], [1, 1, 1], [2, 2, 2]]
 GOOD = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 BALL = tracing.sphere([0, 0, 0], 1.0)
 ORIGIN = np.zeros(3, np.float32)
+NOWHERE = tracing.world([])
+
+
+def moving_ball(path):
+    return tracing.world([tracing.group([BALL], motion=path)])
 
 
 test_bad_input_is_named = refused(
-    (lambda: tracing.triangles([GOOD, FLAT]), ValueError, r"vertices must be of triangles .*triangle 1"),
+    (lambda: tracing.triangles([GOOD, FLAT]), ValueError, "vertices must be of triangles .*triangle 1"),
     (lambda: tracing.triangles([GOOD], [FLAT]), ValueError, "close must be of triangles with an area"),
     (lambda: tracing.triangles([GOOD], [GOOD, GOOD]), ValueError, r"close must have shape \(1, 3, 3\)"),
     (lambda: tracing.triangles([[[0, 0, np.nan], *GOOD[1:]]]), ValueError, "vertices must be finite"),
@@ -684,26 +689,22 @@ test_bad_input_is_named = refused(
     (lambda: tracing.world(BALL), TypeError, "objects must be a list or a tuple"),
     (lambda: tracing.nearest_hit([BALL], ORIGIN, ORIGIN), TypeError, "world must be made by"),
     (
-        lambda: tracing.nearest_hit(tracing.world([]), ORIGIN[:2], ORIGIN),
+        lambda: tracing.nearest_hit(NOWHERE, ORIGIN[:2], ORIGIN),
         ValueError,
         r"origin must have shape \(..., 3\), got \(2,\)",
     ),
     (
-        lambda: tracing.nearest_hit(tracing.world([]), np.zeros((2, 3)), np.zeros((5, 3))),
+        lambda: tracing.nearest_hit(NOWHERE, np.zeros((2, 3)), np.zeros((5, 3))),
         ValueError,
         "shapes of rays must broadcast",
     ),
     (
-        lambda: tracing.nearest_hit(
-            tracing.world([tracing.group([BALL], motion=lambda time: (time, time))]), ORIGIN, ORIGIN
-        ),
+        lambda: tracing.nearest_hit(moving_ball(lambda time: (time, time)), ORIGIN, ORIGIN),
         ValueError,
         r"motion must map times \(1,\) to matrices \(1, 3, 3\) and translations \(1, 3\)",
     ),
     (
-        lambda: tracing.nearest_hit(
-            tracing.world([tracing.group([BALL], motion=lambda time: None)]), ORIGIN, ORIGIN
-        ),
+        lambda: tracing.nearest_hit(moving_ball(lambda time: None), ORIGIN, ORIGIN),
         TypeError,
         "motion must map times to a matrix and a translation",
     ),

@@ -68,17 +68,14 @@ def test_fft_keeps_its_stated_accuracy():
         assert 1e-14 < np.abs(np.asarray(fast) - np.asarray(direct)).max() < 5e-12
 
 
-def lattice(n, generator):
-    return np.arange(n)[:, None] * np.array([1, generator]) % n / n
-
-
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("resolution", [9, 10])
 def test_dual_lattice(resolution, method):
     """P = n where u + 12 v is divisible by 37 = n, at (1, 3) for example, and 0 elsewhere."""
     u, v = frequencies(resolution, 2)
     expected = np.where((u + 12 * v) % 37 == 0, 37.0, 0.0)
-    spectrum = point_spectrum(lattice(37, 12), resolution, method)
+    lattice = np.arange(37)[:, None] * np.array([1, 12]) % 37 / 37
+    spectrum = point_spectrum(lattice, resolution, method)
     np.testing.assert_allclose(spectrum, expected, rtol=0, atol=1e-12 if method == "direct" else 1e-9)
     assert expected[3, 1] == 37 > expected[1, 3]
 

@@ -10,13 +10,9 @@ from tables import slow, some
 import qmcjax as qj
 from qmcjax import scenes
 
-SCENES = {
-    "zone_plate": scenes.zone_plate(10.0),
-    "disc": scenes.disc(),
-    "soft_shadow": scenes.soft_shadow(),
-    "path_toy": scenes.path_toy(2),
-    "constant": scenes.disc((5.0, 5.0), 0.1),
-}
+SCENES = {name: getattr(scenes, name)() for name in ("disc", "soft_shadow")}
+SCENES |= {"zone_plate": scenes.zone_plate(10.0), "path_toy": scenes.path_toy(2)}
+SCENES["constant"] = scenes.disc((5.0, 5.0), 0.1)
 
 
 @pytest.mark.parametrize("spp", [128, *slow(8192)])

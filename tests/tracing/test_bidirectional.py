@@ -33,10 +33,7 @@ def room(lights, material=WALLS, motion=None, opened=False):
     return tracing.world([walls, ball], [LIGHTS[name] for name in lights])
 
 
-def flying(time):
-    return jnp.stack([0.3 * time, 0 * time, -0.2 * time], axis=-1)
-
-
+FLYING = tracing.motion.affine(None, tracing.motion.linear_segments([0, 1], [[0, 0, 0], [0.3, 0, -0.2]]))
 CASES = {
     "diffuse": lambda: (room(["rectangle"]), camera(), 2, 1),
     "all lights, glossy": lambda: (room(LIGHTS, GLOSSY, opened=True), camera(), 3, 2),
@@ -46,7 +43,7 @@ CASES = {
     "mirror and point": lambda: (room(["point"], tracing.mirror(0.9)), camera(), 3, 2),
     "four surfaces": lambda: (room(["rectangle", "sphere"], GLOSSY), camera(), 4, 4),
     "moving, lens": lambda: (
-        room(["sphere", "point"], motion=tracing.motion.affine(None, flying)),
+        room(["sphere", "point"], motion=FLYING),
         camera(aperture=0.05, shutter=(0.1, 0.9)),
         2,
         2,

@@ -313,13 +313,8 @@ def test_the_slopes_interval_is_that_of_scipy():
 
 def test_an_exact_power_has_an_interval_of_no_length():
     table = scattered(-1.5, 0.0, seed=0)
-    assert table.slope_interval("a") == pytest.approx((-1.5, -1.5))
-    assert table.slope_interval("a") == table.slope_interval("a")
-
-
-def test_efficiency():
-    table = scattered(-0.5, 0.0, seed=0)
-    np.testing.assert_allclose(table.efficiency("a"), 2.0 * 2 ** np.arange(10))
+    assert table.slope_interval("a") == table.slope_interval("a") == pytest.approx((-1.5, -1.5))
+    np.testing.assert_allclose(scattered(-0.5, 0.0, seed=0).efficiency("a"), 2.0 * 2 ** np.arange(10))
 
 
 test_what_a_table_cannot_tell = refused(

@@ -226,16 +226,6 @@ def test_large_sets_lose_nothing_by_cancellation(case):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["symmetric", "mixture"])
-def test_large_sets_are_cut_into_strips(kind):
-    """Which changes nothing."""
-    points = np.random.default_rng(6).random((1100, 2))
-    with jax.enable_x64(True):
-        value, _ = value_and_gradient(jnp.asarray(points), KERNELS[kind], 1, 1, False)
-    np.testing.assert_allclose(measure(kind)(points), value, rtol=1e-12)
-
-
-@pytest.mark.slow
 def test_derivatives_of_large_sets():
     """The same points; where they are equal in a coordinate, that is with themselves, half a step."""
     n = 1024

@@ -83,7 +83,7 @@ def radial_counts(height, width):
 
 
 @pytest.mark.parametrize("size", [*SIZES, (64, 64), (49, 49), (49, 30), (12, 18)])
-def test_radial_average_by_exact_annuli(size):
+def test_radial_average_and_anisotropy_by_exact_annuli(size):
     spectrum = noise(*size) ** 2
     frequency, power = radial_average(spectrum)
     table = annuli(*size)
@@ -91,6 +91,14 @@ def test_radial_average_by_exact_annuli(size):
     expected = [math.fsum(spectrum[place] for place in table[k]) / len(table[k]) for k in frequency]
     np.testing.assert_allclose(power, expected, rtol=1e-12)
     assert frequency.dtype == power.dtype == np.float64
+    same, anisotropy = radial_anisotropy(spectrum)
+    np.testing.assert_array_equal(same, frequency)
+    for k, found in zip(frequency, anisotropy, strict=True):
+        values = np.array([spectrum[place] for place in table[k]])
+        if len(values) == 1:
+            assert np.isnan(found)
+        else:
+            assert found == pytest.approx(10 * np.log10(values.var(ddof=1) / values.mean() ** 2), abs=1e-9)
 
 
 test_bad_errors = refused(
@@ -112,20 +120,6 @@ test_bad_errors = refused(
 def test_bad_spectra(shape, measure):
     with pytest.raises(ValueError, match="spectrum"):
         measure(np.ones(shape))
-
-
-@pytest.mark.parametrize("size", [*SIZES, (49, 30), (64, 64)])
-def test_anisotropy_by_exact_annuli(size):
-    spectrum = noise(*size) ** 2
-    table = annuli(*size)
-    frequency, anisotropy = radial_anisotropy(spectrum)
-    np.testing.assert_array_equal(frequency, radial_average(spectrum)[0])
-    for k, found in zip(frequency, anisotropy, strict=True):
-        values = np.array([spectrum[place] for place in table[k]])
-        if len(values) == 1:
-            assert np.isnan(found)
-        else:
-            assert found == pytest.approx(10 * np.log10(values.var(ddof=1) / values.mean() ** 2), abs=1e-9)
 
 
 def test_anisotropy_of_known_spectra():

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
+from test_light import segment
 
 import qmcjax as qj
 from qmcjax import samplers, sequences, tracing
@@ -109,12 +110,6 @@ def of_lines(scene, count, points, **options):
     return np.stack([values(jnp.asarray(line, points.dtype)) for line in tracing.lens_lines(count)])
 
 
-def covered(height):
-    """Return the part of the unit disc where x < height."""
-    height = np.clip(height, -1, 1)
-    return 1 - (np.arccos(height) - height * np.sqrt(1 - height**2)) / np.pi
-
-
 @pytest.mark.slow
 def test_an_edge_out_of_focus_is_the_area_of_a_segment():
     """The error falls with the number of lines to none; each line is exact, by either density."""
@@ -128,7 +123,7 @@ def test_an_edge_out_of_focus_is_the_area_of_a_segment():
     side = np.clip(height / cosine, -1, 1)
     before = 0.5 + 0.5 * side * abs(side)
     np.testing.assert_allclose(values, np.where(cosine < 0, 1 - before, before), atol=2e-6)
-    errors = [np.max(abs(values[:: 64 // n].mean(axis=0) - covered(height))) for n in (4, 16, 64)]
+    errors = [np.max(abs(values[:: 64 // n].mean(axis=0) - segment(height))) for n in (4, 16, 64)]
     assert errors[0] > 6 * errors[1] > 36 * errors[2] and errors[2] < 1.2e-3
     even = of_lines(scene, 1, points, redistributed=False)[0]
     np.testing.assert_allclose(even, np.clip(0.5 + 0.5 * height, 0, 1), atol=2e-6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -108,4 +108,4 @@ def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 
     if not below.any():
         raise ValueError(f"cutoff must be above one cycle per image, got {cutoff!r} for {np.shape(image)}")
     mean: Any = power[below].mean()
-    return mean if isinstance(mean, Tracer) else float(mean)
+    return cast(Any, mean) if isinstance(mean, Tracer) else float(mean)

@@ -78,48 +78,27 @@ def nowhere_right():
     return [object(), Plain, np.full((2, 2), 1j), {2: 1}]
 
 
+# fmt: off
 @cache
 def few_wrong_things():
     """Return what is hardly ever right."""
     return [
-        *nowhere_right(),
-        None,
-        "",
-        math.nan,
-        -1,
-        0.5,
-        True,
-        np.zeros(0),
-        (),
-        [[0.1], [0.2, 0.3]],
+        *nowhere_right(), None, "", math.nan, -1, 0.5, True, np.zeros(0), (), [[0.1], [0.2, 0.3]],
         nouns()["order"],
     ]
+# fmt: on
 
 
+# fmt: off
 LONG = {
-    "analysis.search_discrepancy",
-    "analysis.compare",
-    "analysis.broken_promises",
-    "analysis.pixel_means",
-    "analysis.optimize_scrambling",
-    "analysis.optimize_points",
-    "qmcjax.render_layers",
-    "qmcjax.render_adaptive",
-    "qmcjax.boundary_gradient",
-    "qmcjax.estimated_reference",
-    "tracing.predictor_corrector",
-    "tracing.photons",
-    "tracing.visible_intervals",
-    "tracing.nearest_hit",
-    "motion.slerp",
-    "path.rotations.__call__",
-    "estimator.__call__",
-    "estimator.varies",
-    "moving.__call__",
-    "moving.analytic.__call__",
-    "moving.varies",
-    "moving.analytic.varies",
+    "analysis.search_discrepancy", "analysis.compare", "analysis.broken_promises", "analysis.pixel_means",
+    "analysis.optimize_scrambling", "analysis.optimize_points", "qmcjax.render_layers",
+    "qmcjax.render_adaptive", "qmcjax.boundary_gradient", "qmcjax.estimated_reference",
+    "tracing.predictor_corrector", "tracing.photons", "tracing.visible_intervals", "tracing.nearest_hit",
+    "motion.slerp", "path.rotations.__call__", "estimator.__call__", "estimator.varies", "moving.__call__",
+    "moving.analytic.__call__", "moving.varies", "moving.analytic.varies",
 }
+# fmt: on
 """Programs of many operations, which are compiled for each shape: less is tried."""
 
 
@@ -153,64 +132,44 @@ def files():
     return names
 
 
+# fmt: off
 @cache
 def right_of_functions():
     """Return what is right for a parameter of one function only."""
     noun = nouns()
+    passes = samplers.randomized(lambda key: samplers.independent(noun["sequence"], key), 1, 4)
     return right_of_traced() | {
-        "tracing.analytic_visibility.samples": [1],
-        "comparison.spp": [4],
-        "comparison.sampler": ["a"],
+        "tracing.analytic_visibility.samples": [1], "comparison.spp": [4], "comparison.sampler": ["a"],
         "comparison.scene": ["disc"],
         "qmcjax.sequences.function.f": [lambda index: (index[..., None] % 4).astype(jnp.float32) / 4],
         "qmcjax.samplers.function.f": [lambda x, y, sample: jnp.zeros((*sample.shape, 2))],
-        "qmcjax.boundary_gradient.scene": [scenes.disc()],
-        "qmcjax.estimated_reference.spp": [32],
-        "qmcjax.render_passes.sampler": [
-            samplers.randomized(lambda key: samplers.independent(noun["sequence"], key), 1, 4)
-        ],
+        "qmcjax.boundary_gradient.scene": [scenes.disc()], "qmcjax.estimated_reference.spp": [32],
+        "qmcjax.render_passes.sampler": [passes],
         "qmcjax.render_layers.sampler": [samplers.independent(sequences.sobol(3), 1)],
-        "qmcjax.sequences.components.dims": [(0, 1)],
-        "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
+        "qmcjax.sequences.components.dims": [(0, 1)], "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
         "qmcjax.samplers.padded_replications.offsets": [sequences.sobol(4)],
-        "qmcjax.samplers.randomized.spp": [4],
-        "qmcjax.scenes.as_scene.value": [noun["scene"]],
-        "qmcjax.scenes.soft_shadow.height": [0.4],
-        "qmcjax.orders.as_order.value": [noun["order"]],
+        "qmcjax.samplers.randomized.spp": [4], "qmcjax.scenes.as_scene.value": [noun["scene"]],
+        "qmcjax.scenes.soft_shadow.height": [0.4], "qmcjax.orders.as_order.value": [noun["order"]],
         "qmcjax.orders.permutation.image": [np.arange(4).reshape(2, 2)],
-        "analysis.squared_min_distance.side": [4],
-        "table.sampler": ["a"],
-        "row.measure": ["RMS error"],
-        "scrambling.code": [1],
-        "scrambling.digits": [2],
-        "z.rounds": [2],
-        "z.counts": [np.ones((4, 4), int)],
-        "analysis.compare.scenes": [{"disc": scenes.disc()}],
-        "analysis.compare.width": [32],
-        "analysis.compare.height": [32],
-        "analysis.compare.keys": [1],
+        "analysis.squared_min_distance.side": [4], "table.sampler": ["a"], "row.measure": ["RMS error"],
+        "scrambling.code": [1], "scrambling.digits": [2], "z.rounds": [2], "z.counts": [np.ones((4, 4), int)],
+        "analysis.compare.scenes": [{"disc": scenes.disc()}], "analysis.compare.width": [32],
+        "analysis.compare.height": [32], "analysis.compare.keys": [1],
         "analysis.t_value.points_or_matrices": [np.stack([np.eye(2, dtype=int)] * 2)],
         "analysis.t_value.m": [2],
         "analysis.projection_t_values.points_or_matrices": [np.stack([np.eye(2, dtype=int)] * 2)],
-        "analysis.projection_t_values.m": [2],
-        "analysis.read_points.path": [files()["points"]],
+        "analysis.projection_t_values.m": [2], "analysis.read_points.path": [files()["points"]],
         "qmcjax.bridges.read_points.path": [files()["points"]],
-        "qmcjax.bridges.read_image.path": [files()["image"]],
-        "qmcjax.bridges.read_image.transfer": ["srgb"],
+        "qmcjax.bridges.read_image.path": [files()["image"]], "qmcjax.bridges.read_image.transfer": ["srgb"],
         "qmcjax.sequences.read_direction_numbers.path": [Path(__file__).parent / "direction_numbers.txt"],
-        "qmcjax.samplers.contiguous.spp": [4],
-        "qmcjax.orders.peano.width": [3, 9],
+        "qmcjax.samplers.contiguous.spp": [4], "qmcjax.orders.peano.width": [3, 9],
         "qmcjax.orders.peano.height": [3, 9],
         "qmcjax.sequences.digital.matrices": [np.asarray(sequences.sobol(2).matrices)],
         "qmcjax.sequences.replace_component.matrices": [np.eye(2, dtype=np.int64)[None]],
-        "qmcjax.sequences.permutation_net_in_row.index": [1],
-        "qmcjax.sequences.faure.base": [2, 3],
-        "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]],
-        "qmcjax.sequences.record_net.n": [16],
-        "analysis.point_spectrum.resolution": [4],
-        "analysis.squared_min_distance.points": [[[0, 0], [1, 2]]],
-        "analysis.squared_min_distance.shear": [0],
-        "analysis.low_frequency_power.image": [np.eye(32)],
+        "qmcjax.sequences.permutation_net_in_row.index": [1], "qmcjax.sequences.faure.base": [2, 3],
+        "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]], "qmcjax.sequences.record_net.n": [16],
+        "analysis.point_spectrum.resolution": [4], "analysis.squared_min_distance.points": [[[0, 0], [1, 2]]],
+        "analysis.squared_min_distance.shear": [0], "analysis.low_frequency_power.image": [np.eye(32)],
         "analysis.low_frequency_power.reference": [np.zeros((32, 32))],
         "analysis.low_frequency_power.cutoff": [0.25],
         "analysis.convergence.reference": [(np.zeros((4, 4)), 0.0), None],
@@ -218,13 +177,10 @@ def right_of_functions():
         "analysis.optimize_points.measure": [analysis.periodic_discrepancy],
         "analysis.optimize_scrambling.points": [[[0, 0], [1, 1]]],
         "analysis.optimize_scrambling.measure": [lambda points: points.sum()],
-        "analysis.mean_spectrum.make": [lambda key: np.ones(2)],
-        "analysis.search_net.m": [1, 2],
+        "analysis.mean_spectrum.make": [lambda key: np.ones(2)], "analysis.search_net.m": [1, 2],
         "analysis.search_discrepancy.start": [None],
         "qmcjax.bridges.tabulate.generator": [SimpleNamespace(random=lambda n: np.zeros((n, 2)))],
-        "plain.start.pixel": [(1, 2)],
-        "plain.array.dims": [(0, 1)],
-        "qmcjax.bridges.bake.dims": [(0, 1)],
+        "plain.start.pixel": [(1, 2)], "plain.array.dims": [(0, 1)], "qmcjax.bridges.bake.dims": [(0, 1)],
         "qmcjax.bridges.bake.tile": [(2, 2)],
         "qmcjax.sequences.direction_numbers.sequence": [sequences.sobol(3)],
         "qmcjax.bridges.bake_ranked.sampler": [samplers.ranked(2, 1)],
@@ -232,6 +188,7 @@ def right_of_functions():
         "qmcjax.bridges.write_image.path": [folder() / "image.png"],
         "qmcjax.bridges.write_image.transfer": ["srgb"],
     }
+# fmt: on
 
 
 @cache
@@ -258,6 +215,7 @@ TIMES = [0.0, 1.0]
 QUATERNION = [0.0, 0.0, 0.6, 0.8]
 
 
+# fmt: off
 def right_of_traced():
     """Return what is right for functions of rays, motions and plots."""
     of = traced()
@@ -265,95 +223,40 @@ def right_of_traced():
     vector, corners = [0.0, 0.0, 1.0], [np.eye(3)]
     right = {
         "tracing": {
-            "world": of.world,
-            "camera": of.camera,
-            "scene": of.still,
-            "origin": [0.0, 0, 5],
-            "direction": [0.0, 0, -1],
-            "bounces": 0,
-            "low": [0, 0, 0],
-            "high": [1, 1, 1],
-            "position": vector,
-            "target": [1, 0, 0],
-            "one": 0.5,
-            "other": 0.2,
-            "base": vector,
-            "axis": vector,
-            "color": 0.5,
-            "center": vector,
-            "normal": vector,
-            "radiance": 1.0,
-            "roughness": 0.5,
-            "parts": [tracing.plane(vector, vector)],
-            "count": 2,
-            "line": line,
-            "points": np.full((4, 3), 0.25),
-            "point": vector,
-            "intensity": 1.0,
-            "samples": (1,),
-            "fail": 2,
-            "corner": vector,
-            "edge_u": [1, 0, 0],
-            "edge_v": [0, 1, 0],
-            "vertices": corners,
+            "world": of.world, "camera": of.camera, "scene": of.still, "origin": [0.0, 0, 5],
+            "direction": [0.0, 0, -1], "bounces": 0, "low": [0, 0, 0], "high": [1, 1, 1], "position": vector,
+            "target": [1, 0, 0], "one": 0.5, "other": 0.2, "base": vector, "axis": vector, "color": 0.5,
+            "center": vector, "normal": vector, "radiance": 1.0, "roughness": 0.5,
+            "parts": [tracing.plane(vector, vector)], "count": 2, "line": line,
+            "points": np.full((4, 3), 0.25), "point": vector, "intensity": 1.0, "samples": (1,), "fail": 2,
+            "corner": vector, "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "vertices": corners,
             "objects": [tracing.sphere(vector, 1.0)],
         },
         "tracing.analytic_visibility": {"scene": of.moving},
         "tracing.lens_line": {"scene": of.lensed},
         "tracing.lens_sheared": {"camera": of.lens, "world": of.flat},
         "motion": {
-            "curve": lambda t: jnp.stack([t, t], axis=-1),
-            "start": 0.0,
-            "end": 1.0,
-            "segments": 4,
-            "translation": vector,
-            "rotation": QUATERNION,
-            "scale": np.eye(3),
-            "q": QUATERNION,
-            "a": QUATERNION,
-            "b": QUATERNION,
-            "t": 0.5,
-            "times": TIMES,
-            "vector": vector,
-            "axis": vector,
-            "angle": 0.5,
-            "motion": of.fall,
-            "keys": [QUATERNION, QUATERNION],
-            "control": POINTS[:3],
-            "weights": [1, 1, 1],
-            "knots": [0, 0, 0, 1, 1, 1],
-            "degree": 2,
-            "matrix": np.eye(4),
+            "curve": lambda t: jnp.stack([t, t], axis=-1), "start": 0.0, "end": 1.0, "segments": 4,
+            "translation": vector, "rotation": QUATERNION, "scale": np.eye(3), "q": QUATERNION,
+            "a": QUATERNION, "b": QUATERNION, "t": 0.5, "times": TIMES, "vector": vector, "axis": vector,
+            "angle": 0.5, "motion": of.fall, "keys": [QUATERNION, QUATERNION], "control": POINTS[:3],
+            "weights": [1, 1, 1], "knots": [0, 0, 0, 1, 1, 1], "degree": 2, "matrix": np.eye(4),
         },
         "motion.affine": {"matrix": np.eye(3)},
         "motion.linear_segments": {"points": BOXES[:2]},
         "motion.rotation_box": {"points": BOXES},
         "trees": {
-            "low": BOXES,
-            "high": BOXES + 1,
-            "tree": of.tree,
-            "origin": [[0.0, 0, 0]],
-            "direction": [vector],
-            "vertices": np.stack([BOXES, BOXES + 1, BOXES * 2 + [1, 0, 0]], axis=1),
-            "times": TIMES,
+            "low": BOXES, "high": BOXES + 1, "tree": of.tree, "origin": [[0.0, 0, 0]], "direction": [vector],
+            "vertices": np.stack([BOXES, BOXES + 1, BOXES * 2 + [1, 0, 0]], axis=1), "times": TIMES,
         },
         "trees.boxes_during": {"low": of.low, "high": of.low + 1, "start": 0.0, "end": 1.0},
         "trees.split_in_time": {"low": of.low, "high": of.low + 1},
         "trees.refitted": {"low": of.low, "high": of.low + 1, "times": TIMES},
         "trees.triangle_distances": {"vertices": of.corners, "times": TIMES, "time": [0.5]},
         "plot": {
-            "spps": [1, 4],
-            "errors": {"a": [0.5, 0.25]},
-            "image": IMAGE,
-            "reference": 0 * IMAGE,
-            "figure": Figure(),
-            "left": 1,
-            "bottom": 1,
-            "zoom": 1,
-            "spectra": np.ones((4, 4)),
-            "linear": IMAGE / 5,
-            "name": "Z",
-            "points": POINTS,
+            "spps": [1, 4], "errors": {"a": [0.5, 0.25]}, "image": IMAGE, "reference": 0 * IMAGE,
+            "figure": Figure(), "left": 1, "bottom": 1, "zoom": 1, "spectra": np.ones((4, 4)),
+            "linear": IMAGE / 5, "name": "Z", "points": POINTS,
         },
         "camera": {"x": 0.5, "y": 0.5, "time": 0.5, "lens": (), "point": (0.0, 0.0, 1.0), "weight": 1.0},
         "pattern": {"u": 0.5, "v": 0.5, "time": 0.5},
@@ -366,83 +269,34 @@ def right_of_traced():
         "choice": {"width": 4, "height": 4},
     }
     return {f"{place}.{name}": [value] for place, values in right.items() for name, value in values.items()}
+# fmt: on
 
 
+# fmt: off
 @cache
 def right_of_names():
     """Return what is right for parameters of a name."""
     noun = nouns()
     return {
-        "sequence": [noun["sequence"]],
-        "net": [sequences.hammersley_net(4)],
-        "order": [noun["order"]],
-        "sampler": [noun["sampler"]],
-        "scene": [noun["scene"]],
-        "moving": [scenes.moving_edge()],
-        "still": [noun["scene"]],
-        "shifts": [noun["sequence"]],
-        "offsets": [noun["sequence"]],
+        "sequence": [noun["sequence"]], "net": [sequences.hammersley_net(4)], "order": [noun["order"]],
+        "sampler": [noun["sampler"]], "scene": [noun["scene"]], "moving": [scenes.moving_edge()],
+        "still": [noun["scene"]], "shifts": [noun["sequence"]], "offsets": [noun["sequence"]],
         "sampler_of_key": [lambda key: samplers.independent(noun["sequence"], key)],
-        "samplers": [{"a": noun["sampler"]}],
-        "spps": [[1, 2]],
-        "function": [half],
-        "f": [half],
-        "needs": [("x", "y")],
-        "width": [4],
-        "height": [4],
-        "spp": [4],
-        "still_spp": [4],
-        "passes": [2],
-        "n": [4],
-        "m": [2, 4],
-        "side": [2],
-        "dims": [2],
-        "key": [1],
-        "start": [0],
-        "index": [0, 3],
-        "x": [1],
-        "y": [2],
-        "sample": [0],
-        "position": [5],
-        "log_side": [1],
-        "a": [3],
-        "radius": [0.3],
-        "iterations": [1],
-        "repeats": [1],
-        "steps": [1],
-        "budget_s": [0.01],
-        "seconds": [0.01],
-        "regions": [5],
-        "points": [POINTS],
-        "points_or_matrices": [POINTS],
-        "matrices": [np.eye(2, dtype=np.int64)[None]],
-        "component": [0],
-        "replacement": [np.eye(2, dtype=np.int64)],
-        "q": [2],
-        "polynomial": [7],
-        "initial": [[1, 3]],
-        "numbers": [[(7, [1, 3])]],
-        "row": [0],
-        "image": [IMAGE],
-        "images": [[IMAGE, IMAGE]],
-        "count": [2],
-        "reference": [0 * IMAGE],
-        "spectrum": [IMAGE],
-        "keys": [(1, 2)],
-        "bits": [16],
-        "digits": [(1, 1)],
-        "targets": [{2: 1}],
-        "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])],
-        "family": ["gaussian"],
-        "value": [noun["sequence"]],
-        "name": ["value"],
-        "cls": [],
-        "dtype": [jnp.float32],
-        "level": [0.5],
-        "label": ["a"],
-        "region": ["whole"],
-        "offset_or_key": [1],
+        "samplers": [{"a": noun["sampler"]}], "spps": [[1, 2]], "function": [half], "f": [half],
+        "needs": [("x", "y")], "width": [4], "height": [4], "spp": [4], "still_spp": [4], "passes": [2],
+        "n": [4], "m": [2, 4], "side": [2], "dims": [2], "key": [1], "start": [0], "index": [0, 3], "x": [1],
+        "y": [2], "sample": [0], "position": [5], "log_side": [1], "a": [3], "radius": [0.3],
+        "iterations": [1], "repeats": [1], "steps": [1], "budget_s": [0.01], "seconds": [0.01],
+        "regions": [5], "points": [POINTS], "points_or_matrices": [POINTS],
+        "matrices": [np.eye(2, dtype=np.int64)[None]], "component": [0],
+        "replacement": [np.eye(2, dtype=np.int64)], "q": [2], "polynomial": [7], "initial": [[1, 3]],
+        "numbers": [[(7, [1, 3])]], "row": [0], "image": [IMAGE], "images": [[IMAGE, IMAGE]], "count": [2],
+        "reference": [0 * IMAGE], "spectrum": [IMAGE], "keys": [(1, 2)], "bits": [16], "digits": [(1, 1)],
+        "targets": [{2: 1}], "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])], "family": ["gaussian"],
+        "value": [noun["sequence"]], "name": ["value"], "cls": [], "dtype": [jnp.float32], "level": [0.5],
+        "label": ["a"], "region": ["whole"], "offset_or_key": [1],
     }
+# fmt: on
 
 
 def right_things(name, qualified):
@@ -458,18 +312,11 @@ NEVER_OMITTED = {"width", "height", "repeats", "steps", "budget_s", "iterations"
 LEFT_OUT = {"progress", "checkpoint", "style"}
 """A checkpoint would be left in the folder; what a style may be is matplotlib's."""
 
+# fmt: off
 FUNCTIONS = {
-    "function",
-    "f",
-    "measure",
-    "make",
-    "sampler_of_key",
-    "cls",
-    "curve",
-    "motion",
-    "translation",
-    "matrix",
+    "function", "f", "measure", "make", "sampler_of_key", "cls", "curve", "motion", "translation", "matrix",
 }
+# fmt: on
 """Anything that can be called is a function: what goes wrong inside of it is its own matter."""
 
 
@@ -577,35 +424,23 @@ def right_call(qualified):
     return arguments
 
 
+# fmt: off
 RELATED = {
-    "qmcjax.integrate.replicates": "key",
-    "qmcjax.render_adaptive.tolerance": "sampler",
-    "qmcjax.sequences.faure.dims": "base",
-    "qmcjax.sequences.inverted.log_side": "net",
-    "qmcjax.sequences.korobov.n": "a",
-    "qmcjax.sequences.sobol_matrix.polynomial": "initial",
-    "qmcjax.scenes.ball.starts": "ends",
-    "qmcjax.bridges.read_points.dims": "given.csv",
-    "qmcjax.bridges.read_points.max_bytes": "given.csv",
-    "analysis.read_points.dims": "given.csv",
-    "analysis.read_points.max_bytes": "given.csv",
-    "analysis.convergence.width": "reference",
-    "analysis.convergence.height": "reference|regions",
-    "analysis.squared_min_distance.side": "points",
-    "tracing.box.low": "high",
-    "tracing.photons.bounces": "points",
-    "motion.approximated.end": "start",
-    "motion.linear_segments.times": "points",
-    "motion.nurbs.control": "weights",
-    "motion.nurbs.degree": "knots|control",
-    "motion.rotation_spline.times": "keys",
-    "trees.boxes_during.times": "start",
-    "trees.refitted.times": "low",
-    "trees.surface_area.low": "high",
-    "trees.triangle_distances.times": "vertices",
-    "plot.difference.image": "reference",
+    "qmcjax.integrate.replicates": "key", "qmcjax.render_adaptive.tolerance": "sampler",
+    "qmcjax.sequences.faure.dims": "base", "qmcjax.sequences.inverted.log_side": "net",
+    "qmcjax.sequences.korobov.n": "a", "qmcjax.sequences.sobol_matrix.polynomial": "initial",
+    "qmcjax.scenes.ball.starts": "ends", "qmcjax.bridges.read_points.dims": "given.csv",
+    "qmcjax.bridges.read_points.max_bytes": "given.csv", "analysis.read_points.dims": "given.csv",
+    "analysis.read_points.max_bytes": "given.csv", "analysis.convergence.width": "reference",
+    "analysis.convergence.height": "reference|regions", "analysis.squared_min_distance.side": "points",
+    "tracing.box.low": "high", "tracing.photons.bounces": "points", "motion.approximated.end": "start",
+    "motion.linear_segments.times": "points", "motion.nurbs.control": "weights",
+    "motion.nurbs.degree": "knots|control", "motion.rotation_spline.times": "keys",
+    "trees.boxes_during.times": "start", "trees.refitted.times": "low", "trees.surface_area.low": "high",
+    "trees.triangle_distances.times": "vertices", "plot.difference.image": "reference",
     "scrambling.scrambled.digits": "code",
 }
+# fmt: on
 """What is right by itself may not fit to another argument, which is then the one that is named."""
 
 

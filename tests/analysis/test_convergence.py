@@ -2,9 +2,9 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 import pytest
+from refusals import refused
 from scipy import stats
 
 import analysis._convergence
@@ -144,6 +144,10 @@ def test_an_interrupted_sweep_goes_on(rendered, tmp_path, monkeypatch):
         convergence(scenes.disc(), SAMPLERS, [1, 4], **{**given, "checkpoint": tmp_path / "plain"})
 
 
+def refuse(spp):
+    raise ValueError(f"spp must be a power of four, got {spp}")
+
+
 GOOD = {"samplers": SAMPLERS, "spps": [1, 4], "width": 8, "height": 8}
 BAD = [
     (dict(spps=[]), r"spps.*\[\]"),
@@ -154,6 +158,7 @@ BAD = [
     (dict(samplers={}), "samplers"),
     (dict(samplers={"net": Fake(1.0, 0.0, made_for=4)}), "spp must be 4, got 1"),
     (dict(samplers={"good": SAMPLERS["slow"], "none": lambda spp: None}), r"samplers\['none'\].*None"),
+    (dict(samplers={"slow": SAMPLERS["slow"], "net": refuse}), "spp must be a power of four, got 1"),
     (dict(width=0), "width.*0"),
     (dict(height=2**17), "height.*131072"),
     (dict(repeats=0), "repeats.*0"),
@@ -183,25 +188,6 @@ def test_refused_before_anything_is_computed(rendered, change, message):
     with pytest.raises((TypeError, ValueError), match=message):
         convergence(scene, **{**GOOD, **change})
     assert not rendered and not scene.asked
-
-
-def refuse(spp):
-    raise ValueError(f"spp must be a power of four, got {spp}")
-
-
-def test_a_function_that_refuses(rendered):
-    with pytest.raises(ValueError, match="power of four, got 1"):
-        convergence(Scene(), {"slow": SAMPLERS["slow"], "net": refuse}, [1], width=8, height=8)
-    assert not rendered
-
-
-def test_reference_of_another_shape(rendered):
-    class Colour(Scene):
-        def reference(self, width, height):
-            return np.zeros((height, width, 3)), 0.0
-
-    with pytest.raises(ValueError, match=r"image \(8, 8\), got \(8, 8, 3\)"):
-        convergence(Colour(), {"slow": SAMPLERS["slow"]}, [1], width=8, height=8)
 
 
 def test_a_reference_is_given(rendered):
@@ -256,6 +242,11 @@ def test_what_is_wrong_with_a_scenes_reference(rendered, error, scene, message):
     assert not rendered
 
 
+def test_reference_of_another_shape(rendered):
+    with pytest.raises(ValueError, match=r"image \(8, 8\), got \(8, 8, 3\)"):
+        convergence(scene_with(lambda *_: (np.zeros((8, 8, 3)), 0.0)), **GOOD)
+
+
 def table_of(errors):
     row = analysis.ConvergenceRow("a", 1, {"whole": 0.0}, 1.0, 1.0)
     rows = [dataclasses.replace(row, spp=4**i, errors={"whole": e}) for i, e in enumerate(errors)]
@@ -268,63 +259,18 @@ def test_slope_is_least_squares():
     assert table_of(errors).slope("a") == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize("errors", [[1.0], [1.0, 0.0]])
-def test_no_slope(errors):
-    with pytest.raises(ValueError, match="'a'"):
-        table_of(errors).slope("a")
-
-
-def test_unknown_names():
-    with pytest.raises(ValueError, match=r"sampler must be one of \['a'\], got 'b'"):
-        table_of([1.0]).errors("b")
-    with pytest.raises(ValueError, match=r"region must be one of \['whole'\], got 'left'"):
-        table_of([1.0]).errors("a", "left")
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Product:
-    """The function x y, whose pixel integrals are the products of the centres."""
-
-    needs = ("x", "y")
-
-    def __call__(self, points):
-        return points[..., 0] * points[..., 1]
-
-    def reference(self, width, height):
-        x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
-        return np.multiply.outer(y, x), 0.0
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Random:
-    """Independent points: the least that renders."""
-
-    key: jax.Array
-
-    dims = 2
-
-    def check(self, width, height, spp):
-        pass
-
-    def __call__(self, x, y, sample, dims, dtype):
-        key = self.key
-        for number in (x, y, sample):  # of the first of these pixels
-            key = jax.random.fold_in(key, number.ravel()[0])
-        return jax.random.uniform(key, (*x.shape, len(dims)), dtype)
-
-
 @pytest.mark.slow
 def test_real_renderer():
     """Random samples of x y in a pixel have a known variance and slope -1/2; Owen-scrambled nets better."""
     size = 64
     methods = {
-        "random": Random(jax.random.key(1)),
+        "random": samplers.independent(sequences.uniform(2, 1), 1),
         "owen": samplers.independent(sequences.sobol(2), 2),
     }
-    table = convergence(Product(), methods, [1, 4, 16], width=size, height=size, repeats=1)
     x = (np.arange(size) + 0.5) / size
+    given = dict(width=size, height=size, repeats=1, reference=(np.multiply.outer(x, x), 0.0))
+    product = scenes.function(lambda point: point[..., 0] * point[..., 1], ("x", "y"))
+    table = convergence(product, methods, [1, 4, 16], **given)
     # In the pixel with centre (a, b) and side h it is (a^2 + b^2) h^2/12 + h^4/144.
     h = 1 / size
     variance = 2 * (x**2).mean() * h**2 / 12 + h**4 / 144
@@ -367,27 +313,19 @@ def test_the_slopes_interval_is_that_of_scipy():
 
 def test_an_exact_power_has_an_interval_of_no_length():
     table = scattered(-1.5, 0.0, seed=0)
-    assert table.slope_interval("a") == pytest.approx((-1.5, -1.5))
-    assert table.slope_interval("a") == table.slope_interval("a")
+    assert table.slope_interval("a") == table.slope_interval("a") == pytest.approx((-1.5, -1.5))
+    np.testing.assert_allclose(scattered(-0.5, 0.0, seed=0).efficiency("a"), 2.0 * 2 ** np.arange(10))
 
 
-def test_efficiency():
-    table = scattered(-0.5, 0.0, seed=0)
-    np.testing.assert_allclose(table.efficiency("a"), 2.0 * 2 ** np.arange(10))
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda table: table.slope_interval("a", level=1.0), r"level must be in \(0, 1\), got 1.0"),
-        (lambda table: table.slope_interval("b"), r"sampler must be one of \['a'\], got 'b'"),
-        (lambda table: table.efficiency("a", "upper"), "region must be .* got 'upper'"),
-        (
-            lambda table: scattered(-1, 0.1, 0, count=2).slope_interval("a"),
-            "three or more errors",
-        ),
-    ],
+test_what_a_table_cannot_tell = refused(
+    (lambda table: table.slope_interval("a", level=1.0), r"level must be in \(0, 1\), got 1.0"),
+    (lambda _: table_of([1.0]).errors("b"), r"sampler must be one of \['a'\], got 'b'"),
+    (lambda _: table_of([1.0]).errors("a", "left"), r"region must be one of \['whole'\], got 'left'"),
+    (lambda _: table_of([1.0]).slope("a"), "'a'"),
+    (lambda _: table_of([1.0, 0.0]).slope("a"), "'a'"),
+    (lambda table: table.slope_interval("b"), r"sampler must be one of \['a'\], got 'b'"),
+    (lambda table: table.efficiency("a", "upper"), "region must be .* got 'upper'"),
+    (lambda table: scattered(-1, 0.1, 0, count=2).slope_interval("a"), "three or more errors"),
+    call=lambda call: call(scattered(-0.5, 0.1, seed=0)),
+    error=ValueError,
 )
-def test_what_a_table_cannot_tell(call, message):
-    with pytest.raises(ValueError, match=message):
-        call(scattered(-0.5, 0.1, seed=0))

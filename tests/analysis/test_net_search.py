@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from analysis import _net_search, search_net
 
@@ -216,15 +217,10 @@ def test_a_budget_ends_a_long_search():
     assert found == _net_search.NetSearch(None, None, exhausted=False)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: search_net(6, 3), r"m must be an integer in \[1, 5\], got 6"),
-        (lambda: search_net(3, 2, 0), r"minimum_squared_distance must be an integer in \[1, 32\], got 0"),
-        (lambda: search_net(3, 2, 33), r"minimum_squared_distance must be an integer in \[1, 32\], got 33"),
-        (lambda: search_net(2, 3, 13), r"minimum_squared_distance must be an integer in \[1, 12\], got 13"),
-    ],
+test_bad_input_is_named = refused(
+    (lambda: search_net(6, 3), r"m must be an integer in \[1, 5\], got 6"),
+    (lambda: search_net(3, 2, 0), r"minimum_squared_distance must be an integer in \[1, 32\], got 0"),
+    (lambda: search_net(3, 2, 33), r"minimum_squared_distance must be an integer in \[1, 32\], got 33"),
+    (lambda: search_net(2, 3, 13), r"minimum_squared_distance must be an integer in \[1, 12\], got 13"),
+    error=ValueError,
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -48,15 +48,7 @@ def test_pairs_of_the_sampler_are_its_own():
 def test_requests_keep_pairs_together():
     """A single coordinate takes the first of a pair, the next one what is left of it."""
     stream = Stream(PaddedPairs(samplers.independent(sequences.sobol(4), 0), 0))
-    asked = [
-        stream.two(),
-        stream.one(),
-        stream.two(),
-        stream.one(),
-        stream.one(),
-        stream.two(),
-        stream.one(),
-    ]
+    asked = [stream.two(), stream.one(), stream.two(), stream.one(), stream.one(), stream.two(), stream.one()]
     assert asked == [0, (1, 0), 2, (1, 1), (3, 0), 4, (3, 1)]
     stream.restart()
     assert (stream.two(), stream.one()) == (0, (1, 0))

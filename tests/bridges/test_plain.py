@@ -1,8 +1,11 @@
 """Our samplers for programs without JAX, and other libraries' generators as sequences."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import tables
+from refusals import refused
 from scipy.stats import qmc
 
 import analysis
@@ -89,22 +92,16 @@ def test_there_are_no_more_coordinates_than_the_samplers():
     assert plain.get1d() == 0.25
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: PlainSampler(3), TypeError, "sampler must be a sampler"),
-        (lambda: PlainSampler(CURVE, "float16"), ValueError, "dtype must be float32 or float64"),
-        (lambda: PlainSampler(CURVE).start(3, 0), TypeError, "pixel must be column and row, got 3"),
-        (lambda: PlainSampler(CURVE).start((32, 0), 0), ValueError, r"pixel must be .* \[0, 31\], got 32"),
-        (lambda: PlainSampler(CURVE).start((0, 0), 12), ValueError, r"sample must be .* \[0, 11\], got 12"),
-        (lambda: PlainSampler(CURVE).array(9, 9, 1), ValueError, "width, height must be the order's 20 x 18"),
-        (lambda: tabulate(OWEN, 4), TypeError, r"generator must be one of points, with random\(n\)"),
-        (lambda: SequenceEngine(3), TypeError, "sequence must be a sequence"),
-    ],
+test_wrong_arguments_are_named = refused(
+    (lambda: PlainSampler(3), TypeError, "sampler must be a sampler"),
+    (lambda: PlainSampler(CURVE, "float16"), ValueError, "dtype must be float32 or float64"),
+    (lambda: PlainSampler(CURVE).start(3, 0), TypeError, "pixel must be column and row, got 3"),
+    (lambda: PlainSampler(CURVE).start((32, 0), 0), ValueError, r"pixel must be .* \[0, 31\], got 32"),
+    (lambda: PlainSampler(CURVE).start((0, 0), 12), ValueError, r"sample must be .* \[0, 11\], got 12"),
+    (lambda: PlainSampler(CURVE).array(9, 9, 1), ValueError, "width, height must be the order's 20 x 18"),
+    (lambda: tabulate(OWEN, 4), TypeError, r"generator must be one of points, with random\(n\)"),
+    (lambda: SequenceEngine(3), TypeError, "sequence must be a sequence"),
 )
-def test_wrong_arguments_are_named(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
 
 
 def test_torch_takes_arrays_over():
@@ -116,30 +113,25 @@ def test_torch_takes_arrays_over():
     assert np.array_equal(torch.from_dlpack(ours).numpy(), ours)
 
 
-class Replicated:
-    """What is asked of a discrete distribution of QMCPy."""
-
-    def __init__(self, points):
-        self.points = points
-
-    def gen_samples(self, n):
-        return self.points[..., :n, :]
+def replicated(points):
+    """Return what is asked of a discrete distribution of QMCPy."""
+    return SimpleNamespace(gen_samples=lambda n: points[..., :n, :])
 
 
 def test_distributions_of_qmcpy_are_sequences():
     points = np.random.default_rng(1).random((16, 3))
-    sequence = tabulate(Replicated(points), 8)
+    sequence = tabulate(replicated(points), 8)
     assert sequence.size == 8 and np.array_equal(
         sequence.points(8, dtype=np.float64), points[:8] * 2**32 // 1 / 2**32
     )
-    with pytest.raises(
-        ValueError, match=r"generator must draw points of shape \(8, dims\), got .*\(2, 8, 3\)"
-    ):
-        tabulate(Replicated(np.stack([points, points])), 8)
-    with pytest.raises(ValueError, match=r"generator: points must be in \[0, 1\)"):
-        tabulate(Replicated(points - 0.5), 8)
-    with pytest.raises(TypeError, match="generator: points must be floats"):
-        tabulate(Replicated(np.ones((8, 2), int)), 8)
+
+
+test_distributions_of_qmcpy_must_draw_points = refused(
+    (np.zeros((2, 8, 3)), ValueError, r"generator must draw points of shape \(8, dims\), got .*\(2, 8, 3\)"),
+    (np.full((8, 2), -0.5), ValueError, r"generator: points must be in \[0, 1\)"),
+    (np.ones((8, 2), int), TypeError, "generator: points must be floats"),
+    call=lambda points: tabulate(replicated(points), 8),
+)
 
 
 def test_qmcpys_own_are_sequences():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.stats import qmc
 
 from analysis import SequenceEngine, read_points, star_discrepancy
@@ -84,18 +85,13 @@ def after_three():
     return engine
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: SequenceEngine(sequences.hammersley_net(2)).random(5), r"n must be .* \[0, 4\], got 5"),
-        (lambda: SequenceEngine(sequences.hammersley_net(2)).fast_forward(5), "n must be .* got 5"),
-        (lambda: after_three().fast_forward(2), r"n must be .* \[0, 1\], got 2"),
-        (lambda: after_three().fast_forward(1).random(1), r"n must be .* \[0, 0\], got 1"),
-    ],
+test_bad_input_is_named = refused(
+    (lambda: SequenceEngine(sequences.hammersley_net(2)).random(5), r"n must be .* \[0, 4\], got 5"),
+    (lambda: SequenceEngine(sequences.hammersley_net(2)).fast_forward(5), "n must be .* got 5"),
+    (lambda: after_three().fast_forward(2), r"n must be .* \[0, 1\], got 2"),
+    (lambda: after_three().fast_forward(1).random(1), r"n must be .* \[0, 0\], got 1"),
+    error=ValueError,
 )
-def test_bad_input_is_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
 
 
 def test_arrays_of_another_kind_are_refused(tmp_path):

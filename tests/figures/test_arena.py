@@ -44,16 +44,7 @@ SMALL = ["--spp", "1,4", "--size", "32", "--keys", "2", "--against", "owen"]
 
 @pytest.mark.slow
 def test_a_page_and_a_table(folder, capsys):
-    command = [
-        "compare",
-        "some_samplers:mine",
-        "--points",
-        "own_points.npy",
-        *SMALL,
-        "--scenes",
-        "disc",
-        "ball",
-    ]
+    command = [*"compare some_samplers:mine --points own_points.npy --scenes disc ball".split(), *SMALL]
     assert main(command) == 0
     assert capsys.readouterr().out.split() == ["out/compare/index.html"]
     page = (folder / "out/compare/index.html").read_text(encoding="utf-8")

@@ -12,10 +12,12 @@ import subprocess
 import sys
 import termios
 import time
+from itertools import product
 from pathlib import Path
 
 import jax
 import pytest
+from refusals import refused
 
 from figures import __main__ as command_line
 from figures.__main__ import main
@@ -207,11 +209,7 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     pid = first["one"]["numbers"]["measured"].pop("process")
     assert pid == first["two"]["numbers"]["measured"]["process"], "one worker makes both"
     assert pid[1:] == ["glibc.malloc.hugetlb=1", "Agg"]
-    assert first["one"]["numbers"] == {
-        "measured": {"value": 1},
-        "printed": [1, 2.5, None],
-        "note": "draft",
-    }
+    assert first["one"]["numbers"] == {"measured": {"value": 1}, "printed": [1, 2.5, None], "note": "draft"}
     picture = (project.out / "one.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
     assert int.from_bytes(picture[16:20], "big") == 150, "one inch at 150 dpi"
@@ -531,28 +529,19 @@ def make(quality, progress):
     assert len(widths) == 1 and 7.0 not in widths, "a figure's parameters are its own"
 
 
+# fmt: off
 @pytest.fixture
 def package(tmp_path, monkeypatch):
     """Write a package whose figure reaches modules in several ways, and other files not at all."""
     files = {
-        "__init__.py": "from tree import _top",
-        "_top.py": "",
+        "__init__.py": "from tree import _top", "_top.py": "",
         "figure.py": "import tree.leaf\nfrom tree.sub import name, deep\nfrom . import beside",
-        "leaf.py": "def f():\n    from tree import late",
-        "late.py": "",
-        "beside.py": "from .sub.deeper import x",
-        "other.py": "",
-        "sub/__init__.py": "from ._inner import name",
-        "sub/_inner.py": "name = 1",
-        "sub/deep.py": "from tree import figure",
-        "sub/deeper.py": "x = 1\nfrom ..... import beyond",
-        "sub/table.npz": "1",
-        "sub/data/table.csv": "1",
-        "sub/README.md": "1",
-        "sub/.swap": "1",
-        "sub/out/numbers.json": "{}",
-        "sub/out/figure.png": "1",
-        "sub/unused/__init__.py": "",
+        "leaf.py": "def f():\n    from tree import late", "late.py": "",
+        "beside.py": "from .sub.deeper import x", "other.py": "",
+        "sub/__init__.py": "from ._inner import name", "sub/_inner.py": "name = 1",
+        "sub/deep.py": "from tree import figure", "sub/deeper.py": "x = 1\nfrom ..... import beyond",
+        "sub/table.npz": "1", "sub/data/table.csv": "1", "sub/README.md": "1", "sub/.swap": "1",
+        "sub/out/numbers.json": "{}", "sub/out/figure.png": "1", "sub/unused/__init__.py": "",
         "sub/unused/table.npz": "1",
     }
     for name, text in files.items():
@@ -561,31 +550,17 @@ def package(tmp_path, monkeypatch):
         path.write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     return tmp_path / "tree"
+# fmt: on
+
+
+MATTER = """figure.py __init__.py _top.py leaf.py late.py beside.py sub/__init__.py sub/_inner.py sub/deep.py
+    sub/deeper.py sub/table.npz sub/data/table.csv"""
+OTHERS = """other.py sub/README.md sub/.swap sub/out/numbers.json sub/out/figure.png sub/unused/__init__.py
+    sub/unused/table.npz"""
 
 
 @pytest.mark.parametrize(
-    "file, matters",
-    [
-        ("figure.py", True),
-        ("__init__.py", True),
-        ("_top.py", True),
-        ("leaf.py", True),
-        ("late.py", True),
-        ("beside.py", True),
-        ("sub/__init__.py", True),
-        ("sub/_inner.py", True),
-        ("sub/deep.py", True),
-        ("sub/deeper.py", True),
-        ("sub/table.npz", True),
-        ("sub/data/table.csv", True),
-        ("other.py", False),
-        ("sub/README.md", False),
-        ("sub/.swap", False),
-        ("sub/out/numbers.json", False),
-        ("sub/out/figure.png", False),
-        ("sub/unused/__init__.py", False),
-        ("sub/unused/table.npz", False),
-    ],
+    "matters, file", [*product([True], MATTER.split()), *product([False], OTHERS.split())]
 )
 def test_fingerprint_sees_what_is_imported(package, file, matters):
     before = fingerprint("tree.figure", "draft")
@@ -696,28 +671,21 @@ def test_writing_is_all_or_nothing(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize(
-    "numbers, said",
-    [
-        ({"a": float("nan")}, r"numbers\['a'\] must be finite, got nan"),
-        ({"a": {"b": (0, -float("inf"))}}, r"numbers\['a'\]\['b'\]\[1\] must be finite, got -inf"),
-        ({"a": {2: 1}}, r"the keys of numbers\['a'\] must be strings, got 2"),
-        ({"a": {1}}, r"numbers\['a'\] must be a plain Python value, got \{1\} of type set"),
-        ({"a": 1j}, r"of type complex"),
-        ({"measured": 1, "found": 2}, r"the parts of numbers must be among measured, .*, got 'found'"),
-        (
-            {"printed": {"m": [1, {"it holds": True}]}},
-            r"numbers\['printed'\] must have what the paper prints",
-        ),
-        ({"claims": ["it holds"]}, r"numbers\['claims'\] must be a dict, got \['it holds'\]"),
-        ({"claims": {"a": True, "b": 1}}, r"numbers\['claims'\]\['b'\] must be a bool .*, got 1"),
-        ({"claims": {"a": {"x": True, "y": None}}}, r"numbers\['claims'\]\['a'\] must be .* 'y': None"),
-        ({"claims": {"a": {}}}, r"numbers\['claims'\]\['a'\] must be a bool or a dict .*, got \{\}"),
-    ],
+test_numbers_that_are_not_as_they_should_be_are_named = refused(
+    ({"a": float("nan")}, r"numbers\['a'\] must be finite, got nan"),
+    ({"a": {"b": (0, -float("inf"))}}, r"numbers\['a'\]\['b'\]\[1\] must be finite, got -inf"),
+    ({"a": {2: 1}}, r"the keys of numbers\['a'\] must be strings, got 2"),
+    ({"a": {1}}, r"numbers\['a'\] must be a plain Python value, got \{1\} of type set"),
+    ({"a": 1j}, r"of type complex"),
+    ({"measured": 1, "found": 2}, r"the parts of numbers must be among measured, .*, got 'found'"),
+    ({"printed": {"m": [1, {"it holds": True}]}}, r"numbers\['printed'\] must have what the paper prints"),
+    ({"claims": ["it holds"]}, r"numbers\['claims'\] must be a dict, got \['it holds'\]"),
+    ({"claims": {"a": True, "b": 1}}, r"numbers\['claims'\]\['b'\] must be a bool .*, got 1"),
+    ({"claims": {"a": {"x": True, "y": None}}}, r"numbers\['claims'\]\['a'\] must be .* 'y': None"),
+    ({"claims": {"a": {}}}, r"numbers\['claims'\]\['a'\] must be a bool or a dict .*, got \{\}"),
+    call=check_numbers,
+    error=ValueError,
 )
-def test_numbers_that_are_not_as_they_should_be_are_named(numbers, said):
-    with pytest.raises(ValueError, match=said):
-        check_numbers(numbers)
 
 
 def test_numbers_as_they_should_be():

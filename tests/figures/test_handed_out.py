@@ -5,6 +5,7 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
+from refusals import refused
 
 from figures.making.web_images import encode
 
@@ -73,20 +74,15 @@ def test_a_wave_is_two_points_of_its_spectrum():
     assert (shades(files["none.spectrum.webp"]) == 0).all()
 
 
-@pytest.mark.parametrize(
-    "images, kind, said",
-    [
-        ([GREY], TypeError, "images must be a mapping of names to arrays, got list"),
-        ({1: GREY}, TypeError, "images must be a mapping of names"),
-        ({}, ValueError, "must have a reference"),
-        ({"a": GREY, "b": np.ones((SIDE, SIDE), int)}, TypeError, "floats or uint8, got int64 for 'b'"),
-        ({"a": GREY, "b": GREY.astype(np.uint8)}, TypeError, "all of floats or all of uint8"),
-        ({"a": GREY, "b": GREY[1:]}, ValueError, r"one shape .* got \(15, 16\) for 'b'"),
-        ({"a": np.zeros((4, 4, 2))}, ValueError, r"got \(4, 4, 2\) for 'a'"),
-        ({"a": GREY, "b": GREY * np.nan}, ValueError, "finite, got others in 'b'"),
-        ({"a": GREY, "Z!": GREY, "z": GREY}, ValueError, "differ in letters or digits"),
-    ],
+test_other_things_are_refused = refused(
+    ([GREY], TypeError, "images must be a mapping of names to arrays, got list"),
+    ({1: GREY}, TypeError, "images must be a mapping of names"),
+    ({}, ValueError, "must have a reference"),
+    ({"a": GREY, "b": np.ones((SIDE, SIDE), int)}, TypeError, "floats or uint8, got int64 for 'b'"),
+    ({"a": GREY, "b": GREY.astype(np.uint8)}, TypeError, "all of floats or all of uint8"),
+    ({"a": GREY, "b": GREY[1:]}, ValueError, r"one shape .* got \(15, 16\) for 'b'"),
+    ({"a": np.zeros((4, 4, 2))}, ValueError, r"got \(4, 4, 2\) for 'a'"),
+    ({"a": GREY, "b": GREY * np.nan}, ValueError, "finite, got others in 'b'"),
+    ({"a": GREY, "Z!": GREY, "z": GREY}, ValueError, "differ in letters or digits"),
+    call=encode,
 )
-def test_other_things_are_refused(images, kind, said):
-    with pytest.raises(kind, match=said):
-        encode(images)

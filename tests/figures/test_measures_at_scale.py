@@ -7,6 +7,7 @@ from fractions import Fraction
 import jax
 import numpy as np
 import pytest
+from closed_forms import CLOSED_FORMS, KERNELS, exact_square, fractions
 
 import analysis
 from analysis import (
@@ -18,7 +19,7 @@ from analysis import (
     _star_discrepancy,
     _star_plane_rows,
 )
-from analysis._l2_kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, WRAPAROUND
+from analysis._l2_kernels import STAR
 from analysis._l2_merges import many_points_discrepancy
 from analysis._star_cells import cell_bounds
 from analysis._star_plane import plane_star_discrepancy
@@ -134,12 +135,9 @@ def test_measures_of_many_points_take_three_times_their_memory(measure, dims, m)
     assert traced_peak(measure, points) < 3
 
 
-KINDS = ("l2_star", "centered", "wraparound", "periodic", "symmetric", "mixture")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("dims", [2, 3])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", CLOSED_FORMS)
 def test_merging_finds_what_all_pairs_find(kind, dims, monkeypatch):
     """For points at random, with equal coordinates, and so even that most digits cancel; in any parts."""
     measure = getattr(analysis, f"{kind}_discrepancy")
@@ -155,40 +153,18 @@ def test_merging_finds_what_all_pairs_find(kind, dims, monkeypatch):
         assert all(value.dtype == np.float64 and value.shape == () for value in found)
 
 
-def exact_discrepancy(points, kernel):
-    """Return the root of the closed form in fractions."""
-    names = ("constant", "linear", "bend", "distance", "square")
-    constant, linear, bend, distance, square = (Fraction(getattr(kernel, name)) for name in names)
-    x = [[Fraction(float(c)) for c in point] for point in points]
-    n, dims = points.shape
-
-    def own(c):
-        return linear * c + bend * abs(c - Fraction(1, 2))
-
-    def pair(c, d):
-        return constant + own(c) + own(d) + distance * abs(c - d) + square * (c - d) ** 2
-
-    def average(c):
-        half = linear / 2 + bend / 4 + distance * (c * c - c + Fraction(1, 2))
-        return constant + own(c) + half + square * (c * c - c + Fraction(1, 3))
-
-    mean = (constant + linear + bend / 2 + distance / 3 + square / 6) ** dims
-    pairs = sum(math.prod(map(pair, a, b)) for a in x for b in x)
-    return math.sqrt(pairs - 2 * n * sum(math.prod(map(average, a)) for a in x) + n * n * mean) / n
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("dims", [2, 3])
-@pytest.mark.parametrize("kernel", [STAR, CENTERED, WRAPAROUND, PERIODIC, SYMMETRIC, MIXTURE])
-def test_merging_is_exact_to_the_last_digits(kernel, dims, monkeypatch):
+@pytest.mark.parametrize("kind", CLOSED_FORMS)
+def test_merging_is_exact_to_the_last_digits(kind, dims, monkeypatch):
     """Points with all digits, far apart in size, on few coordinates, twice the same; parts with no points."""
     sets = [RANDOM.random((n, dims)) for n in (1, 2, 3, 31)] + [RANDOM.random((31, dims)) ** 9]
     sets += [RANDOM.integers(0, 4, (31, dims)) / 7, np.repeat(RANDOM.random((11, dims)), 3, axis=0)]
     for parts in (16, 2):
         monkeypatch.setattr(_l2_merges, "_PARTS", parts)
         for points in sets:
-            expected = exact_discrepancy(points, kernel)
-            assert many_points_discrepancy(points, kernel) == pytest.approx(expected, rel=1e-15)
+            expected = math.sqrt(exact_square(fractions(points), kind))
+            assert many_points_discrepancy(points, KERNELS[kind]) == pytest.approx(expected, rel=1e-15)
 
 
 @pytest.mark.slow

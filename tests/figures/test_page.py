@@ -51,15 +51,8 @@ class Parsed(HTMLParser):
 def entry(**parts):
     machine = {"processor": "Abacus", "cores": 2, "jax": "9.9"}
     numbers = {"measured": {"side": 64, "a": [1, {"b": NASTY}]}, "claims": {}, "note": NASTY} | parts
-    return {
-        "title": "old title",
-        "quality": "draft",
-        "fingerprint": "",
-        "seconds": 1.5,
-        "date": "2020-02-02",
-        "machine": machine,
-        "numbers": numbers,
-    }
+    head = {"title": "old title", "quality": "draft", "fingerprint": "", "seconds": 1.5, "date": "2020-02-02"}
+    return head | {"machine": machine, "numbers": numbers}
 
 
 def png(path, width=4, height=3):
@@ -86,18 +79,8 @@ FOUND = {"true": True, "false": False, "cases": {"4 spp": True, "<16>": False}}
 def folder(tmp_path, monkeypatch):
     """Return a folder with one figure that has claims and images, and one without."""
     monkeypatch.setattr(_ledger, "claims", lambda: CLAIMS)
-    items = [{"name": "reference", "file": "r.png"}]
-    items += [
-        {
-            "name": NASTY,
-            "spp": 4,
-            "file": "i.png",
-            "difference": "d.png",
-            "spectrum": "s.png",
-            "rms": 0.1,
-            "scale": 0.5,
-        }
-    ]
+    files = {"file": "i.png", "difference": "d.png", "spectrum": "s.png", "rms": 0.1, "scale": 0.5}
+    items = [{"name": "reference", "file": "r.png"}, {"name": NASTY, "spp": 4} | files]
     images = {"width": 4, "height": 3, "transfer": "t", "items": items}
     entries = {"z-9": entry(claims=FOUND) | {"images": images}, "own": entry(table=[{"a": 1}])}
     (tmp_path / "numbers.json").write_text(json.dumps(entries))
@@ -125,13 +108,7 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
     assert {NASTY} == {tree["measured"]["a"][1]["b"] for tree in trees if "measured" in tree}
     assert [tree["items"][1]["name"] for tree in trees if "items" in tree] == [NASTY]
     facts = next(each["text"] for each in parsed.all("dl", "facts"))
-    for fact in (
-        "python -m figures z-9",
-        "1.5 s",
-        "Abacus, 2 cores, JAX 9.9",
-        "2020-02-02",
-        "Side64",
-    ):
+    for fact in ("python -m figures z-9", "1.5 s", "Abacus, 2 cores, JAX 9.9", "2020-02-02", "Side64"):
         assert fact in facts
     assert "4 x 3 pixels at 4 samples per pixel" in facts
 

@@ -8,15 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FIGURES = ("hilbert-1", "spp-slider", "thesis-6.1")
-OPTIONS = (
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
+OPTIONS = """--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking
+    --disable-component-update --disable-sync"""
 
 pytestmark = pytest.mark.browser
 
@@ -35,7 +28,7 @@ def browser():
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=list(OPTIONS))
+        started = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=OPTIONS.split())
         yield started
         started.close()
 

@@ -105,13 +105,9 @@ def test_mitsubas_samplers_have_the_samples_that_they_say():
     box = scenes.cornell_box(0.0, ball=False, mirror=False, blocks=True, light=0.5).estimator
     runs = [mitsuba_scenes.Run(name, 16, seed) for name in traced_sweep.MITSUBAS for seed in (0, 1)]
     images, seconds, counts = mitsuba_scenes.run(box, 16, 16, runs)
-    assert dict(zip((run.sampler for run in runs), counts, strict=True)) == {
-        "independent": 16,
-        "stratified": 16,
-        "multijitter": 16,
-        "orthogonal": 25,
-        "ldsampler": 16,
-    }
+    found = dict(zip((run.sampler for run in runs), counts, strict=True))
+    kinds = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+    assert found == dict.fromkeys(kinds, 16) | {"orthogonal": 25}
     assert min(seconds) > 0
     noise = abs(images[::2] - images[1::2]).mean(axis=(1, 2, 3))
     assert (noise[1:] < 0.7 * noise[0]).all() and noise[0] > 0

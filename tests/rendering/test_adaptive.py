@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.ndimage import maximum_filter
 from tables import slow
 
@@ -55,29 +56,15 @@ class Wide:
         return jnp.stack(bits, axis=-1)
 
 
-@pytree
-@dataclass(frozen=True)
-class Spike:
-    """1 in a strip of each pixel of an image of 4 x 4, of a width that few samples see."""
-
-    width: float
-    needs = ("x", "y")
-
-    def __call__(self, point):
-        inside = 4 * point[..., 0] - jnp.floor(4 * point[..., 0])
-        return (inside < self.width).astype(point.dtype)
+def spike(width):
+    """Return 1 in a strip of each pixel of an image of 4 x 4, of a width that few samples see."""
+    return scenes.function(lambda p: (4 * p[..., 0] % 1 < width).astype(p.dtype), ("x", "y"))
 
 
-@pytree
-@dataclass(frozen=True)
-class NotANumber:
-    """The square root of a difference that is negative in a part of some pixels."""
-
-    from_x: float
-    needs = ("x", "y")
-
-    def __call__(self, point):
-        return jnp.sqrt(jnp.where(point[..., 0] > self.from_x, 0.15 - point[..., 1] % 0.25, 1.0))
+NOT_A_NUMBER = scenes.function(
+    lambda p: jnp.sqrt(jnp.where(p[..., 0] > 0.75, 0.15 - p[..., 1] % 0.25, 1.0)), ("x", "y")
+)
+"""The square root of a difference that is negative in a part of some pixels."""
 
 
 @pytree
@@ -172,7 +159,7 @@ def test_passes_go_on_until_the_error_is_small():
 @pytest.mark.parametrize("unbiased", [True, *slow(False)])
 def test_unbiased_when_asked_for(unbiased):
     """Four passes of four samples in nine pixels see no spike with probability (1 - width)^144, 0.56."""
-    scene, images = Spike(0.004), []
+    scene, images = spike(0.004), []
     for key in range(30):
         result = qj.render_adaptive(scene, passes(key=key), 4, 4, 1024, tolerance=0.004, unbiased=unbiased)
         images.append(np.asarray(result.image, np.float64).mean())
@@ -209,26 +196,21 @@ def test_values_that_are_not_finite_are_found_and_named(render):
     """Points 12, 13, 14 and 15 have 4, 13, 22 and 7 27ths of the height: 22/27 / 4 is above 0.15."""
     sampler = samplers.contiguous(orders.raster(4, 4), sequences.halton(2), 4)
     with pytest.raises(ValueError, match=r"got nan in pixel \(3, 0\), sample 2, point \[0.859375, 0.2037"):
-        render(NotANumber(0.75), sampler, 4, 4, 4)
+        render(NOT_A_NUMBER, sampler, 4, 4, 4)
 
 
-@pytest.mark.parametrize(
-    ("error", "sampler", "spp", "more", "message"),
-    [
-        (TypeError, along(4, 4), 4, {"tolerance": 0.1}, "samplers.randomized .* got .*Contiguous"),
-        (TypeError, passes(), 16, {"tolerance": "a"}, "tolerance must be positive .* 'a'"),
-        (TypeError, passes(), 16, {"tolerance": np.ones(2)}, "tolerance must be one number"),
-        (ValueError, passes(), 16, {"tolerance": 0.0}, "tolerance must be positive .* 0.0"),
-        (ValueError, passes(), 18, {"tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
-        (ValueError, passes(), 12, {"tolerance": 0.1}, "at least 16 .* got 12"),
-        (ValueError, passes(), 16, {"tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),
-        (TypeError, passes(), 16, {"tolerance": 0.1, "unbiased": 1}, "unbiased must be True or False, got 1"),
-        (ValueError, along(4, 4), 4, {"unbiased": True}, "unbiased must be False without"),
-    ],
+test_bad_input_is_named = refused(
+    (TypeError, along(4, 4), 4, {"tolerance": 0.1}, "samplers.randomized .* got .*Contiguous"),
+    (TypeError, passes(), 16, {"tolerance": "a"}, "tolerance must be positive .* 'a'"),
+    (TypeError, passes(), 16, {"tolerance": np.ones(2)}, "tolerance must be one number"),
+    (ValueError, passes(), 16, {"tolerance": 0.0}, "tolerance must be positive .* 0.0"),
+    (ValueError, passes(), 18, {"tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
+    (ValueError, passes(), 12, {"tolerance": 0.1}, "at least 16 .* got 12"),
+    (ValueError, passes(), 16, {"tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),
+    (TypeError, passes(), 16, {"tolerance": 0.1, "unbiased": 1}, "unbiased must be True or False, got 1"),
+    (ValueError, along(4, 4), 4, {"unbiased": True}, "unbiased must be False without"),
+    call=lambda sampler, spp, more: qj.render_adaptive(scenes.zone_plate(10.0), sampler, 4, 4, spp, **more),
 )
-def test_bad_input_is_named(error, sampler, spp, more, message):
-    with pytest.raises(error, match=message):
-        qj.render_adaptive(scenes.zone_plate(10.0), sampler, 4, 4, spp, **more)
 
 
 @pytest.mark.parametrize(
@@ -253,22 +235,10 @@ def test_not_for_transformations(transformed):
 def test_passes_that_are_not_finite_are_named(unbiased):
     """The pilot is not part of the image, and its values count, too."""
     with pytest.raises(ValueError, match=r"scene must return finite values, got nan in pixel \(3, "):
-        qj.render_adaptive(NotANumber(0.75), passes(), 4, 4, 64, tolerance=0.01, unbiased=unbiased)
+        qj.render_adaptive(NOT_A_NUMBER, passes(), 4, 4, 64, tolerance=0.01, unbiased=unbiased)
 
 
-@pytest.mark.parametrize(
-    ("bits", "message"),
-    [
-        (
-            lambda low: jnp.ones((*low.shape[:-1], 3), bool),
-            r"bool of shape \(4, 4, 2\), got bool of \(4, 4, 3\)",
-        ),
-        (lambda low: jnp.ones(low.shape, jnp.int32), r"bool of shape \(4, 4, 2\), got int32"),
-    ],
-)
-def test_what_varies_must_be_told_for_each_coordinate(bits, message):
-    @pytree
-    @dataclass(frozen=True)
+def varying(bits):
     class Wrong:
         needs = ("x", "y")
 
@@ -278,8 +248,16 @@ def test_what_varies_must_be_told_for_each_coordinate(bits, message):
         def varies(self, low, high):
             return bits(low)
 
-    with pytest.raises(ValueError, match=message):
-        qj.render_adaptive(Wrong(), along(4, 4), 4, 4, 4)
+    return qj.render_adaptive(Wrong(), along(4, 4), 4, 4, 4)
+
+
+WANTED = r"bool of shape \(4, 4, 2\), got "
+test_what_varies_must_be_told_for_each_coordinate = refused(
+    (lambda low: jnp.ones((*low.shape[:-1], 3), bool), WANTED + r"bool of \(4, 4, 3\)"),
+    (lambda low: jnp.ones(low.shape, jnp.int32), WANTED + "int32"),
+    call=varying,
+    error=ValueError,
+)
 
 
 def test_progress_of_a_constant_image():

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import refused
 from tables import SAMPLERS, SIDE, SPP, first, some
 
 import qmcjax as qj
@@ -31,17 +32,6 @@ class Plane:
 PLANE = Plane(jnp.float32(0.5))
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Tenth:
-    """A value that no binary fraction sums exactly."""
-
-    needs = ("x", "y")
-
-    def __call__(self, point):
-        return jnp.full(point.shape[:-1], 0.1, point.dtype)
-
-
 draw = jax.jit(lambda sampler, *where, dims: sampler(*where, dims), static_argnames="dims")
 evaluate = jax.jit(lambda scene, points: scene(points))
 
@@ -56,13 +46,7 @@ def brute_force(scene, sampler, width, height, spp):
     return np.asarray(evaluate(scene, drawn), np.float64).mean(axis=2)
 
 
-@some(
-    "sampler",
-    SAMPLERS,
-    "full_screen, permutation",
-    "shifted, hilbert, lattice",
-    "z, hash",
-)
+@some("sampler", SAMPLERS, "full_screen, permutation", "shifted, hilbert, lattice", "z, hash")
 def test_image_is_the_mean_of_the_samples(sampler):
     scene = qj.scenes.zone_plate(10.0)
     image = qj.render(scene, sampler, SIDE, SIDE, SPP)
@@ -86,18 +70,12 @@ def test_colours_more_dimensions_and_any_size_and_count(size, spp):
     np.testing.assert_allclose(image, brute_force(PLANE, sampler, width, height, spp), rtol=0, atol=1e-6)
 
 
-def test_image_y_x_is_pixel_x_y():
-    sampler = samplers.contiguous(orders.raster(8, 4), sequences.halton(3), 64)
-    image = np.asarray(qj.render(PLANE, sampler, 8, 4, 64))
-    np.testing.assert_allclose(image[0, :, 0], 0.5 * (np.arange(8) + 0.5) / 8, atol=8e-3)
-    np.testing.assert_allclose(image[:, 0, 1], (np.arange(4) + 0.5) / 4, atol=1e-2)
-
-
 def test_sums_are_compensated():
     """2**17 additions of 0.1: plain float32 sums lose four digits."""
     spp = 2**17
+    tenth = scenes.function(lambda point: jnp.full(point.shape[:-1], 0.1, point.dtype), ("x", "y"))
     sampler = samplers.independent(sequences.sobol(2), key=0)
-    image = np.asarray(qj.render(Tenth(), sampler, 2, 1, spp))
+    image = np.asarray(qj.render(tenth, sampler, 2, 1, spp))
     np.testing.assert_array_max_ulp(image, np.full((1, 2), 0.1, np.float32), maxulp=1)
     naive = np.float32(0)
     for partial in np.full(spp, 0.1, np.float32):
@@ -181,22 +159,12 @@ class LastCorner:
         pass
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Outside:
-    """One where a point is not in the half-open square."""
-
-    needs = ("x", "y")
-
-    def __call__(self, point):
-        return jnp.any((point < 0) | (point >= 1), axis=-1).astype(point.dtype)
-
-
 @pytest.mark.parametrize("width", [*(pytest.param(w, marks=pytest.mark.slow) for w in (1, 512)), 3, 65536])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_points_stay_in_the_half_open_square(width, dtype):
     """The last pixel plus its largest offset rounds up to the width, which would be 1."""
-    assert not np.any(qj.render(Outside(), LastCorner(), width, 1, 1, dtype=dtype))
+    outside = scenes.function(lambda p: jnp.any((p < 0) | (p >= 1), axis=-1).astype(p.dtype), ("x", "y"))
+    assert not np.any(qj.render(outside, LastCorner(), width, 1, 1, dtype=dtype))
 
 
 @pytest.mark.parametrize("spp", [*(pytest.param(spp, marks=pytest.mark.slow) for spp in (1, 4)), 24])
@@ -219,27 +187,19 @@ def test_gradient_through_scene_parameters(spp):
         assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(16,\) and float32"),
-        (lambda p: p[..., 0] < 0.5, r"float64, got \(16,\) and bool"),
-        (lambda p: p[0, 0], r"got \(\) and float64"),
-        (lambda p: p[..., None], r"got \(16, 2, 1\) and float64"),
-    ],
-)
-def test_values_have_the_dtype_and_shape_of_the_points(values, message):
-    @jax.tree_util.register_dataclass
-    @dataclass(frozen=True)
-    class Wrong:
-        needs = ("x", "y")
-
-        def __call__(self, point):
-            return values(point)
-
+def in_float64(values):
     sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)
-    with pytest.raises(ValueError, match=message):
-        qj.render(Wrong(), sampler, 4, 4, 4, dtype=jnp.float64)
+    return qj.render(scenes.function(values, ("x", "y")), sampler, 4, 4, 4, dtype=jnp.float64)
+
+
+test_values_have_the_dtype_and_shape_of_the_points = refused(
+    (lambda p: p[..., 0].astype(jnp.float32), r"float64, got \(16,\) and float32"),
+    (lambda p: p[..., 0] < 0.5, r"float64, got \(16,\) and bool"),
+    (lambda p: p[0, 0], r"got \(\) and float64"),
+    (lambda p: p[..., None], r"got \(16, 2, 1\) and float64"),
+    call=in_float64,
+    error=ValueError,
+)
 
 
 def test_only_derivatives_that_are_wanted_are_taken():
@@ -289,35 +249,26 @@ def test_vmap_over_scene_parameters_equals_a_loop():
 
 SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]
 SCENE = qj.scenes.zone_plate()
-
-
 POLE = qj.scenes.function(lambda p: 1 / abs(jnp.floor(32 * p[..., 1]) - 5), ("x", "y"))
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: qj.render(SCENE, SAMPLER, 32, 32, 5), "spp must be at most 4 .* got 5"),
-        (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the order's 32 x 32, got 16 x 16"),
-        (lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
-        (
-            lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 16, 4),
-            "must be the net's 32 x 32, got 32 x 16",
-        ),
-        (
-            lambda: qj.render(PLANE, SAMPLER, 32, 32, 4),
-            r"must have the 3 dimensions .* got 2: \('time',\) are missing",
-        ),
-        (lambda: qj.render(POLE, SAMPLER, 32, 32, 4), r"finite values, got inf in pixel \(0, 5\), sample 0"),
-        (
-            lambda: qj.render(SCENE, samplers.independent(sequences.hammersley_net(3), 0), 4, 4, 9),
-            "spp must be at most 8 for this sequence, got 9",
-        ),
-    ],
+test_bad_values_are_named = refused(
+    (lambda: qj.render(SCENE, SAMPLER, 32, 32, 5), "spp must be at most 4 .* got 5"),
+    (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the order's 32 x 32, got 16 x 16"),
+    (lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
+    (
+        lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 16, 4),
+        "must be the net's 32 x 32, got 32 x 16",
+    ),
+    (
+        lambda: qj.render(PLANE, SAMPLER, 32, 32, 4),
+        r"must have the 3 dimensions .* got 2: \('time',\) are missing",
+    ),
+    (lambda: qj.render(POLE, SAMPLER, 32, 32, 4), r"finite values, got inf in pixel \(0, 5\), sample 0"),
+    (
+        lambda: qj.render(SCENE, samplers.independent(sequences.hammersley_net(3), 0), 4, 4, 9),
+        "spp must be at most 8 for this sequence, got 9",
+    ),
+    error=ValueError,
 )
-def test_bad_values_are_named(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
 
 
 def test_the_first_value_that_is_not_finite_is_named(monkeypatch):

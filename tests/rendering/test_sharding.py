@@ -133,40 +133,26 @@ def test_means_and_edges_over_devices(mesh):
 
 XOR = partial(samplers.independent, SOBOL, randomize="xor")
 FRESH = samplers.randomized(lambda key: samplers.z(24, 17, SPP, key), 1)
+Z = samplers.z(24, 17, SPP, 1)
+LARGE = (24, 17)
 SPREAD = {
-    "render": lambda mesh: qj.render(
-        scenes.checkerboard(), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
-    ),
-    "one pixel": lambda mesh: qj.render(scenes.disc(), XOR(1), 1, 1, SPP, mesh=mesh),
-    "render_adaptive": lambda mesh: qj.render_adaptive(scenes.disc(), XOR(1), 24, 17, SPP, mesh=mesh),
-    "tolerance": lambda mesh: qj.render_adaptive(
-        scenes.disc(), FRESH, 24, 17, 8 * SPP, tolerance=0.05, mesh=mesh
-    ),
-    "render_passes": lambda mesh: qj.render_passes(
-        scenes.disc(), FRESH, 24, 17, 5, tolerance=0.05, mesh=mesh
-    ),
-    "estimated_reference": lambda mesh: qj.estimated_reference(scenes.zone_plate(), 24, 17, 64, 1, mesh=mesh),
-    "integrate": lambda mesh: qj.integrate(lambda p: {"y": p[:, 1], "2": p**2}, SOBOL, 2**21 + 77, mesh=mesh),
-    "replicates": lambda mesh: qj.integrate(jnp.cos, SOBOL, 1000, replicates=3, key=1, mesh=mesh),
-    "boundary_gradient": lambda mesh: qj.boundary_gradient(
-        scenes.disc(), sequences.van_der_corput(), 24, 17, 2**13, mesh=mesh
+    "render": partial(qj.render, scenes.checkerboard(), Z, *LARGE, SPP),
+    "one pixel": partial(qj.render, scenes.disc(), XOR(1), 1, 1, SPP),
+    "render_adaptive": partial(qj.render_adaptive, scenes.disc(), XOR(1), *LARGE, SPP),
+    "tolerance": partial(qj.render_adaptive, scenes.disc(), FRESH, *LARGE, 8 * SPP, tolerance=0.05),
+    "render_passes": partial(qj.render_passes, scenes.disc(), FRESH, *LARGE, 5, tolerance=0.05),
+    "estimated_reference": partial(qj.estimated_reference, scenes.zone_plate(), *LARGE, 64, 1),
+    "integrate": partial(qj.integrate, lambda p: {"y": p[:, 1], "2": p**2}, SOBOL, 2**21 + 77),
+    "replicates": partial(qj.integrate, jnp.cos, SOBOL, 1000, replicates=3, key=1),
+    "boundary_gradient": partial(
+        qj.boundary_gradient, scenes.disc(), sequences.van_der_corput(), *LARGE, 2**13
     ),
     "convergence": lambda mesh: (
-        analysis.convergence(
-            scenes.disc(),
-            {"xor": XOR(1)},
-            [4],
-            width=24,
-            height=17,
-            repeats=1,
-            mesh=mesh,
-        )
+        analysis.convergence(scenes.disc(), {"xor": XOR(1)}, [4], width=24, height=17, repeats=1, mesh=mesh)
         .rows[0]
         .errors
     ),
-    "pixel_means": lambda mesh: analysis.pixel_means(
-        lambda p: p[..., 0] * p[..., 1], samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh
-    ),
+    "pixel_means": partial(analysis.pixel_means, lambda p: p[..., 0] * p[..., 1], Z, *LARGE, SPP),
 }
 
 
@@ -200,9 +186,9 @@ DIFFERENTIATED = {
 
 
 def check_meshes(make, counts):
-    plain = jax.tree.leaves(make(None))
+    plain = jax.tree.leaves(make(mesh=None))
     for count in counts:
-        made = jax.tree.leaves(make(Mesh(np.array(jax.devices()[-count:]).reshape(-1, 1), ("a", "b"))))
+        made = jax.tree.leaves(make(mesh=Mesh(np.array(jax.devices()[-count:]).reshape(-1, 1), ("a", "b"))))
         for one, other in zip(made, plain, strict=True):
             np.testing.assert_array_equal(one, other)
 
@@ -230,16 +216,16 @@ def test_a_mesh_of_eight_changes_no_bit(table, counts):
 
 @pytest.mark.slow
 def test_tiles_of_any_size_change_no_bit(monkeypatch):
-    plain = SPREAD["render"](None)
+    plain = SPREAD["render"](mesh=None)
     for size in (1, 7, 64, 1000):
         monkeypatch.setitem(_accumulation.TILE, "cpu", size)
-        np.testing.assert_array_equal(SPREAD["render"](None), plain)
+        np.testing.assert_array_equal(SPREAD["render"](mesh=None), plain)
 
 
 def test_a_mesh_is_a_mesh_of_our_devices():
     for wrong in (2, jax.devices(), "cpu"):
         with pytest.raises(TypeError, match=r"mesh must be a jax\.sharding\.Mesh"):
-            SPREAD["render"](wrong)
+            SPREAD["render"](mesh=wrong)
     strangers = jax.sharding.AbstractMesh((2,), ("device",))
     with pytest.raises(TypeError, match="mesh must be a"):
-        SPREAD["integrate"](strangers)
+        SPREAD["integrate"](mesh=strangers)

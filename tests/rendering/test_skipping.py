@@ -12,18 +12,11 @@ from qmcjax.rendering import _accumulation
 
 SPP = 10
 SCENES = {
-    "checkerboard": scenes.checkerboard(),
-    "flat_checkerboard": scenes.flat_checkerboard(),
-    "disc": scenes.disc(),
-    "step": scenes.step(),
-    "triangle": scenes.triangle(),
-    "line": scenes.line(),
-    "staircase": scenes.staircase(),
-    "moving_edge": scenes.moving_edge(),
-    "blinking_disc": scenes.blinking_disc(),
-    "ball": scenes.ball(),
-    "defocused_edge": scenes.defocused_edge(),
-    "soft_shadow": scenes.soft_shadow(),
+    name: getattr(scenes, name)()
+    for name in (
+        "checkerboard flat_checkerboard disc step triangle line staircase moving_edge blinking_disc ball "
+        "defocused_edge soft_shadow"
+    ).split()
 }
 QUICK = {("flat_checkerboard", 37), ("disc", 64), ("ball", 37), ("defocused_edge", 37)}
 """Each scene compiles for a second or more: the others are slow tests."""

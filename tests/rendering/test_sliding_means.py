@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 
 import qmcjax as qj
 
@@ -53,16 +54,12 @@ def test_the_oldest_image_is_added_first():
     assert [frame.tolist() for frame in qj.sliding_means(images, 4)][1] == [1 / 4]
 
 
-def test_mistakes():
-    with pytest.raises(ValueError, match=r"count must be an integer in \[1, 65536\], got 0"):
-        qj.sliding_means([np.ones(2)], 0)
-    with pytest.raises(TypeError, match="images must be an iterable of images, got 3"):
-        qj.sliding_means(3, 1)
-    with pytest.raises(ValueError, match=r"images must have one shape, \(2,\), got \(3,\)"):
-        list(qj.sliding_means([np.ones(2), np.ones(3)], 2))
-    with pytest.raises(ValueError, match=r"images must have one shape, \(2, 3\), got \(3, 2\)"):
-        list(qj.sliding_means([np.ones((2, 3)), np.ones((3, 2))], 2))
-    with pytest.raises(TypeError, match="images must be made of real numbers, got 'a'"):
-        list(qj.sliding_means("ab", 2))
-    with pytest.raises(ValueError, match="images must be finite"):
-        list(qj.sliding_means([np.array([1.0, np.nan])], 1))
+test_mistakes = refused(
+    ([np.ones(2)], 0, ValueError, r"count must be an integer in \[1, 65536\], got 0"),
+    (3, 1, TypeError, "images must be an iterable of images, got 3"),
+    ([np.ones(2), np.ones(3)], 2, ValueError, r"images must have one shape, \(2,\), got \(3,\)"),
+    ([np.ones((2, 3)), np.ones((3, 2))], 2, ValueError, r"have one shape, \(2, 3\), got \(3, 2\)"),
+    (tuple("ab"), 2, TypeError, "images must be made of real numbers, got 'a'"),
+    ([np.array([1.0, np.nan])], 1, ValueError, "images must be finite"),
+    call=lambda images, count: list(qj.sliding_means(images, count)),
+)

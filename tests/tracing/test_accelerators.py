@@ -28,51 +28,29 @@ COUNT = 1024
 WORDS = jax.ShapeDtypeStruct((COUNT,), jnp.uint32)
 
 TABLES = {
-    "halton, *": "permutations of digits, several at a time",
-    "owen(halton*": "permutations of digits, several at a time",
-    "digit_scramble(*": "permutations of digits, several at a time",
-    "owen_exact(faure*": "matrices of digits, several at a time",
-    "faure(10)": "matrices of digits, several at a time",
-    "faure(5, modified)": "matrices of digits, several at a time",
-    "quad_optimized(*": "matrices of digits, several at a time",
-    "art_owen(*": "random trees, several levels at a time",
-    "lloyd(*": "points that were found by iteration",
-    "net_by_net(*": "points that were found by search",
-    "pmj02(*": "points that were found by search",
-    "scrambled_morton, tree": "a random tree, several levels at a time",
-    "optimized": "orders that were found by search",
-    "full_screen, art": "random trees, several levels at a time",
-    "full_screen, halton, random": "permutations of digits, several at a time",
-    "partitioned, *": "permutations of digits, several at a time",
-    "shifted, hilbert, lattice": "permutations of digits, several at a time",
-    "dither, *": "masks",
-    "ranked": "masks and ranks",
-    "z, tree": "a random tree, several levels at a time",
-    "z, plain, counts": "the user's counts of samples",
+    pattern: what
+    for what, patterns in {
+        "permutations of digits": (
+            "halton, *; owen(halton*; digit_scramble(*; full_screen, halton, random; partitioned, *; "
+            "shifted, hilbert, lattice"
+        ),
+        "matrices of digits": "owen_exact(faure*; faure(10); faure(5, modified); quad_optimized(*",
+        "random trees": "art_owen(*; scrambled_morton, tree; full_screen, art; z, tree",
+        "points found by iteration or search": "lloyd(*; net_by_net(*; pmj02(*",
+        "orders found by search": "optimized",
+        "masks and ranks": "dither, *; ranked",
+        "the user's counts of samples": "z, plain, counts",
+    }.items()
+    for pattern in patterns.split("; ")
 }
 """Objects, by patterns of their names, that look things up for each sample, and what that is."""
 
 FRACTIONS = (
-    "van_der_corput(7)",
-    "van_der_corput(65536)",
-    "halton[(,]*",
-    "faure(10)",
-    "faure(5, modified)",
-    "quad_optimized(*",
-    "rotate(halton*",
-    "korobov(*",
-    "rank1_lattice(1700*",
-    "owen(halton*",
-    "owen_exact(faure*",
-    "digit_scramble(*",
-    "independent, shift",
-    "full_screen, halton*",
-    "contiguous, raster, halton",
-    "segments, hilbert, halton",
-    "partitioned, *",
-    "shifted, hilbert, lattice",
-    "dither, numbers",
-)
+    "van_der_corput(7); van_der_corput(65536); halton[(,]*; faure(10); faure(5, modified); quad_optimized(*; "
+    "rotate(halton*; korobov(*; rank1_lattice(1700*; owen(halton*; owen_exact(faure*; digit_scramble(*; "
+    "independent, shift; full_screen, halton*; contiguous, raster, halton; segments, hilbert, halton; "
+    "partitioned, *; shifted, hilbert, lattice; dither, numbers"
+).split("; ")
 """Objects, by patterns of their names, whose fractions have a denominator that is no power of 2: what exceeds
 a word is joined in float64, and rounded once."""
 
@@ -166,23 +144,12 @@ def test_images_on_two_devices():
 
 
 SCENES = {
-    "checkerboard": scenes.checkerboard,
-    "zone_plate": scenes.zone_plate,
-    "disc": scenes.disc,
-    "triangle": scenes.triangle,
-    "gaussian": scenes.gaussian,
-    "ramp": scenes.ramp,
-    "step": scenes.step,
-    "line": scenes.line,
-    "staircase": scenes.staircase,
-    "heaviside": scenes.heaviside,
-    "product": scenes.product,
-    "flat_checkerboard": scenes.flat_checkerboard,
-    "moving_edge": scenes.moving_edge,
-    "defocused_edge": scenes.defocused_edge,
-    "soft_shadow": scenes.soft_shadow,
-    "blinking_disc": scenes.blinking_disc,
-    "ball": scenes.ball,
+    name: getattr(scenes, name)
+    for name in (
+        "checkerboard zone_plate disc triangle gaussian ramp step line staircase heaviside product "
+        "flat_checkerboard moving_edge defocused_edge soft_shadow blinking_disc ball"
+    ).split()
+} | {
     "path_toy": partial(scenes.path_toy, 2),
     "genz, oscillatory": lambda: scenes.genz("oscillatory", 3),
     "genz, corner_peak": lambda: scenes.genz("corner_peak", 3),

@@ -84,11 +84,8 @@ def test_needs_have_no_time():
     assert tracing.analytic_visibility(scene, None).needs == ("x", "y", "light_u", "light_v")
     lens = replace(scene, camera=tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.1))
     assert tracing.analytic_visibility(lens, None).needs[2:4] == ("lens_u", "lens_v")
-    for samples in (1, None):
-        assert tracing.analytic_visibility(scenes.moving_triangles(shutter=0.3).estimator, samples).needs == (
-            "x",
-            "y",
-        )
+    still = scenes.moving_triangles(shutter=0.3).estimator
+    assert {tracing.analytic_visibility(still, samples).needs for samples in (1, None)} == {("x", "y")}
 
 
 SAMPLES = 5

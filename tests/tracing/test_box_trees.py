@@ -5,6 +5,7 @@ from itertools import combinations, pairwise, product
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from analysis import trees
 
@@ -43,7 +44,7 @@ def around(low, high, members):
 
 
 def members(tree):
-    """Return the leaves below each node."""
+    """Return the leaves below each node, the root last, as they come if first children come first."""
     found = [[k] for k in range(tree.size)]
     for one, other in tree.children:
         found.append(found[one] + found[other])
@@ -106,11 +107,6 @@ def test_splits_are_the_best_of_a_sweep(name):
         )
         least, uneven = least_cost(low, high, found[node])
         assert np.isclose(cost, least, rtol=1e-9) and abs(sizes[0] - sizes[1]) == uneven
-
-
-def test_equal_boxes_are_halved():
-    """Not taken away one by one, which costs as much by Eq. 4.1."""
-    assert trees.node_depths(trees.surface_area_tree(*SETS["one place"])).max() == 7
 
 
 def all_trees(of):
@@ -178,21 +174,17 @@ def test_repeated_runs_end_where_all_subtrees_are_optimal():
     for _ in range(20):
         before, tree = trees.summed_area(tree), trees.optimal_subtrees(tree, 5)
     assert trees.summed_area(tree) == before
+    depth = trees.node_depths(tree)
     for root in range(tree.size, 2 * tree.size - 1):
         ends, inner = [root], []
         while len(ends) < 5 and any(node >= tree.size for node in ends):
-            node = min((n for n in ends if n >= tree.size), key=lambda n: inner_depth(tree, root, n))
+            node = min((n for n in ends if n >= tree.size), key=depth.__getitem__)
             inner.append(node)
             ends = [n for n in ends if n != node] + list(tree.children[node - tree.size])
         sums = sum(area(tree.low[n], tree.high[n]) for n in inner + ends)
         # Of nodes that are as deep, either may be opened first: only what is below a full level is sure.
-        if len({inner_depth(tree, root, n) for n in ends}) == 1:
+        if len({depth[n] for n in ends}) == 1:
             assert sums <= least_sum(tree.low[ends], tree.high[ends]) * (1 + 1e-9)
-
-
-def inner_depth(tree, root, node):
-    depth = trees.node_depths(tree)
-    return depth[node] - depth[root]
 
 
 def test_only_upper_levels_change():
@@ -305,23 +297,15 @@ def test_rays_along_flat_boxes_touch_them():
     assert trees.nodes_visited(tree, [[0.5, 0.5, -1], [0.5, 0.5, 0.5]], [0.0, 0, -2.0]).tolist() == [0, 2]
 
 
-def in_order(tree):
-    """Return the leaves as they come if first children come first."""
-    found = [[k] for k in range(tree.size)]
-    for one, other in tree.children:
-        found.append(found[one] + found[other])
-    return found[-1]
-
-
 @pytest.mark.parametrize("dims", [3, 4])
 def test_hilbert_trees_follow_a_curve_without_jumps(dims):
     """All cells of a grid: two that follow one another are neighbours; Morton order is that of the bits."""
     side = 8 if dims == 3 else 4
     low = np.array(list(product(range(side), repeat=dims)), float)
     low = low[np.random.default_rng(1).permutation(len(low))]
-    along = low[in_order(trees.hilbert_tree(low, low))]
+    along = low[members(trees.hilbert_tree(low, low))[-1]]
     assert np.all(abs(np.diff(along, axis=0)).sum(axis=1) == 1)
-    along = low[in_order(trees.morton_tree(low, low))].astype(int)
+    along = low[members(trees.morton_tree(low, low))[-1]].astype(int)
     keys = [int("".join(str(x >> k & 1) for k in (2, 1, 0) for x in cell), 2) for cell in along]
     assert keys == sorted(keys)
 
@@ -492,64 +476,23 @@ def test_four_ways_over_motion_find_the_same_hits():
 
 
 FINE = boxes(4, 0)
-TREE = trees.surface_area_tree(*FINE)
+TREE, IN_TIME = (trees.surface_area_tree(*of) for of in (FINE, SETS["in time"]))
 UP = ([0.0, 0, 0], [0.0, 0, 1])
-MOVES = ([FINE[0]] * 2, [FINE[1]] * 2, [0, 1])
-WRONG = {
-    "shapes": (
-        lambda: trees.surface_area_tree(FINE[0], FINE[1][:2]),
-        ValueError,
-        "high must have the shape of",
-    ),
-    "order": (
-        lambda: trees.surface_area_tree(FINE[1], FINE[0]),
-        ValueError,
-        "high must be at least low, got",
-    ),
-    "tree": (lambda: trees.summed_area(FINE), TypeError, "tree must be a Tree, got"),
-    "refitted": (lambda: trees.refitted(TREE, FINE[0][:2], FINE[1][:2]), ValueError, "low must have 4 boxes"),
-    "moving": (
-        lambda: trees.refitted(TREE, *FINE, times=[0, 1]),
-        ValueError,
-        r"low must have shape \(k, n, 3\)",
-    ),
-    "direction": (lambda: trees.nodes_visited(TREE, *UP[:1] * 2), ValueError, "direction must have a length"),
-    "rays": (
-        lambda: trees.nodes_visited(TREE, np.ones((2, 3)), np.ones((4, 3))),
-        ValueError,
-        "direction must",
-    ),
-    "distance": (
-        lambda: trees.nodes_visited(TREE, *UP, 1.0),
-        TypeError,
-        "distance must be callable, got 1.0",
-    ),
-    "returned": (
-        lambda: trees.nodes_visited(
-            TREE, TREE.low[:1] - [0, 0, 1], UP[1], lambda rays, leaves: np.ones(1000)
-        ),
+test_mistakes_are_named = refused(
+    (lambda: trees.surface_area_tree(FINE[0], FINE[1][:2]), ValueError, "high must have the shape of"),
+    (lambda: trees.surface_area_tree(FINE[1], FINE[0]), ValueError, "high must be at least low, got"),
+    (lambda: trees.summed_area(FINE), TypeError, "tree must be a Tree, got"),
+    (lambda: trees.refitted(TREE, FINE[0][:2], FINE[1][:2]), ValueError, "low must have 4 boxes"),
+    (lambda: trees.refitted(TREE, *FINE, times=[0, 1]), ValueError, r"low must have shape \(k, n, 3\)"),
+    (lambda: trees.nodes_visited(TREE, *UP[:1] * 2), ValueError, "direction must have a length"),
+    (lambda: trees.nodes_visited(TREE, np.ones((2, 3)), np.ones((4, 3))), ValueError, "direction must"),
+    (lambda: trees.nodes_visited(TREE, *UP, 1.0), TypeError, "distance must be callable, got 1.0"),
+    (
+        lambda: trees.nodes_visited(TREE, TREE.low[:1] - [0, 0, 1], UP[1], lambda *_: np.ones(1000)),
         ValueError,
         r"distance must return distances of shape \(1,\), got \(1000,\)",
     ),
-    "time": (
-        lambda: trees.nodes_visited(trees.surface_area_tree(*SETS["in time"]), *UP),
-        TypeError,
-        "time must be given",
-    ),
-    "vertices": (
-        lambda: trees.triangle_distances(FINE[0], *UP),
-        ValueError,
-        r"vertices must have shape \(n, 3",
-    ),
-    "number": (
-        lambda: trees.triangle_distances(soup(2, 0), *UP, number=[2]),
-        ValueError,
-        r"number must be in \[0, 1\], got \[2\]",
-    ),
-}
-
-
-@pytest.mark.parametrize(("call", "kind", "message"), WRONG.values(), ids=WRONG)
-def test_mistakes_are_named(call, kind, message):
-    with pytest.raises(kind, match=message):
-        call()
+    (lambda: trees.nodes_visited(IN_TIME, *UP), TypeError, "time must be given"),
+    (lambda: trees.triangle_distances(FINE[0], *UP), ValueError, r"vertices must have shape \(n, 3"),
+    (lambda: trees.triangle_distances(soup(2, 0), *UP, number=[2]), ValueError, r"\[0, 1\], got \[2\]"),
+)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_trees import blob, looped, mesh, same, searched
+from test_trees import SPIN, blob, looped, mesh, same, searched
 
 from qmcjax import tracing
 from qmcjax.tracing import motion, ways
@@ -16,9 +16,6 @@ from qmcjax.tracing._search import compiled_world, search, threads
 pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 WAY = compiled_world.search
 
-SPIN = motion.affine(
-    lambda time: motion.quaternion([1.0, 2, 3], 5 * time), lambda time: jnp.stack([time, time**2, -time], -1)
-)
 FLAT = motion.affine(np.diag([1, 2, 0.5]), [0, 0, 1.0])
 
 
@@ -70,10 +67,8 @@ def given(count, dtype):
     return [jnp.asarray(a, dtype) for a in (origin, direction, time, limit)]
 
 
-@pytest.mark.parametrize(
-    "dtype",
-    [pytest.param("float32", marks=pytest.mark.slow), pytest.param("float64", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_all_kinds(dtype):
     """Nearest and any hits, before limits and again from what is hit; dead rays and NaN hit nothing."""
     with jax.enable_x64(dtype == "float64"):

@@ -160,25 +160,47 @@ def test_derivatives_of_means_add_up_to_differences(name):
         agree(total - difference + difference.mean(), difference.mean(), 0.05)
 
 
-SMOOTH = {
-    "radius": jnp.array(2.0),
-    "position": jnp.array([0.3, 0.5, -0.2]),
-    "eye": jnp.array([0.1, 0.5, 1.0]),
-}
+def glossy_ball(given):
+    """Return the inside of a glossy ball, where no edge is, and a point that is its light."""
+    ball = tracing.sphere([0, 0, 0], given["radius"], material=tracing.glossy([0.2, 0.5, 0.7], 0.4, 0.4))
+    world = tracing.world([ball], [tracing.point_light(given["position"], [1.0, 2.0, 3.0])])
+    return world, tracing.camera(given["eye"], [2.0, 0, 0.4])
+
+
+def filling_floor(given):
+    """Return a picture without edges: a plane that fills it, and lights of three kinds."""
+    material = tracing.glossy(given["color"], given["roughness"], 0.4)
+    lights = [
+        tracing.point_light(given["position"], [1.0, 2.0, 3.0]),
+        tracing.rectangle_light(given["corner"], [1.0, 0, 0], [0, 0, 1.0], 2.0),
+        tracing.sphere_light([2.0, 2.0, 0], given["radius"], 2.0),
+    ]
+    world = tracing.world([tracing.plane([0, 0, 0], [0, 1, 0], material=material)], lights)
+    return world, tracing.camera(given["eye"], [0.0, 0, 0], fov=given["fov"])
+
+
+BALL = {"radius": 2.0, "position": [0.3, 0.5, -0.2], "eye": [0.1, 0.5, 1.0]}
+FILLED = {"color": [0.2, 0.5, 0.7], "roughness": 0.4, "position": [0.3, 1.5, -0.2], "radius": 0.5}
+FILLED |= {"corner": [-1.5, 1.5, 0.0], "eye": [0.1, 1.5, 1.0], "fov": 40.0}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["1 bounces", "bidirectional"])
-def test_where_no_edge_moves_places_have_derivatives(name):
-    """Inside a glossy ball whose light is a point there is none: derivatives of samples are differences."""
+@pytest.mark.parametrize(
+    ("name", "made", "given"),
+    [
+        ("1 bounces", glossy_ball, BALL),
+        ("bidirectional", glossy_ball, BALL),
+        ("direct light", filling_floor, FILLED),
+    ],
+)
+def test_where_no_edge_moves_places_have_derivatives(name, made, given):
+    """Derivatives of samples are differences."""
 
     def scene(given):
-        ball = tracing.sphere([0, 0, 0], given["radius"], material=tracing.glossy([0.2, 0.5, 0.7], 0.4, 0.4))
-        world = tracing.world([ball], [tracing.point_light(given["position"], [1.0, 2.0, 3.0])])
-        return ESTIMATORS[name](world, tracing.camera(given["eye"], [2.0, 0, 0.4]), smooth=True)
+        return ESTIMATORS[name](*made(given), smooth=True)
 
     with jax.enable_x64():
-        given = jax.tree.map(lambda a: a.astype(jnp.float64), SMOOTH)
+        given = {place: jnp.asarray(value, jnp.float64) for place, value in given.items()}
         points = jax.random.uniform(jax.random.key(4), (2**9, len(scene(given).needs)), jnp.float64)
         mean = jax.jit(lambda given: scene(given)(points).mean())
         slopes = jax.jit(jax.grad(mean))(given)

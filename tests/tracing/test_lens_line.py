@@ -4,6 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import refused
+from test_light import segment
 
 import qmcjax as qj
 from qmcjax import samplers, sequences, tracing
@@ -108,12 +110,6 @@ def of_lines(scene, count, points, **options):
     return np.stack([values(jnp.asarray(line, points.dtype)) for line in tracing.lens_lines(count)])
 
 
-def covered(height):
-    """Return the part of the unit disc where x < height."""
-    height = np.clip(height, -1, 1)
-    return 1 - (np.arccos(height) - height * np.sqrt(1 - height**2)) / np.pi
-
-
 @pytest.mark.slow
 def test_an_edge_out_of_focus_is_the_area_of_a_segment():
     """The error falls with the number of lines to none; each line is exact, by either density."""
@@ -127,7 +123,7 @@ def test_an_edge_out_of_focus_is_the_area_of_a_segment():
     side = np.clip(height / cosine, -1, 1)
     before = 0.5 + 0.5 * side * abs(side)
     np.testing.assert_allclose(values, np.where(cosine < 0, 1 - before, before), atol=2e-6)
-    errors = [np.max(abs(values[:: 64 // n].mean(axis=0) - covered(height))) for n in (4, 16, 64)]
+    errors = [np.max(abs(values[:: 64 // n].mean(axis=0) - segment(height))) for n in (4, 16, 64)]
     assert errors[0] > 6 * errors[1] > 36 * errors[2] and errors[2] < 1.2e-3
     even = of_lines(scene, 1, points, redistributed=False)[0]
     np.testing.assert_allclose(even, np.clip(0.5 + 0.5 * height, 0, 1), atol=2e-6)
@@ -207,37 +203,36 @@ def test_derivatives_of_colours_are_those_of_the_image_and_others_are_refused():
         jax.grad(value, argnums=1)(radiance, corner)
 
 
-def test_mistakes():
-    world, camera = wall()
-    line = tracing.lens_lines(4)[1]
-    scene = tracing.direct_light(world, camera)
-    with pytest.raises(ValueError, match=r"count must be an integer in \[1, 65536\], got 0"):
-        tracing.lens_lines(0)
-    with pytest.raises(TypeError, match=r"scene must be made by qmcjax.tracing.direct_light"):
-        tracing.lens_line(world, line)
-    with pytest.raises(ValueError, match="line must be on the unit disc"):
-        tracing.lens_line(scene, 1.1 * line)
-    with pytest.raises(ValueError, match=r"line must have shape \(2, 2\), got \(4, 2, 2\)"):
-        tracing.lens_sheared(world, camera, tracing.lens_lines(4))
-    with pytest.raises(TypeError, match="redistributed must be True or False"):
-        tracing.lens_line(scene, line, redistributed=1)
-    with pytest.raises(ValueError, match=r"intervals must be an integer in \[1, 256\]"):
-        tracing.lens_line(scene, line, 0)
-    pinhole = tracing.camera([0, 0, 0], [0, 0, -1])
-    with pytest.raises(ValueError, match="camera must have a round aperture, got none"):
-        tracing.lens_sheared(world, pinhole, line)
-    blades = tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.1, blades=5)
-    with pytest.raises(ValueError, match="camera must have a round aperture, got one of 5 blades"):
-        tracing.lens_line(tracing.direct_light(world, blades), line)
-    ball = tracing.world([*world.objects, tracing.sphere([0, 0, -3], 1.0)])
-    with pytest.raises(TypeError, match=r"triangles, rectangles and boxes .*, got Sphere in object 1"):
-        tracing.lens_sheared(ball, camera, line)
-    falls = motion.affine(None, motion.linear_segments([0, 1], [[0, 0, 0], [0, 1, 0]]))
-    moving = tracing.world([tracing.box([0, 0, -3], [1, 1, -2], motion=falls)])
-    with pytest.raises(ValueError, match="camera must have one time for its shutter where something moves"):
-        tracing.lens_sheared(moving, camera, line)
-    with pytest.raises(TypeError, match=r"camera must be made by qmcjax.tracing.camera"):
-        tracing.lens_sheared(world, world, line)
-    carried = tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.1, motion=falls)
-    with pytest.raises(ValueError, match="camera must have no motion"):
-        tracing.lens_sheared(world, carried, line)
+LINE = tracing.lens_lines(4)[1]
+FALLS = motion.affine(None, motion.linear_segments([0, 1], [[0, 0, 0], [0, 1, 0]]))
+FALLING = tracing.world([tracing.box([0, 0, -3], [1, 1, -2], motion=FALLS)])
+BALL = tracing.world([*wall()[0].objects, tracing.sphere([0, 0, -3], 1.0)])
+
+
+def lens(**given):
+    return tracing.camera([0, 0, 0], [0, 0, -1], **given)
+
+
+def along_line(*given, blades=None, **more):
+    camera = lens(aperture=0.5, blades=blades)
+    return tracing.lens_line(tracing.direct_light(wall()[0], camera), *given, **more)
+
+
+def sheared(*given):
+    return tracing.lens_sheared(wall()[0], *given)
+
+
+test_mistakes = refused(
+    (lambda: tracing.lens_lines(0), ValueError, r"count must be an integer in \[1, 65536\], got 0"),
+    (lambda: tracing.lens_line(BALL, LINE), TypeError, "scene must be made by qmcjax.tracing.direct_light"),
+    (lambda: along_line(1.1 * LINE), ValueError, "line must be on the unit disc"),
+    (lambda: sheared(CAMERA, tracing.lens_lines(4)), ValueError, r"line .*\(2, 2\), got \(4, 2, 2\)"),
+    (lambda: along_line(LINE, redistributed=1), TypeError, "redistributed must be True or False"),
+    (lambda: along_line(LINE, 0), ValueError, r"intervals must be an integer in \[1, 256\]"),
+    (lambda: sheared(lens(), LINE), ValueError, "camera must have a round aperture, got none"),
+    (lambda: along_line(LINE, blades=5), ValueError, "camera must have a round .*, got one of 5 blades"),
+    (lambda: tracing.lens_sheared(BALL, CAMERA, LINE), TypeError, "triangles, .*, got Sphere in object 1"),
+    (lambda: tracing.lens_sheared(FALLING, CAMERA, LINE), ValueError, "camera must have one time for"),
+    (lambda: sheared(BALL, LINE), TypeError, "camera must be made by qmcjax.tracing.camera"),
+    (lambda: sheared(lens(aperture=0.1, motion=FALLS), LINE), ValueError, "camera must have no motion"),
+)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.spatial import cKDTree
 
 from qmcjax import tracing
@@ -198,48 +199,42 @@ def test_double_precision():
     np.testing.assert_allclose(abs(found.position).max(axis=1), 1, rtol=1e-13)
 
 
-def test_wrong_arguments():
-    world = shadowed()
-    given = points(world, 4)
-    found = tracing.photons(world, given)
-    cases = [
-        (TypeError, "world must be made by", lambda: tracing.photons(4, given)),
-        (TypeError, "world must be made by", lambda: tracing.photon_needs(None)),
-        (TypeError, "bounces must be an integer", lambda: tracing.photons(world, given, 0.5)),
-        (ValueError, "bounces must be an integer", lambda: tracing.photon_needs(world, 65)),
-        (
-            ValueError,
-            "world must have a point, sphere or rectangle light",
-            lambda: tracing.photon_needs(tracing.world([])),
-        ),
-        (
-            ValueError,
-            "world must have a point, sphere or rectangle light",
-            lambda: tracing.photons(tracing.world([], [tracing.environment(1.0)]), given),
-        ),
-        (TypeError, "points must be", lambda: tracing.photons(world, np.zeros((4, 3), int))),
-        (TypeError, "points must be", lambda: tracing.photons(world, "many")),
-        (TypeError, "points must be", lambda: tracing.photons(world, np.zeros((4, 3), np.float16))),
-        (ValueError, "points must have shape", lambda: tracing.photons(world, given[:, :2])),
-        (ValueError, "points must have shape", lambda: tracing.photons(world, given[:0])),
-        (ValueError, r"points must be in \[0, 1\)", lambda: tracing.photons(world, given + 1)),
-        (ValueError, r"points must be in \[0, 1\)", lambda: tracing.photons(world, given * np.nan)),
-        (ValueError, "intervals must be an integer", lambda: tracing.photons(world, given, intervals=0)),
-        (ValueError, "shutter must be", lambda: tracing.photons(world, given, shutter=(0.5, 0.5))),
-        (ValueError, "shutter must be", lambda: tracing.photons(world, given, shutter=(0.5, 1.5))),
-        (ValueError, "point must have shape", lambda: found.irradiance([0.0], UP, 0.5, 1.0)),
-        (TypeError, "normal must be", lambda: found.irradiance([0.0, 0, 0], "up", 0.5, 1.0)),
-        (
-            ValueError,
-            "normal must be finite",
-            lambda: found.irradiance([0.0, 0, 0], [0, np.nan, 0], 0.5, 1.0),
-        ),
-        (ValueError, "shapes of point", lambda: found.irradiance(np.zeros((2, 3)), UP, np.zeros(3), 1.0)),
-        (ValueError, r"time must be in \[0, 1\]", lambda: found.irradiance([0.0, 0, 0], UP, 1.5, 1.0)),
-        (ValueError, "radius must be positive", lambda: found.irradiance([0.0, 0, 0], UP, 0.5, 0.0)),
-        (ValueError, "window must be in", lambda: found.irradiance([0.0, 0, 0], UP, 0.5, 1.0, 2.0)),
-        (TypeError, "radius must be", lambda: found.irradiance([0.0, 0, 0], UP, 0.5, None)),
-    ]
-    for kind, message, call in cases:
-        with pytest.raises(kind, match=message):
-            call()
+SHADOWED = shadowed()
+GIVEN = points(SHADOWED, 4)
+
+
+def photons(points=GIVEN, bounces=0, world=SHADOWED, **more):
+    return tracing.photons(world, points, bounces, **more)
+
+
+def irradiance(point=(0.0, 0, 0), normal=UP, time=0.5, radius=1.0, window=0.5):
+    return photons().irradiance(point, normal, time, radius, window)
+
+
+DARK = "world must have a point, sphere or rectangle light"
+test_wrong_arguments = refused(
+    (lambda: photons(world=4), TypeError, "world must be made by"),
+    (lambda: tracing.photon_needs(None), TypeError, "world must be made by"),
+    (lambda: photons(bounces=0.5), TypeError, "bounces must be an integer"),
+    (lambda: tracing.photon_needs(SHADOWED, 65), ValueError, "bounces must be an integer"),
+    (lambda: tracing.photon_needs(tracing.world([])), ValueError, DARK),
+    (lambda: photons(world=tracing.world([], [tracing.environment(1.0)])), ValueError, DARK),
+    (lambda: photons(np.zeros((4, 3), int)), TypeError, "points must be"),
+    (lambda: photons("many"), TypeError, "points must be"),
+    (lambda: photons(np.zeros((4, 3), np.float16)), TypeError, "points must be"),
+    (lambda: photons(GIVEN[:, :2]), ValueError, "points must have shape"),
+    (lambda: photons(GIVEN[:0]), ValueError, "points must have shape"),
+    (lambda: photons(GIVEN + 1), ValueError, r"points must be in \[0, 1\)"),
+    (lambda: photons(GIVEN * np.nan), ValueError, r"points must be in \[0, 1\)"),
+    (lambda: photons(intervals=0), ValueError, "intervals must be an integer"),
+    (lambda: photons(shutter=(0.5, 0.5)), ValueError, "shutter must be"),
+    (lambda: photons(shutter=(0.5, 1.5)), ValueError, "shutter must be"),
+    (lambda: irradiance([0.0]), ValueError, "point must have shape"),
+    (lambda: irradiance(normal="up"), TypeError, "normal must be"),
+    (lambda: irradiance(normal=[0, np.nan, 0]), ValueError, "normal must be finite"),
+    (lambda: irradiance(np.zeros((2, 3)), time=np.zeros(3)), ValueError, "shapes of point"),
+    (lambda: irradiance(time=1.5), ValueError, r"time must be in \[0, 1\]"),
+    (lambda: irradiance(radius=0.0), ValueError, "radius must be positive"),
+    (lambda: irradiance(window=2.0), ValueError, "window must be in"),
+    (lambda: irradiance(radius=None), TypeError, "radius must be"),
+)

@@ -103,18 +103,14 @@ def test_directions_of_all_lengths_hit_or_are_refused(count):
             np.testing.assert_allclose(hit.distance[:-1], wanted / lengths[:-1], rtol=1e-6)
     for length in (9e-32, 1e-39, 1e-45, 1e-60, 1e39, 1e300):
         for find in (tracing.nearest_hit, tracing.any_hit, tracing.visible_intervals):
-            with pytest.raises(
-                ValueError, match=r"^direction must (have a largest component in|be finite in float32)"
-            ):
+            with pytest.raises(ValueError, match=r"^direction must (have a largest|be finite in float32)"):
                 find(world, origin, [0.0, 0.0, length])
     with pytest.raises(ValueError, match=r"^direction must have"):
         tracing.nearest_hit(world, origin, jnp.asarray(np.float32([0, 0, 1e-39])))
 
 
 LIGHTS = {
-    "rectangle": lambda size: tracing.rectangle_light(
-        [-size, 2 * size, 0], [2 * size, 0, 0], [0, 0, size], 3.0
-    ),
+    "rectangle": lambda s: tracing.rectangle_light([-s, 2 * s, 0], [2 * s, 0, 0], [0, 0, s], 3.0),
     "sphere": lambda size: tracing.sphere_light([0, 2 * size, 0], 0.4 * size, 9.0),
     "point": lambda size: tracing.point_light([0, 2 * size, 0], 9.0 * size**2),
     "environment": lambda size: tracing.environment(3.0),

@@ -16,10 +16,7 @@ from qmcjax.tracing._shapes import triangle_tree
 from qmcjax.tracing._shapes.vectors import components
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-WAYS = {
-    "jax": search.by_program,
-    "compiled": pytest.param(compiled_world.search, marks=needs_numba),
-}
+WAYS = {"jax": search.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
 
 
 def blob(around, up):
@@ -205,9 +202,6 @@ def test_no_ray_slips_through(way):
     vertices = blob(16, 13).astype(np.float32)
     rng = np.random.default_rng(5)
     count = 20000
-    a, b = (
-        vertices[rng.integers(0, len(vertices), count), rng.permuted([[0, 1, 2]] * count, axis=1)[:, 0]],
-    ) * 2
     row = rng.integers(0, len(vertices), count)
     a, b = vertices[row, 0], vertices[row, 1]
     part = rng.choice([0, 1, 0.5, 0.3], count)[:, None]
@@ -309,5 +303,4 @@ def test_new_vertices_compile_nothing():
         hit = tracing.nearest_hit(world, np.zeros(3, np.float32), np.ones(3, np.float32))
         compiled = hits._nearest._compiled._cache_size()
         assert before in (None, compiled) and hit.shape >= 0
-        before = compiled
         before = hits._nearest._compiled._cache_size()

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing._estimators.estimator import Estimator, guarded, moving, named, stilled
+from qmcjax.tracing._estimators.estimator import Estimator, check, guarded, moving, named, stilled
 from qmcjax.tracing._intervals.visible import seen
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.flat import Box, Rectangle
@@ -245,10 +245,7 @@ def lens_line(
 
 def check_lens(world: Any, camera: Any) -> None:
     """Check that a world and a camera allow exact visibility along lines on the lens."""
-    if not isinstance(world, World):
-        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
-    if not isinstance(camera, Camera):
-        raise TypeError(f"camera must be made by qmcjax.tracing.camera, got {checks.shown(camera)}")
+    check(world, camera, False)
     if camera.aperture is None or camera.blades is not None:
         got = "none" if camera.aperture is None else f"one of {camera.blades} blades"
         raise ValueError(f"camera must have a round aperture, got {got}")

@@ -172,10 +172,10 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
 @jit()
 def _projected(scene: Estimator, inside: Array, number: Array, time: Array) -> tuple[Array, Array, Array]:
     """Return the screen positions of stored points at some times, and their depths."""
-    inside, hit = components(inside), number >= 0
+    local, hit = components(inside), number >= 0
     frame = frames(in_dtype(scene.world, time.dtype), number, time)
-    point = inside
+    point = local
     if frame is not None:
-        point = plus(frame.outside(inside), frame.translation)
-        point = each(lambda p, d: jnp.where(hit, p, d), point, inside)
+        point = plus(frame.outside(local), frame.translation)
+        point = each(lambda p, d: jnp.where(hit, p, d), point, local)
     return scene.camera.projected(point, hit.astype(time.dtype), time)

@@ -66,15 +66,8 @@ class Estimator(ABC):
     def varies(self, low: Array, high: Array) -> Array:
         """Return which coordinates may matter between opposite corners of boxes of points.
 
-        Parameters
-        ----------
-        low, high : float Array, shape (..., len(needs))
-
-        Returns
-        -------
-        bool Array, shape (..., len(needs))
-            False guarantees that the value does not depend on the coordinate there: nothing is seen, or
-            nothing that moves, nor its shadow in direct light.
+        Corners and results have shape (..., len(needs)). False guarantees that the value does not depend on
+        the coordinate there: nothing is seen, or nothing that moves, nor its shadow in direct light.
         """
         needs = self.needs
         low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))

@@ -12,6 +12,7 @@ import numpy as np
 from qmcjax.tracing._search.compiled_triangles import BLOCK
 from qmcjax.tracing._search.lanes import WIDTH
 from qmcjax.tracing._search.numba_decorators import compiled
+from qmcjax.tracing._shapes.triangle_tree import half_area
 
 NODE = 7
 """Rows of a node."""
@@ -75,11 +76,14 @@ def grow(box, other):
         box[j], box[3 + j] = min(box[j], other[j]), max(box[3 + j], other[3 + j])
 
 
+_half_area = compiled()(half_area)
+
+
 @compiled()
 def surface(box):
     """Return half the surface of a box; 0 for an empty one."""
-    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
-    return x * y + y * z + z * x if x >= 0 else x - x
+    x = box[3] - box[0]
+    return _half_area(x, box[4] - box[1], box[5] - box[2]) if x >= 0 else x - x
 
 
 @compiled()

@@ -76,7 +76,7 @@ def times(factor, a):
 
 @inlined
 def power(size, one):
-    """Return the power of two that takes a size to [1, 2): see ``_vectors.scaled``."""
+    """Return the power of two that takes a size to [1, 2): see ``vectors.scaled``."""
     share, _ = math.frexp(size)
     return (share + share) / size if size > 0 else one
 
@@ -196,17 +196,17 @@ def _first(near, far, squared, slack):
 
 
 @inlined
-def _seen(corner, origin, slack):
+def _relative(corner, origin, slack):
     """Return a coordinate of a face relative to the origin; 0 if the origin is on the face."""
-    seen = corner - origin
-    return seen - seen if abs(seen) <= slack else seen
+    start = corner - origin
+    return start - start if abs(start) <= slack else start
 
 
 @inlined
 def _slab(rows, k, j, ray, slack):
     """Return where a line enters and leaves a slab; NaN chooses the second number: see ``_lower``."""
-    one = _seen(rows[k, j], ray.origin[j], slack) * ray.inverse[j]
-    other = _seen(rows[k, j + 3], ray.origin[j], slack) * ray.inverse[j]
+    one = _relative(rows[k, j], ray.origin[j], slack) * ray.inverse[j]
+    other = _relative(rows[k, j + 3], ray.origin[j], slack) * ray.inverse[j]
     return one if one < other else other, other if other > one else one
 
 
@@ -224,7 +224,7 @@ def _box(rows, k, ray, slack):
 
 @inlined
 def _crossings(start, direction, squared, radius, slack):
-    """Return where a line crosses the sphere, or the circle, of a radius about 0: ``_shape.roots``."""
+    """Return where a line crosses the sphere, or the circle, of a radius about 0: ``shape_batches.roots``."""
     b, c = dot(start, direction), dot(start, start) - radius * radius
     foot = _along(start, -b / squared, direction)
     chord = radius * radius - dot(foot, foot)

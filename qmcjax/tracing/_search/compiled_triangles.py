@@ -89,15 +89,15 @@ def eight(blocks, row, last, moves, ray, origin, limit):
     axis = ray.shear[0]
     # A block has coordinates x, y, z as they are.
     x, y, z = row + (axis + 1) % 3, row + (axis + 2) % 3, row + axis
-    a = _seen(blocks, x, y, z, last, moves, ray.weights, origin)
-    b = _seen(blocks, x + 3, y + 3, z + 3, last, moves, ray.weights, origin)
-    c = _seen(blocks, x + 6, y + 6, z + 6, last, moves, ray.weights, origin)
+    a = _relative(blocks, x, y, z, last, moves, ray.weights, origin)
+    b = _relative(blocks, x + 3, y + 3, z + 3, last, moves, ray.weights, origin)
+    c = _relative(blocks, x + 6, y + 6, z + 6, last, moves, ray.weights, origin)
     distance, hit = _crossed(a, b, c, ray.shear)
     return distance, hit & (distance > 0) & (distance < limit)
 
 
 @inlined
-def _seen(blocks, x, y, z, last, moves, weights, origin):
+def _relative(blocks, x, y, z, last, moves, weights, origin):
     one, other, third = load(blocks, x), load(blocks, y), load(blocks, z)
     if moves:
         one = between(one, load(last, x), weights)
@@ -125,18 +125,18 @@ def _corner(blocks, row, lane, last, moves, weights):
 
 @inlined
 def _starts_on(one, other, third, ray):
-    """Whether a ray starts on a triangle: ``_triangles._on``."""
+    """Whether a ray starts on a triangle: ``triangles._on``."""
     unit = ray.unit
     slack = ray.slack + unit * (largest(one) + largest(other) + largest(third))
-    side, across, seen = minus(other, one), minus(third, one), minus(one, ray.origin)
+    side, across, start = minus(other, one), minus(third, one), minus(one, ray.origin)
     scale = power(max(largest(side), largest(across)), unit / unit)
-    side, across, seen, slack = times(scale, side), times(scale, across), times(scale, seen), scale * slack
+    side, across, start, slack = times(scale, side), times(scale, across), times(scale, start), scale * slack
     normal = cross(side, across)
     squared = dot(normal, normal)
-    height = dot(normal, seen)
+    height = dot(normal, start)
     if not (squared > 0 and height * height <= slack * slack * squared):
         return False
     p, q = cross(across, normal), cross(normal, side)
-    u, v = -dot(seen, p) / squared, -dot(seen, q) / squared
+    u, v = -dot(start, p) / squared, -dot(start, q) / squared
     wider = slack * (length(p) + length(q)) / squared
     return u >= -wider and v >= -wider and u + v - wider <= 1

@@ -164,7 +164,7 @@ def camera(
     blades: int | None = None,
     motion: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Camera:
-    """Make a camera: a pinhole or a thin lens.
+    """Make a camera: a pinhole or a thin lens. Its numbers may be traced.
 
     Parameters
     ----------
@@ -189,11 +189,6 @@ def camera(
     motion : callable, optional
         From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): a map of world
         space that moves the camera. See :func:`qmcjax.tracing.motion.affine`.
-
-    Returns
-    -------
-    Camera
-        A pytree: its numbers may be traced.
 
     Examples
     --------

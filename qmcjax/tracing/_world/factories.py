@@ -133,12 +133,12 @@ def cylinder(
         See :func:`sphere`.
     """
     start, count = _vectors("base", base)
-    axis = _long("axis", axis, count)
+    along = _long("axis", axis, count)
     radius = _radius(radius, count)
     checks.flag("closed", closed)
-    shapes: tuple[Shape, ...] = (Cylinder(start, axis, radius),)
+    shapes: tuple[Shape, ...] = (Cylinder(start, along, radius),)
     if closed:
-        shapes = (*shapes, Disc(start, -axis, radius), Disc(start + axis, axis, radius))
+        shapes = (*shapes, Disc(start, -along, radius), Disc(start + along, along, radius))
     return _object(shapes, motion, material)
 
 

@@ -56,10 +56,6 @@ def surface_area(low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]:
     low, high : float ArrayLike, shape (..., 3)
         Their corners, with ``low <= high``.
 
-    Returns
-    -------
-    float64 ndarray, shape (...)
-
     Examples
     --------
     >>> print(surface_area([0, 0, 0], [1, 2, 3]))

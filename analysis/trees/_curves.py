@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,9 +33,7 @@ def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     >>> print(tree.children.tolist())
     [[0, 2], [3, 1]]
     """
-    low, high = _boxes.still(low, high)
-    cells, bits = _cells(low, high)
-    return swept(low, high, np.argsort(_interleaved(hilbert_digits(cells, bits), bits), kind="stable")[None])
+    return _along(low, high, hilbert_digits)
 
 
 def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
@@ -56,9 +56,13 @@ def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     >>> print(tree.children.tolist())
     [[0, 2], [3, 1]]
     """
+    return _along(low, high, lambda cells, bits: cells)
+
+
+def _along(low: ArrayLike, high: ArrayLike, digits: Any) -> Tree:
     low, high = _boxes.still(low, high)
     cells, bits = _cells(low, high)
-    return swept(low, high, np.argsort(_interleaved(cells, bits), kind="stable")[None])
+    return swept(low, high, np.argsort(_interleaved(digits(cells, bits), bits), kind="stable")[None])
 
 
 def _cells(low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], int]:

@@ -128,14 +128,6 @@ def summed_area(tree: Tree) -> float:
     moving boxes it is the mean over time, for boxes with an interval of time only the sum of areas times
     durations.
 
-    Parameters
-    ----------
-    tree : Tree
-
-    Returns
-    -------
-    float
-
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 4.1.1.
@@ -151,15 +143,7 @@ def summed_area(tree: Tree) -> float:
 
 
 def node_depths(tree: Tree) -> NDArray[np.int64]:
-    """Return the depth of each node: 0 for the root, leaves first.
-
-    Parameters
-    ----------
-    tree : Tree
-
-    Returns
-    -------
-    int64 ndarray, shape (2 n - 1,)
+    """Return the depth of each node, int64 (2 n - 1,): 0 for the root, leaves first.
 
     Examples
     --------

@@ -89,9 +89,6 @@ def _best(low: NDArray, high: NDArray, boxes: NDArray, length: NDArray) -> tuple
 
 def _areas(low: NDArray, high: NDArray, boxes: NDArray) -> NDArray:
     """Return the measures of the bounding boxes of all prefixes of a row, (s, w)."""
-    extents = []
-    for a, b in zip(low, high, strict=True):
-        extents.append(np.maximum.accumulate(b[boxes], axis=1) - np.minimum.accumulate(a[boxes], axis=1))
-    x, y, z = extents[:3]
-    area = x * y + y * z + z * x
-    return area * extents[3] if len(extents) > 3 else area
+    lows = [np.minimum.accumulate(a[boxes], axis=1) for a in low]
+    highs = [np.maximum.accumulate(b[boxes], axis=1) for b in high]
+    return _boxes.measure(*(np.moveaxis(np.stack(side), 0, -1) for side in (lows, highs)))

@@ -24,7 +24,7 @@ def nodes_visited(
     *,
     time: ArrayLike | None = None,
 ) -> NDArray[np.int64]:
-    """Count the nodes, leaves included, whose boxes rays enter during traversal.
+    """Count the nodes, leaves included, whose boxes rays enter during traversal: int64 (...).
 
     Of two children that are hit, the one whose box is entered first is visited first [1]_, [2]_; boxes behind
     the nearest hit are skipped.
@@ -41,10 +41,6 @@ def nodes_visited(
     time : float ArrayLike, shape (...), optional
         Times of the rays, required for trees of boxes that move or have an interval of time.
 
-    Returns
-    -------
-    int64 ndarray, shape (...)
-
     References
     ----------
     .. [1] T. Kay, J. Kajiya, "Ray Tracing Complex Scenes", 1986.
@@ -60,7 +56,7 @@ def nodes_visited(
     tree_given(tree)
     if distance is not None and not callable(distance):
         raise TypeError(f"distance must be callable, got {checks.shown(distance)}")
-    shape, start, way = numbers_of_rays(origin, direction)
+    shape, start, toward = numbers_of_rays(origin, direction)
     timed = tree.times is not None or tree.low.shape[-1] == 4
     if timed and time is None:
         raise TypeError("time must be given for boxes that move, or are there for some time only, got None")
@@ -68,7 +64,7 @@ def nodes_visited(
     if not len(start):
         return np.zeros(shape, np.int64)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        inverse = 1 / way
+        inverse = 1 / toward
         inverse[np.isinf(inverse)] = np.inf
         return _counted(tree, start, inverse, when, distance).reshape(shape)
 
@@ -178,10 +174,6 @@ def triangle_distances(
     number : int ArrayLike, shape (m,), optional
         The triangle in each leaf; leaf i has triangle i by default.
 
-    Returns
-    -------
-    callable
-
     References
     ----------
     .. [1] T. Moeller, B. Trumbore, "Fast, Minimum Storage Ray-Triangle Intersection", 1997.
@@ -199,7 +191,7 @@ def triangle_distances(
         wanted = "(k, n, 3, 3)" if moving else "(n, 3, 3)"
         raise ValueError(f"vertices must have shape {wanted}, got {corners.shape}")
     require("vertices", corners, np.isfinite, "finite")
-    shape, start, way = numbers_of_rays(origin, direction)
+    shape, start, toward = numbers_of_rays(origin, direction)
     numbers = None
     if number is not None:
         numbers = checks.known_array("number", number, np.integer, "integers")
@@ -222,7 +214,7 @@ def triangle_distances(
             found = (1 - share) * corners[early, at] + share * corners[early + 1, at]
         else:
             found = corners[at]
-        return _distances(found, start[rays], way[rays])
+        return _distances(found, start[rays], toward[rays])
 
     return distances
 

@@ -10,7 +10,8 @@ from jax import Array
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._search.compiled_world import search as _compiled
 from qmcjax.tracing._search.intersection import in_dtype
-from qmcjax.tracing._search.search import by_program, search
+from qmcjax.tracing._search.loops import by_program
+from qmcjax.tracing._search.search import search
 from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.vectors import components
 from qmcjax.tracing._world.world import World

@@ -11,7 +11,7 @@ from test_trees import SPIN, blob, looped, mesh, same, searched
 
 from qmcjax import tracing
 from qmcjax.tracing import motion, ways
-from qmcjax.tracing._search import compiled_world, search, threads
+from qmcjax.tracing._search import compiled_world, loops, search, threads
 
 pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 WAY = compiled_world.search
@@ -131,7 +131,7 @@ def test_mapped_over_worlds_with_frames():
     both = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(b) for b in a]), *worlds)
 
     def find(world, *given):
-        return searched(world, *given, any_hit=False, way=WAY)[1]
+        return searched(world, *given, any_hit=False, intersector=WAY)[1]
 
     each = [find(w, *(a[i] for a in rays)) for i, w in enumerate(worlds)]
     assert np.array_equal(jax.vmap(find)(both, *rays), each)
@@ -153,7 +153,7 @@ def test_the_way_is_chosen_by_count():
     shape = many.objects[0].shapes[0]
     strange = tracing.world([tracing.Object((Other(shape.center, shape.radius),), None, None)])
     ways = [search._fastest(world)[1] for world in (few, many, strange)]
-    assert ways == [search.by_program, WAY, search.by_program]
+    assert ways == [loops.by_program, WAY, loops.by_program]
 
 
 def test_all_pieces_are_done_once_and_errors_are_told():

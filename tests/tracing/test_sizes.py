@@ -11,7 +11,7 @@ from tables import few, slow
 from test_trees import blob, mesh, searched, without_trees
 
 from qmcjax import tracing
-from qmcjax.tracing._search import compiled_world, search
+from qmcjax.tracing._search import compiled_world, loops, search
 
 SIZES = [2.0**k for k in (-31, -20, 17, 29)]
 """Edges and radii are between 0.3 and 2 of these."""
@@ -46,9 +46,9 @@ ORIGIN, WAY = rays(4096)
 TIME = np.linspace(0, 1, len(ORIGIN), dtype=np.float32)
 
 FINDERS = {
-    "loops": lambda world, *given: searched(without_trees(world), *given, way=search.by_program),
-    "trees": lambda world, *given: searched(world, *given, way=search.by_program),
-    "compiled": lambda world, *given: searched(world, *given, way=compiled_world.search),
+    "loops": lambda world, *given: searched(without_trees(world), *given, intersector=loops.by_program),
+    "trees": lambda world, *given: searched(world, *given, intersector=loops.by_program),
+    "compiled": lambda world, *given: searched(world, *given, intersector=compiled_world.search),
 }
 
 

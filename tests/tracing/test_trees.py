@@ -11,12 +11,12 @@ import pytest
 
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._search import compiled_world, hits, intersection, search
+from qmcjax.tracing._search import compiled_world, hits, intersection, loops, search
 from qmcjax.tracing._shapes import triangle_tree
 from qmcjax.tracing._shapes.vectors import components
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-WAYS = {"jax": search.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
+WAYS = {"jax": loops.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
 
 
 def blob(around, up):
@@ -91,10 +91,10 @@ def rays(count, key, center=0.0):
     return origin, rng.normal(size=(count, 3)), rng.uniform(size=count)
 
 
-@partial(jax.jit, static_argnames=("any_hit", "way"))
-def searched(world, origin, direction, time, limit, any_hit=False, way=None):
+@partial(jax.jit, static_argnames=("any_hit", "intersector"))
+def searched(world, origin, direction, time, limit, any_hit=False, intersector=None):
     world = intersection.in_dtype(world, origin.dtype)
-    return search.search(world, components(origin), components(direction), time, limit, any_hit, way)
+    return search.search(world, components(origin), components(direction), time, limit, any_hit, intersector)
 
 
 def without_trees(world):
@@ -104,7 +104,7 @@ def without_trees(world):
 
 def looped(world, *given):
     """Test all primitives one by one."""
-    return searched(without_trees(world), *given, way=search.by_program)
+    return searched(without_trees(world), *given, intersector=loops.by_program)
 
 
 def mesh(vertices, close=None, path=None):
@@ -131,13 +131,13 @@ def test_without_numba_few_triangles_need_no_tree(monkeypatch):
     triangles = np.random.default_rng(1).uniform(-1, 1, (600, 3, 3))
     world = tracing.world([mesh(triangles[:100]), mesh(triangles), tracing.plane([0, 0, -2], [0, 0, 1])])
     fewer, way = search._fastest(world)
-    assert way is search.by_program and fewer.count == world.count
+    assert way is loops.by_program and fewer.count == world.count
     assert [item.shapes[0].tree is None for item in fewer.objects] == [True, False, True]
 
 
 @pytest.mark.parametrize(
     "way",
-    [search.by_program, pytest.param(compiled_world.search, marks=[needs_numba, pytest.mark.slow])],
+    [loops.by_program, pytest.param(compiled_world.search, marks=[needs_numba, pytest.mark.slow])],
     ids=WAYS,
 )
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_boxes_that_move_have_slack():
     origin = np.float32(target + rng.normal(size=(count, 3)) * 10 ** rng.uniform(-5, -3, (count, 1)))
     given = origin, target - origin, time, np.full(count, np.inf, np.float32)
     world = tracing.world([mesh(*vertices)])
-    (_, number), (_, expected) = searched(world, *given, way=search.by_program), looped(world, *given)
+    (_, number), (_, expected) = searched(world, *given, intersector=loops.by_program), looped(world, *given)
     assert np.mean(expected >= 0) > 0.5
     np.testing.assert_array_equal(number >= 0, expected >= 0)
 
@@ -259,7 +259,7 @@ def test_mapped_and_in_loops(way):
     both = jax.tree.map(lambda *a: jnp.stack([jnp.asarray(b) for b in a]), *worlds)
     origin, direction, time = (jnp.asarray(a, jnp.float32).reshape(3, 50, *a.shape[1:]) for a in rays(150, 4))
     limit = jnp.full((3, 50), jnp.inf, jnp.float32)
-    find = partial(searched, any_hit=False, way=way)
+    find = partial(searched, any_hit=False, intersector=way)
     one = [find(worlds[0], *a)[1] for a in zip(origin, direction, time, limit, strict=True)]
     assert np.array_equal(jax.vmap(partial(find, worlds[0]))(origin, direction, time, limit)[1], one)
     in_loop = jax.lax.map(lambda a: find(worlds[0], *a)[1], (origin, direction, time, limit))

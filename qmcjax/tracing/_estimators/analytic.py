@@ -18,7 +18,7 @@ from qmcjax.core.parameters import floats, together
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, guarded, named
 from qmcjax.tracing._intervals.linear import parts
-from qmcjax.tracing._intervals.visible import seen
+from qmcjax.tracing._intervals.visible import find_intervals
 from qmcjax.tracing._search.intersection import UNKNOWN, in_dtype
 from qmcjax.tracing._search.tiles import by_tiles
 from qmcjax.tracing._shapes.vectors import Vector, components, each, stacked
@@ -113,19 +113,12 @@ class AnalyticVisibility:
         sight = camera.rays(x, coordinates["y"], jnp.zeros_like(x), lens)
         rays = sight.origin, sight.direction
         world, fixed, opened, closed = jax.lax.stop_gradient((world, rays, opened, closed))
-        return rays, seen(world, *fixed, opened, closed, self.intervals)
+        return rays, find_intervals(world, *fixed, opened, closed, self.intervals)
 
     def unresolved(self, point: Array) -> Array:
         """Return the part of the shutter in which visibility is sampled because intervals do not fit.
 
-        Parameters
-        ----------
-        point : float Array, shape (..., len(needs))
-
-        Returns
-        -------
-        Array, shape (...)
-            In [0, 1]; 0 where visibility is exact.
+        Points have shape (..., len(needs)); the result, in [0, 1], is 0 where visibility is exact.
         """
         point = floats("point", point, (len(self.needs),))
         coordinates, estimator = named(point, self.needs), self.estimator
@@ -139,14 +132,7 @@ class AnalyticVisibility:
     def varies(self, low: Array, high: Array) -> Array:
         """Return which coordinates may matter between opposite corners of boxes of points.
 
-        Parameters
-        ----------
-        low, high : float Array, shape (..., len(needs))
-
-        Returns
-        -------
-        bool Array, shape (..., len(needs))
-            False guarantees that the value does not depend on the coordinate there.
+        See :meth:`Estimator.varies`.
         """
         estimator, needs = self.estimator, self.needs
         low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))

@@ -121,19 +121,9 @@ class Bidirectional(Estimator):
 
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
-        path = _Path(
-            sight.origin,
-            sight.direction,
-            (zero, zero, zero),
-            one * np.inf,
-            zero,
-            zero,
-            one > 0,
-            zero,
-            (zero,) * (self._vertices - 1),
-            (one, one, one),
-            (zero, zero, zero),
-        )
+        black, white = (zero, zero, zero), (one, one, one)
+        ratios = one * np.inf, zero, zero, one > 0, zero, (zero,) * (self._vertices - 1)
+        path = _Path(sight.origin, sight.direction, black, *ratios, white, black)
         light = None
         if self._vertices:
             turns = [Turn.of(coordinates, f"scatter{s}") for s in range(1, self._vertices)]

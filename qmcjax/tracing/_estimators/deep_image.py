@@ -83,12 +83,7 @@ class Renderer(NamedTuple):
         )
         y, x = np.divmod(np.arange(len(sees)), self.width)
         second = np.where(sees & also, ((x ^ y) & 1).astype(bool), also)
-        result = DeepImage(
-            *(
-                np.where(second.reshape(-1, *(1,) * (a.ndim - 1)), b, a)
-                for a, b in zip(one, other, strict=True)
-            )
-        )
+        result = _merged(second, other, one)
         both = (sees & also)[:, None]
         return result._replace(
             color=np.where(both, 0.5 * (one.color + other.color), result.color)
@@ -121,12 +116,8 @@ class Renderer(NamedTuple):
         if len(parts) == 2:
             (n, one), (m, other) = parts
             nearer = other.distance < one.distance
-            whole = DeepImage(
-                *(
-                    np.where(nearer.reshape(-1, *(1,) * (a.ndim - 1)), b, a)
-                    for a, b in zip(one, other, strict=True)
-                )
-            )._replace(color=(n * one.color + m * other.color) / np.float32(n + m))
+            color = (n * one.color + m * other.color) / np.float32(n + m)
+            whole = _merged(nearer, other, one)._replace(color=color)
         for mine, new in zip(predicted, whole, strict=True):
             mine[pixels] = new
         return predicted, taken
@@ -152,6 +143,12 @@ class Renderer(NamedTuple):
         return moved, drawn.covered.ravel()
 
 
+def _merged(which: NDArray[np.bool_], one: DeepImage, other: DeepImage) -> DeepImage:
+    return DeepImage(
+        *(np.where(which.reshape(-1, *(1,) * (a.ndim - 1)), a, b) for a, b in zip(one, other, strict=True))
+    )
+
+
 @jit()
 def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepImage:
     """Return one random sample per row at the given (x, y, interval), shape (3, n)."""
@@ -175,10 +172,10 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
 @jit()
 def _projected(scene: Estimator, inside: Array, number: Array, time: Array) -> tuple[Array, Array, Array]:
     """Return the screen positions of stored points at some times, and their depths."""
-    kept, hit = components(inside), number >= 0
+    local, hit = components(inside), number >= 0
     frame = frames(in_dtype(scene.world, time.dtype), number, time)
-    point = kept
+    point = local
     if frame is not None:
-        point = plus(frame.outside(kept), frame.translation)
-        point = each(lambda p, d: jnp.where(hit, p, d), point, kept)
+        point = plus(frame.outside(local), frame.translation)
+        point = each(lambda p, d: jnp.where(hit, p, d), point, local)
     return scene.camera.projected(point, hit.astype(time.dtype), time)

@@ -17,7 +17,7 @@ from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.vectors import Vector, stacked
 from qmcjax.tracing._world.camera import Camera, Sight
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import World, as_world
 from qmcjax.tracing.motion import Affine
 
 Coordinates = dict[str, Array]
@@ -66,15 +66,8 @@ class Estimator(ABC):
     def varies(self, low: Array, high: Array) -> Array:
         """Return which coordinates may matter between opposite corners of boxes of points.
 
-        Parameters
-        ----------
-        low, high : float Array, shape (..., len(needs))
-
-        Returns
-        -------
-        bool Array, shape (..., len(needs))
-            False guarantees that the value does not depend on the coordinate there: nothing is seen, or
-            nothing that moves, nor its shadow in direct light.
+        Corners and results have shape (..., len(needs)). False guarantees that the value does not depend on
+        the coordinate there: nothing is seen, or nothing that moves, nor its shadow in direct light.
         """
         needs = self.needs
         low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))
@@ -158,8 +151,7 @@ def _refused(name: str, value: Any) -> Any:
 
 def check(world: Any, camera: Any, smooth: Any) -> None:
     """Check the arguments that all estimators share."""
-    if not isinstance(world, World):
-        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
+    as_world(world)
     if not isinstance(camera, Camera):
         raise TypeError(f"camera must be made by qmcjax.tracing.camera, got {checks.shown(camera)}")
     checks.flag("smooth", smooth)

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing._estimators.estimator import Estimator, guarded, moving, named, stilled
-from qmcjax.tracing._intervals.visible import seen
+from qmcjax.tracing._estimators.estimator import Estimator, check, guarded, moving, named, stilled
+from qmcjax.tracing._intervals.visible import find_intervals
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.flat import Box, Rectangle
 from qmcjax.tracing._shapes.object import Object
@@ -138,16 +138,11 @@ class LensLine:
         view = camera.view(coordinates["x"], coordinates["y"])
         zero = jnp.zeros_like(coordinates["x"])
         origin = each(lambda a: zero + a, view.origin)
-        sheared, start, way = jax.lax.stop_gradient(
-            (_sheared(world, camera, line, zero[0]), origin, view.seen)
-        )
-        found = seen(sheared, start, way, zero[0], zero[0] + 1, self.intervals)
+        rays = _sheared(world, camera, line, zero[0]), origin, view.seen
+        found = find_intervals(*jax.lax.stop_gradient(rays), zero[0], zero[0] + 1, self.intervals)
         # Beyond the last interval the primitive may be unknown: then the ray is traced there.
-        ends = [
-            zero[None],
-            jnp.stack([found.start, found.end], axis=1).reshape(-1, len(zero)),
-            zero[None] + 1,
-        ]
+        inner = jnp.stack([found.start, found.end], axis=1).reshape(-1, len(zero))
+        ends = [zero[None], inner, zero[None] + 1]
         mass = self._mass(jnp.concatenate(ends))
         share = mass[1:] - mass[:-1]
         if not any(isinstance(light, Environment) for light in world.lights):
@@ -245,10 +240,7 @@ def lens_line(
 
 def check_lens(world: Any, camera: Any) -> None:
     """Check that a world and a camera allow exact visibility along lines on the lens."""
-    if not isinstance(world, World):
-        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
-    if not isinstance(camera, Camera):
-        raise TypeError(f"camera must be made by qmcjax.tracing.camera, got {checks.shown(camera)}")
+    check(world, camera, False)
     if camera.aperture is None or camera.blades is not None:
         got = "none" if camera.aperture is None else f"one of {camera.blades} blades"
         raise ValueError(f"camera must have a round aperture, got {got}")
@@ -326,10 +318,7 @@ def _sheared(world: World, camera: Camera, line: Any, like: Array) -> World:
             return Object(item.shapes, _Shear(matrix, shift), item.material)
         columns = jnp.stack([stacked(column)[0] for column in frame.columns], axis=-1)
         place = stacked(frame.translation)[0]
-        whole = (
-            jnp.stack([one @ columns for one in matrix]),
-            jnp.stack([one @ place for one in matrix]) + shift,
-        )
-        return Object(item.shapes, _Shear(*whole), item.material)
+        linear, moved = (jnp.stack([one @ part for one in matrix]) for part in (columns, place))
+        return Object(item.shapes, _Shear(linear, moved + shift), item.material)
 
     return World(tuple(seen_along(item) for item in world.parts), ())

@@ -73,14 +73,8 @@ class PathTracing(Estimator):
 
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
-        start = _Path(
-            sight.origin,
-            sight.direction,
-            (zero, zero, zero),
-            one * np.inf,
-            (one, one, one),
-            (zero, zero, zero),
-        )
+        black, white = (zero, zero, zero), (one, one, one)
+        start = _Path(sight.origin, sight.direction, black, one * np.inf, white, black)
         draws = [self._draws(coordinates, k, one) for k in range(self.bounces + 1)]
         stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *draws)
 

@@ -21,7 +21,7 @@ from qmcjax.tracing._light.light_paths import Emission, emission_needs, emitters
 from qmcjax.tracing._light.scattering import Turn, scattered
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.vectors import components, each, stacked
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import World, as_world
 
 _QUERIES = 1024
 """Query points that are processed together: bounds the memory."""
@@ -145,18 +145,13 @@ def photon_needs(world: World, bounces: int = 0) -> tuple[str, ...]:
     bounces : int, optional
         See :func:`photons`.
 
-    Returns
-    -------
-    tuple of str
-
     Examples
     --------
     >>> from qmcjax import tracing
     >>> photon_needs(tracing.world([], [tracing.point_light([0, 0, 1], 1.0)]))
     ('time', 'emit_way_u', 'emit_way_v')
     """
-    if not isinstance(world, World):
-        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
+    as_world(world)
     bounces = checks.integer("bounces", bounces, 0, 64)
     if not emitters(world):
         raise ValueError("world must have a point, sphere or rectangle light to emit photons")
@@ -250,29 +245,28 @@ def _flown(
     start, end = np.full_like(points[:, 0], opened), np.full_like(points[:, 0], closed)
     if intervals is None:
         start = end = opened + (closed - opened) * coordinates["time"]
-    flying, changes, kept = _Flying(number, origin, direction, energy, start, end), _changes(world), []
+    flying, changes, hits = _Flying(number, origin, direction, energy, start, end), _changes(world), []
     for bounce in range(bounces + 1):
         if intervals is not None:
             flying = _parted(world, flying, intervals, (float(opened), float(closed)))
         chosen = coordinates["time"][flying.number]
         time = flying.start + (flying.end - flying.start) * chosen
-        turn = None
-        if bounce < bounces:
-            turn = Turn.of(
-                {name: value[flying.number] for name, value in coordinates.items()}, f"scatter{bounce + 1}"
-            )
-        found = _in_rows(_arrived, world, (flying.origin, flying.direction, time, turn))
-        shape = found[1]
+        mine = {name: value[flying.number] for name, value in coordinates.items()}
+        turn = Turn.of(mine, f"scatter{bounce + 1}") if bounce < bounces else None
+        point, shape, stored, *scattered_to = _in_rows(
+            _arrived, world, (flying.origin, flying.direction, time, turn)
+        )
         at_once = (shape >= 0) & changes[shape]
         flying = flying._replace(
             start=np.where(at_once, time, flying.start), end=np.where(at_once, time, flying.end)
         )
-        kept.append((found[0], *flying[2:], shape, found[2]))
+        hits.append((point, *flying[2:], shape, stored))
         if turn is None:
             break
-        flying = flying._replace(origin=found[0], direction=found[3], energy=flying.energy * found[4])
+        direction, factor = scattered_to
+        flying = flying._replace(origin=point, direction=direction, energy=flying.energy * factor)
         flying = _Flying(*(a[flying.energy.any(axis=1)] for a in flying))
-    parts = [tuple(a[row[-1]] for a in row[:-1]) for row in kept]
+    parts = [tuple(a[row[-1]] for a in row[:-1]) for row in hits]
     whole = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Photons(*whole, shutter=(float(opened), float(closed)))
 
@@ -292,14 +286,8 @@ def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, flo
     ray, piece = np.nonzero((shape >= 0) & (end > start))
     start, end = start[ray, piece], end[ray, piece]
     part = (end - start) / (lasting.end - lasting.start)[ray]
-    pieces = _Flying(
-        lasting.number[ray],
-        lasting.origin[ray],
-        lasting.direction[ray],
-        lasting.energy[ray] * part[:, None],
-        start,
-        end,
-    )
+    pieces = _Flying(*(a[ray] for a in lasting))._replace(start=start, end=end)
+    pieces = pieces._replace(energy=pieces.energy * part[:, None])
     return _Flying(*(np.concatenate(pair) for pair in zip(pieces, at_once, strict=True)))
 
 
@@ -326,13 +314,13 @@ def _arrived(
     """Return the hits of photons, their primitives, whether they are stored, and how they scatter."""
     world = in_dtype(world, origin.dtype)
     at = interact(world, components(origin), components(direction), time)
-    point, kept = stacked(at.hit.point), at.hit.valid & ~is_mirror(at)
+    point, stored = stacked(at.hit.point), at.hit.valid & ~is_mirror(at)
     if turn is None:
-        return point, at.hit.number, kept
+        return point, at.hit.number, stored
     on, factor, density = scattered(at, turn)
     goes_on = at.hit.valid & (density > 0) & any_of(factor)
     on, factor = (stacked(each(lambda a: jnp.where(goes_on, a, 0), v)) for v in (on, factor))
-    return point, at.hit.number, kept, on, factor
+    return point, at.hit.number, stored, on, factor
 
 
 def _changes(world: World) -> NDArray[np.bool_]:

@@ -23,14 +23,8 @@ def rasterized(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) 
 
     All candidates, pairs of a triangle and a pixel of its bounding box, are tested at once.
 
-    Parameters
-    ----------
-    x, y : float array, shape (height, width)
-        Positions of the vertices in pixels: the centre of pixel (i, j) is (i, j).
-    depth : float array, shape (height, width)
-        Linear between vertices; the smallest is in front.
-    seen : bool array, shape (height, width)
-        Triangles with an unseen vertex are left out.
+    Arguments have shape (height, width). Positions are in pixels: the centre of pixel (i, j) is (i, j). Depth
+    is linear between vertices; the smallest is in front. Triangles with an unseen vertex are left out.
     """
     height, width = x.shape
     pixel = np.arange(height * width).reshape(height, width)
@@ -49,9 +43,8 @@ def rasterized(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) 
     row, column = np.divmod(within, np.maximum(columns, 1)[triangle])
     column, row = left[triangle] + column, top[triangle] + row
     dx, dy = at_x[triangle] - column[:, None], at_y[triangle] - row[:, None]
-    areas = np.roll(dx, -1, axis=1) * np.roll(dy, -2, axis=1) - np.roll(dx, -2, axis=1) * np.roll(
-        dy, -1, axis=1
-    )
+    (dx_1, dx_2), (dy_1, dy_2) = ([np.roll(d, -k, axis=1) for k in (1, 2)] for d in (dx, dy))
+    areas = dx_1 * dy_2 - dx_2 * dy_1
     total = areas.sum(axis=1)
     # Back faces too: rotation may show the other side.
     inside = (total != 0) & ((areas >= 0).all(axis=1) | (areas <= 0).all(axis=1))
@@ -67,9 +60,5 @@ def rasterized(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) 
     covered[place], vertices[place], parts[place] = True, corners[triangle[front]], weights[front]
     nearest[place] = near[front]
     shape = height, width
-    return Rasterized(
-        covered.reshape(shape),
-        vertices.reshape(*shape, 3),
-        parts.reshape(*shape, 3),
-        nearest.reshape(shape),
-    )
+    corners, parts = vertices.reshape(*shape, 3), parts.reshape(*shape, 3)
+    return Rasterized(covered.reshape(shape), corners, parts, nearest.reshape(shape))

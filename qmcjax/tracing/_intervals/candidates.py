@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.tracing._intervals.linear import Batch
-from qmcjax.tracing._intervals.spans import Depth, Spans, View
+from qmcjax.tracing._intervals.spans import Depth, ShearedRays, Spans
 from qmcjax.tracing._shapes.shape_batches import rounding, slabs
 from qmcjax.tracing._shapes.vectors import components, each, largest
 
@@ -67,7 +67,7 @@ def background(number: Array, distance: Array, count: int, opened: Array, closed
     return State(candidates, one, bound, opened, closed)
 
 
-def collected(state: State, batch: Batch, view: View) -> State:
+def collected(state: State, batch: Batch, view: ShearedRays) -> State:
     """Add the spans of a batch of primitives.
 
     Rows that any ray of the tile may hit are listed first, then their spans are computed.
@@ -90,7 +90,7 @@ def collected(state: State, batch: Batch, view: View) -> State:
     return jax.lax.fori_loop(0, listed, turn, state)
 
 
-def _listed(state: State, batch: Batch, view: View) -> tuple[Array, Array]:
+def _listed(state: State, batch: Batch, view: ShearedRays) -> tuple[Array, Array]:
     """Return the rows that any ray of the tile may hit, and their number."""
     rows, limit = batch.rows, state.bound.max(axis=0)
     total = batch.numbers.shape[0]

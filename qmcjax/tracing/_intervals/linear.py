@@ -43,21 +43,21 @@ class Parts(NamedTuple):
     """A world split into its parts."""
 
     still: World
-    names: np.ndarray
+    numbers: np.ndarray
     """int32: numbers in the world of the still primitives."""
     moving: list[Batch]
 
 
 def parts(world: World) -> Parts:
     """Split a world, or raise a TypeError where visibility in time is not exact."""
-    still, names = [], [np.zeros(0, np.int32)]
+    still, still_numbers = [], [np.zeros(0, np.int32)]
     kinds: dict[Any, list[Batch]] = {}
     for place, (item, start) in enumerate(world.numbered()):
         for shape, before in zip(item.shapes, item.starts, strict=True):
             numbers = np.arange(start + before, start + before + shape.count, dtype=np.int32)
             if item.motion is None and not shape.moving:
                 still.append(Object((shape,), None, item.material))
-                names.append(numbers)
+                still_numbers.append(numbers)
                 continue
             rows = _moved(place, item, shape)
             # Segments of a motion follow one another, each with all primitives.
@@ -68,7 +68,7 @@ def parts(world: World) -> Parts:
                 batch, kind = _with_tree(batch, shape.tree), (kind, start + before)
             kinds.setdefault(kind, []).append(batch)
     together = [jax.tree.map(lambda *a: jnp.concatenate(a), *batches) for batches in kinds.values()]
-    return Parts(World(tuple(still), ()), np.concatenate(names), together)
+    return Parts(World(tuple(still), ()), np.concatenate(still_numbers), together)
 
 
 def _moved(place: int, item: Object, shape: Shape) -> Polygons | Balls:

@@ -19,7 +19,7 @@ _STEPS = 128
 """Maximum number of steps per interval: a crossing takes about twice as many as a number has digits."""
 
 
-class Found(NamedTuple):
+class Intervals(NamedTuple):
     """Intervals of rays, in order."""
 
     start: Array
@@ -47,10 +47,10 @@ class _March(NamedTuple):
     last: Array
     """int32: the primitive of the last interval, if it ends at the current time."""
     going: Array
-    found: Found
+    found: Intervals
 
 
-def resolved(state: State) -> Found:
+def resolved(state: State) -> Intervals:
     """Return which candidates are seen when."""
     spans = state.candidates
     count, rays = spans.start.shape
@@ -69,7 +69,7 @@ def resolved(state: State) -> Found:
         jnp.zeros(rays, jnp.int32),
         none[0],
         opened <= closed,
-        Found(ends, ends, none, opened),
+        Intervals(ends, ends, none, opened),
     )
     limit = _STEPS * count
 
@@ -120,7 +120,7 @@ def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
     used = march.used + new.astype(jnp.int32)
     here = place == used[None] - 1
     seen = here & (done & (number >= 0))[None]
-    found = Found(
+    found = Intervals(
         jnp.where(here & new[None], time[None], found.start),
         jnp.where(seen, end[None], found.end),
         jnp.where(here & new[None], number[None], found.number),

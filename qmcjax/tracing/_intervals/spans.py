@@ -16,7 +16,7 @@ from qmcjax.tracing._intervals.bernstein import crossings, product, restricted
 from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, each, minus
 
 
-class View(NamedTuple):
+class ShearedRays(NamedTuple):
     """Rays, components (n,), and linear maps from their directions to (0, 0, 1)."""
 
     origin: Vector
@@ -64,7 +64,7 @@ class Polygons(NamedTuple):
     vertices: Array
     """(rows, 2, corners, 3): at the start and the end of the segment."""
 
-    def seen(self, row: Any, view: View) -> tuple[Vector, Array]:
+    def seen(self, row: Any, view: ShearedRays) -> tuple[Vector, Array]:
         """Return vertices relative to rays, components (2, corners, n), and which rays may hit them.
 
         All vertices are computed by the same instructions in one loop: those that polygons share have the
@@ -83,11 +83,11 @@ class Polygons(NamedTuple):
         """Return a lower bound of distances."""
         return seen[2].min(axis=(0, 1))
 
-    def spans(self, row: Any, view: View) -> Spans:
+    def spans(self, row: Any, view: ShearedRays) -> Spans:
         """Return when rays hit the polygon of a row."""
         (x, y, z), _ = self.seen(row, view)
         begin, finish = self.begin[row], self.finish[row]
-        start, end, side = _held(_edges(x, y), both=True)
+        start, end, side = _signed(_edges(x, y), both=True)
         # Of a parallelogram, the triangle without the opposite vertex.
         chosen = 0, 1, x.shape[1] - 1
         (ax, bx, cx), (ay, by, cy), (az, bz, cz) = ([a[:, corner] for corner in chosen] for a in (x, y, z))
@@ -121,14 +121,14 @@ class Balls(NamedTuple):
     inverse: Array
     """(rows, 3, 3): maps them to unit spheres."""
 
-    def _inside(self, row: Any, view: View) -> tuple[list[Vector], Vector]:
+    def _inside(self, row: Any, view: ShearedRays) -> tuple[list[Vector], Vector]:
         """Return rays in the space of unit spheres: origins at both times, and directions."""
         rows = [components(self.inverse[row, j]) for j in range(3)]
         from_center = [minus(view.origin, components(self.center[row, end])) for end in range(2)]
         direction = dot(rows[0], view.direction), dot(rows[1], view.direction), dot(rows[2], view.direction)
         return [(dot(rows[0], o), dot(rows[1], o), dot(rows[2], o)) for o in from_center], direction
 
-    def seen(self, row: Any, view: View) -> tuple[Any, Array]:
+    def seen(self, row: Any, view: ShearedRays) -> tuple[Any, Array]:
         """Return rays in the space of unit spheres, and which of them may hit."""
         origins, direction = self._inside(row, view)
         chord = _chord(origins, direction)
@@ -142,7 +142,7 @@ class Balls(NamedTuple):
         feet = [-inverse * dot(origin, direction) for origin in origins]
         return jnp.minimum(*feet) - jnp.sqrt(inverse)
 
-    def spans(self, row: Any, view: View) -> Spans:
+    def spans(self, row: Any, view: ShearedRays) -> Spans:
         """Return when rays hit the sphere of a row: from outside, or from inside."""
         origins, direction = self._inside(row, view)
         begin, finish = self.begin[row], self.finish[row]
@@ -150,8 +150,8 @@ class Balls(NamedTuple):
         outside = _products(*origins) - 1
         ahead = [-dot(origin, direction) for origin in origins]
         ahead = jnp.stack([ahead[0], 0.5 * (ahead[0] + ahead[1]), ahead[1]])
-        near = _held(jnp.stack([chord, outside, ahead], axis=1), both=False)
-        far = _held(-outside[:, None], both=False)
+        near = _signed(jnp.stack([chord, outside, ahead], axis=1), both=False)
+        far = _signed(-outside[:, None], both=False)
         start, end = (jnp.concatenate(parts) for parts in zip(near[:2], far[:2], strict=True))
         sides = [-jnp.ones_like(near[0]), jnp.ones_like(far[0])]
         squared = dot(direction, direction)
@@ -224,7 +224,7 @@ def _chord(origins: list[Vector], direction: Vector) -> Array:
     return dot(direction, direction)[None] - _products(*across)
 
 
-def _held(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
+def _signed(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
     """Return when all quadratics, (3, m, n), are positive, or with ``both`` have the same sign.
 
     Starts and ends in [0, 1] and signs (0: none), of shape (m + 1, n). Each quadratic is a step function with

@@ -14,8 +14,8 @@ from qmcjax.core.parameters import numbers, require
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._intervals.candidates import background, collected
 from qmcjax.tracing._intervals.linear import parts
-from qmcjax.tracing._intervals.resolution import Found, resolved
-from qmcjax.tracing._intervals.spans import View
+from qmcjax.tracing._intervals.resolution import Intervals, resolved
+from qmcjax.tracing._intervals.spans import ShearedRays
 from qmcjax.tracing._search.hits import flat_rays
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._search.search import search
@@ -115,13 +115,17 @@ def visible_intervals(
 
 
 @jit("count")
-def _visible(world: World, origin: Array, direction: Array, shutter: Array, count: int) -> Found:
+def _visible(world: World, origin: Array, direction: Array, shutter: Array, count: int) -> Intervals:
     origin, direction = moves_an_edge("origin", origin), moves_an_edge("direction", direction)
     world = jax.tree.map(lambda leaf: moves_an_edge("world", jnp.asarray(leaf)), world)
-    return seen(world, components(origin), scaled(components(direction))[1][0], shutter[0], shutter[1], count)
+    return find_intervals(
+        world, components(origin), scaled(components(direction))[1][0], shutter[0], shutter[1], count
+    )
 
 
-def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed: Array, count: int) -> Found:
+def find_intervals(
+    world: World, origin: Vector, direction: Vector, opened: Array, closed: Array, count: int
+) -> Intervals:
     """Return the visible intervals of rays, components (n,)."""
     world = in_dtype(world, origin[0].dtype)
     taken = parts(world)
@@ -129,7 +133,7 @@ def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed:
     number, distance = jnp.full(zero.shape, -1, jnp.int32), jnp.full_like(zero, jnp.inf)
     if taken.still.count:
         distance, number = search(taken.still, origin, direction, zero, distance, False)
-        number = jnp.where(number < 0, -1, jnp.asarray(taken.names)[number])
+        number = jnp.where(number < 0, -1, jnp.asarray(taken.numbers)[number])
     squared = dot(direction, direction)
     good = jnp.isfinite(dot(origin, origin)) & jnp.isfinite(squared) & (squared > 0)
     # Rays without a hit get no distance of sight; not NaN, which would break comparisons.
@@ -138,7 +142,7 @@ def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed:
 
     def tile(rays: Any) -> tuple[list[Array], list[Array], list[Array], Array]:
         origin, direction, number, distance = rays
-        view = View(origin, direction, *sheared(direction))
+        view = ShearedRays(origin, direction, *sheared(direction))
         state = background(number, distance, count, opened, closed)
         for batch in taken.moving:
             state = collected(state, batch, view)
@@ -146,4 +150,4 @@ def seen(world: World, origin: Vector, direction: Vector, opened: Array, closed:
         return list(found.start), list(found.end), list(found.number), found.until
 
     start, end, number, until = by_tiles(tile, (origin, direction, number, distance), TILE)
-    return Found(jnp.stack(start), jnp.stack(end), jnp.stack(number), until)
+    return Intervals(jnp.stack(start), jnp.stack(end), jnp.stack(number), until)

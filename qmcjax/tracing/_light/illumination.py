@@ -65,8 +65,8 @@ def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Ar
     """Return whether light reaches the points that are wanted."""
     # The hit on a light is known up to the rounding of coordinates, more at grazing angles.
     size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
-    loose = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
-    limit = sample.distance - jnp.minimum(loose, 0.5 * sample.distance)
+    slack = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
+    limit = sample.distance - jnp.minimum(slack, 0.5 * sample.distance)
     direction = each(lambda a: jnp.where(wanted, a, 0), sample.direction)
     limit = jnp.where(wanted, limit, 0)
     blocked = search(*jax.lax.stop_gradient((world, point, direction, time, limit)), True)[1] >= 0

@@ -5,6 +5,8 @@ primitives, which all rays test, and trees. In a tree, a ray tests the boxes of 
 to the nearest one first and keeps the others on a stack.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from qmcjax.tracing._search import compiled_tests as tests
@@ -17,9 +19,19 @@ STACK = DEPTH * WIDTH
 """Size of the stack: all but one of the children of each node on a path."""
 
 
+class _Tree(NamedTuple):
+    """A tree of a space."""
+
+    root: Any
+    mesh: Any
+    moves: Any
+    slack: Any
+    """Of the coordinates of its boxes."""
+
+
 @inlined
-def _seen(frames, f, i, origin, direction, time, unit, never):
-    """Return a ray in a space, and its slack: ``_object.seen_from``."""
+def _in_object_space(frames, f, i, origin, direction, time, unit, never):
+    """Return a ray in a space, and its slack: ``object.seen_from``."""
     size = tests.largest(origin)
     if f >= 0:
         one, two, three, start = (
@@ -50,29 +62,13 @@ def _near(nodes, last, row, moves, weights, beside, inverse):
 
 
 @inlined
-def _walk(
-    world,
-    root,
-    mesh,
-    moves,
-    scratch,
-    origin,
-    direction,
-    weights,
-    squared,
-    inverse,
-    shear,
-    slack,
-    wider,
-    unit,
-    limit,
-    any_hit,
-):
+def _walk(world, tree, scratch, ray, limit, any_hit):
     """Return distance and row of the first hit in a tree; the limit and -1 without a hit."""
-    rows, ends, codes, blocks, closed, nodes, last, links = world
+    nodes, last, moves, weights = world.nodes, world.last, tree.moves, ray.weights
+    origin, inverse, wider = ray.origin, ray.inverse, ray.slack + tree.slack
     stack, ahead, lanes = scratch
-    zero = rows.dtype.type(0)
-    slower = rows.dtype.type(1) + unit
+    zero = nodes.dtype.type(0)
+    slower = nodes.dtype.type(1) + ray.unit
     found = -1
     # Planes that a ray meets first, and their distances from its origin, which is as wide as rounding.
     x, y, z = 0 if inverse[0] > 0 else 3, 1 if inverse[1] > 0 else 4, 2 if inverse[2] > 0 else 5
@@ -88,8 +84,8 @@ def _walk(
             origin[2] - wider if z == 2 else origin[2] + wider,
         ),
     )
-    turned = triangles.turned(origin, shear[0])
-    node, waiting = root, 0
+    turned = triangles.turned(origin, ray.shear[0])
+    node, waiting = tree.root, 0
     while True:
         if node >= 0:
             # NaN is between planes.
@@ -107,19 +103,19 @@ def _walk(
                 lane = lowest(hits)
                 hits &= hits - 1
                 row = node + 6
-                node, nearest = links[row, lane], lanes[0, lane]
+                node, nearest = world.links[row, lane], lanes[0, lane]
                 while hits != 0:
                     lane = lowest(hits)
                     hits &= hits - 1
-                    other, distance = links[row, lane], lanes[0, lane]
+                    other, distance = world.links[row, lane], lanes[0, lane]
                     if distance < nearest:
                         node, nearest, other, distance = other, distance, node, nearest
                     stack[waiting], ahead[waiting] = other, distance
                     waiting += 1
                 continue
-        elif mesh:
+        elif tree.mesh:
             row = ~node
-            distances, here = triangles.eight(blocks, row, closed, moves, weights, turned, shear, limit)
+            distances, here = triangles.eight(world.blocks, row, world.closed, moves, ray, turned, limit)
             hits = bits(here)
             if hits != 0:
                 store(lanes, 0, distances)
@@ -127,27 +123,13 @@ def _walk(
                 lane = lowest(hits)
                 hits &= hits - 1
                 if lanes[0, lane] < limit and triangles.leaves(
-                    blocks, row, lane, closed, moves, weights, origin, slack, unit
+                    world.blocks, row, lane, world.closed, moves, ray
                 ):
                     limit, found = lanes[0, lane], row // triangles.BLOCK * WIDTH + lane
                     if any_hit:
                         return limit, found
         else:
-            distance = _one(
-                rows,
-                ends,
-                codes,
-                ~node,
-                origin,
-                direction,
-                weights,
-                squared,
-                inverse,
-                shear,
-                slack,
-                unit,
-                limit,
-            )
+            distance = _one(world, ~node, ray, limit)
             if distance > 0 and distance < limit:
                 limit, found = distance, ~node
                 if any_hit:
@@ -161,85 +143,62 @@ def _walk(
 
 
 @inlined
-def _one(rows, ends, codes, k, origin, direction, weights, squared, inverse, shear, slack, unit, limit):
+def _one(world, k, ray, limit):
     """Return the distance of a primitive of any kind."""
-    code = codes[k]
+    code = world.codes[k]
     if code < tests.TRIANGLE:
-        return tests.distance(code, rows, k, origin, direction, squared, inverse, slack)
-    moves = code == tests.MOVING
-    return triangles.triangle(rows, k, ends, moves, weights, origin, shear, slack, unit, limit)
+        return tests.distance(code, world.rows, k, ray)
+    return triangles.triangle(world.rows, k, world.ends, code == tests.MOVING, ray, limit)
 
 
 @inlined
-def _search(
-    world, names, spaces, trees, sizes, frames, i, scratch, origin, direction, time, limit, unit, any_hit
-):
+def _search(world, frames, rays, i, unit, any_hit, scratch):
     """Return distance and number of the first hit of a ray; the limit and -1 without a hit."""
-    rows, ends, codes = world[:3]
-    one, never = rows.dtype.type(1), rows.dtype.type(np.inf)
-    weights = one - time, time
-    found = -1
+    ox, oy, oz, dx, dy, dz, times, limits = rays
+    origin, direction, time, limit = (ox[i], oy[i], oz[i]), (dx[i], dy[i], dz[i]), times[i], limits[i]
+    one, never = limits.dtype.type(1), limits.dtype.type(np.inf)
+    dead = direction[0] == 0 and direction[1] == 0 and direction[2] == 0
+    if dead or not limit > 0:
+        return limit, -1
+    if not (abs(origin[0]) < never and abs(origin[1]) < never and abs(origin[2]) < never):
+        return limit, -1
+    number = -1
+    spaces, trees = world.spaces, world.trees
     for s in range(len(spaces)):
-        frame, loose, stop = spaces[s, 0], spaces[s, 1], spaces[s, 2]
-        o, d, squared, slack = _seen(frames, 12 * frame, i, origin, direction, time, unit, never)
+        o, d, squared, slack = _in_object_space(
+            frames, 12 * spaces[s, 0], i, origin, direction, time, unit, never
+        )
         if not slack < never:
             continue
-        # Not -inf for -0: see _flat.py.
+        # Not -inf for -0: see flat.py.
         inverse = (
             one / d[0] if d[0] != 0 else never,
             one / d[1] if d[1] != 0 else never,
             one / d[2] if d[2] != 0 else never,
         )
         shear = triangles.shear(d, inverse) if spaces[s, 5] > 0 else (0, one, one, one)
-        for k in range(loose, stop):
-            distance = _one(rows, ends, codes, k, o, d, weights, squared, inverse, shear, slack, unit, limit)
+        ray = tests.Ray(o, d, squared, inverse, slack, shear, (one - time, time), unit)
+        for k in range(spaces[s, 1], spaces[s, 2]):
+            distance = _one(world, k, ray, limit)
             if distance > 0 and distance < limit:
-                limit, found = distance, names[0][k]
+                limit, number = distance, world.numbers[k]
                 if any_hit:
-                    return limit, found
+                    return limit, number
         for t in range(spaces[s, 3], spaces[s, 4]):
-            mesh, moves = trees[t, 1] != 0, trees[t, 2] != 0
-            limit, k = _walk(
-                world,
-                trees[t, 0],
-                mesh,
-                moves,
-                scratch,
-                o,
-                d,
-                weights,
-                squared,
-                inverse,
-                shear,
-                slack,
-                slack + sizes[t],
-                unit,
-                limit,
-                any_hit,
-            )
+            tree = _Tree(trees[t, 0], trees[t, 1] != 0, trees[t, 2] != 0, world.slacks[t])
+            limit, k = _walk(world, tree, scratch, ray, limit, any_hit)
             if k >= 0:
-                found = names[1][k] if mesh else names[0][k]
+                number = world.faces[k] if tree.mesh else world.numbers[k]
                 if any_hit:
-                    return limit, found
-    return limit, found
+                    return limit, number
+    return limit, number
 
 
 @compiled(_nrt=False, nogil=True)
-def search(world, names, spaces, trees, sizes, frames, rays, unit, any_hit, scratch, distances, numbers):
+def search(world, frames, rays, unit, any_hit, scratch, distances, numbers):
     """Search for rays: distances and primitives of their hits; the limits and -1 without a hit.
 
     ``unit`` is the slack of a coordinate of 1. With ``any_hit`` the first hit that is found counts.
     """
-    ox, oy, oz, dx, dy, dz, time, limit = rays
-    never = limit.dtype.type(np.inf)
-    for i in range(len(limit)):
-        distances[i], numbers[i] = limit[i], -1
-        o, d = (ox[i], oy[i], oz[i]), (dx[i], dy[i], dz[i])
-        dead = d[0] == 0 and d[1] == 0 and d[2] == 0
-        if dead or not limit[i] > 0:
-            continue
-        if not (abs(o[0]) < never and abs(o[1]) < never and abs(o[2]) < never):
-            continue
-        distances[i], numbers[i] = _search(
-            world, names, spaces, trees, sizes, frames, i, scratch, o, d, time[i], limit[i], unit, any_hit
-        )
+    for i in range(len(distances)):
+        distances[i], numbers[i] = _search(world, frames, rays, i, unit, any_hit, scratch)

@@ -5,17 +5,68 @@ integers in the same memory. An integer is the first row of a node, or ``~k`` fo
 of a block of triangles for a mesh, else the row of one primitive.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from qmcjax.tracing._search.compiled_triangles import BLOCK
 from qmcjax.tracing._search.lanes import WIDTH
 from qmcjax.tracing._search.numba_decorators import compiled
+from qmcjax.tracing._shapes.triangle_tree import half_area
 
 NODE = 7
 """Rows of a node."""
 
 DEPTH = 64
 """Maximum number of nodes on a path."""
+
+
+class World(NamedTuple):
+    """Arrays that rays are tested against."""
+
+    rows: Any
+    """Primitives without a mesh's tree: see ``compiled_tests.fill``."""
+    ends: Any
+    """Vertices of moving triangles among them, at the end of the shutter."""
+    codes: Any
+    numbers: Any
+    """Their numbers in the world."""
+    blocks: Any
+    """Triangles of meshes, and at the end of the shutter."""
+    closed: Any
+    faces: Any
+    """Their numbers in the world."""
+    nodes: Any
+    last: Any
+    """Nodes at the end of the shutter."""
+    links: Any
+    """Integers of nodes."""
+    spaces: Any
+    """For each space its frame, the range of primitives outside of trees, the range of trees, and whether it
+    has triangles."""
+    trees: Any
+    """For each tree its root, and whether it is a mesh and moves."""
+    slacks: Any
+    """For each tree the slack of its boxes."""
+
+
+class BinaryTree(NamedTuple):
+    """Boxes, at both ends of the shutter (or empty), and structure: ``triangle_tree.Tree``."""
+
+    boxes: Any
+    close: Any
+    skip: Any
+    start: Any
+
+
+class Mesh(NamedTuple):
+    """Vertices (n, 9), at both ends of the shutter (or empty), and their ``triangle_tree.Tree``."""
+
+    vertices: Any
+    close: Any
+    order: Any
+    skip: Any
+    start: Any
 
 
 @compiled()
@@ -25,30 +76,35 @@ def grow(box, other):
         box[j], box[3 + j] = min(box[j], other[j]), max(box[3 + j], other[3 + j])
 
 
+_half_area = compiled()(half_area)
+
+
 @compiled()
 def surface(box):
     """Return half the surface of a box; 0 for an empty one."""
-    x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
-    return x * y + y * z + z * x if x >= 0 else x - x
+    x = box[3] - box[0]
+    return _half_area(x, box[4] - box[1], box[5] - box[2]) if x >= 0 else x - x
 
 
 @compiled()
-def widened(boxes, close, skip, start, most, base, step, node, nodes, last, links, runs):
+def collapse_to_wide(tree, most, base, step, node, world, runs):
     """Collapse a binary tree to nodes of eight children and leaves of up to ``most`` primitives.
 
-    Boxes at the end of the shutter may be empty. Nodes are filled from a given one on, leaves have numbers
+    Nodes are filled from a given one on, leaves have numbers
     from ``base`` on in steps, and ``runs`` gets the start and stop of their primitives. Returns the number of
     leaves and the next free node.
     """
+    boxes, close, skip, start = tree
+    nodes, last, links = world.nodes, world.last, world.links
     nothing = np.finfo(boxes.dtype).max / 2
     moves = len(close) > 0
-    ways = _cheapest(boxes, close, skip, start, most)
+    splits = _cheapest(tree, most)
     stack, children = np.empty((DEPTH * WIDTH, 2), np.int64), np.zeros(WIDTH, np.int64)
     stack[0, 0], stack[0, 1] = 0, node
     waiting, free, leaves = 1, node + 1, 0
     while waiting > 0:
         waiting -= 1
-        count = _children(stack[waiting, 0], ways, skip, children)
+        count = _children(stack[waiting, 0], splits, skip, children)
         row = NODE * stack[waiting, 1]
         for c in range(WIDTH):
             n = children[c]
@@ -74,7 +130,7 @@ def widened(boxes, close, skip, start, most, base, step, node, nodes, last, link
 
 
 @compiled()
-def _cheapest(boxes, close, skip, start, most):
+def _cheapest(tree, most):
     """Return the number of wide trees, from 1 to 8, that makes the left child of a node cheapest [1]_.
 
     For each node and maximum number of trees for both sides, less 1; 0 where one tree less costs the same.
@@ -85,8 +141,9 @@ def _cheapest(boxes, close, skip, start, most):
     .. [1] H. Ylitie, T. Karras, S. Laine, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
        BVHs", 2017.
     """
+    boxes, close, skip, start = tree
     used = skip[0]
-    costs, ways = np.empty((used, WIDTH), boxes.dtype), np.zeros((used, WIDTH), np.int8)
+    costs, splits = np.empty((used, WIDTH), boxes.dtype), np.zeros((used, WIDTH), np.int8)
     for n in range(used - 1, -1, -1):
         area = surface(boxes[n])
         if len(close) > 0:
@@ -96,21 +153,21 @@ def _cheapest(boxes, close, skip, start, most):
             continue
         one, other = costs[n + 1], costs[skip[n + 1]]
         for i in range(1, WIDTH):
-            costs[n, i], ways[n, i] = one[0] + other[i - 1], 1
+            costs[n, i], splits[n, i] = one[0] + other[i - 1], 1
             for k in range(1, i):
                 cost = one[k] + other[i - 1 - k]
                 if cost < costs[n, i]:
-                    costs[n, i], ways[n, i] = cost, k + 1
-        ways[n, 0] = ways[n, WIDTH - 1]
+                    costs[n, i], splits[n, i] = cost, k + 1
+        splits[n, 0] = splits[n, WIDTH - 1]
         costs[n, 0] += costs[n, WIDTH - 1]
         for i in range(1, WIDTH):
             if costs[n, i] >= costs[n, i - 1]:
-                costs[n, i], ways[n, i] = costs[n, i - 1], 0
-    return ways
+                costs[n, i], splits[n, i] = costs[n, i - 1], 0
+    return splits
 
 
 @compiled()
-def _children(node, ways, skip, children):
+def _children(node, splits, skip, children):
     """Find the children of a node that is not a leaf, and return their number."""
     stack = np.empty(
         (WIDTH, 2), np.int64
@@ -120,45 +177,43 @@ def _children(node, ways, skip, children):
     while waiting > 0:
         waiting -= 1
         n, most = stack[waiting, 0], stack[waiting, 1]
-        way = ways[n, 0]
+        split = splits[n, 0]
         if n != node:
-            while most > 0 and ways[n, most] == 0:
+            while most > 0 and splits[n, most] == 0:
                 most -= 1
-            way = ways[n, most] if most > 0 else 0
-        if way == 0:
+            split = splits[n, most] if most > 0 else 0
+        if split == 0:
             children[count] = n
             count += 1
             continue
-        stack[waiting, 0], stack[waiting, 1] = n + 1, way - 1
-        stack[waiting + 1, 0], stack[waiting + 1, 1] = skip[n + 1], most - way
+        stack[waiting, 0], stack[waiting, 1] = n + 1, split - 1
+        stack[waiting + 1, 0], stack[waiting + 1, 1] = skip[n + 1], most - split
         waiting += 2
     return count
 
 
 @compiled()
-def graft(vertices, close, order, skip, start, first, node, blocks, ends, places, nodes, last, links):
-    """Insert the tree of a mesh, a ``triangle_tree.Tree``, with the boxes of its vertices.
+def build_mesh_tree(mesh, world, first, node):
+    """Insert a mesh with the boxes of its vertices: blocks and nodes are filled from given numbers on.
 
-    Blocks and nodes are filled from two given numbers on; ``places`` gets the numbers of triangles. Where
-    vertices move, ``ends`` and ``last`` are those at the end of the shutter. Returns the largest absolute
-    coordinate, and the next free block and node.
+    Returns the largest absolute coordinate, and the next free block and node.
     """
+    vertices, close, order, skip, start = mesh
     moves = len(close) > 0
     boxes = _boxes(vertices, order, skip, start)
     far = _boxes(close, order, skip, start) if moves else boxes[:0]
     runs = np.empty((len(order), 2), np.int64)
-    leaves, free = widened(
-        boxes, far, skip, start, WIDTH, BLOCK * first, BLOCK, node, nodes, last, links, runs
-    )
+    tree = BinaryTree(boxes, far, skip, start)
+    leaves, free = collapse_to_wide(tree, WIDTH, BLOCK * first, BLOCK, node, world, runs)
     for b in range(leaves):
         for c in range(WIDTH):
             # An incomplete block repeats its last triangle.
             k = order[min(runs[b, 0] + c, runs[b, 1] - 1)]
-            places[first + b, c] = k
+            world.faces[WIDTH * (first + b) + c] = k
             for j in range(BLOCK):
-                blocks[BLOCK * (first + b) + j, c] = vertices[k, j]
+                world.blocks[BLOCK * (first + b) + j, c] = vertices[k, j]
                 if moves:
-                    ends[BLOCK * (first + b) + j, c] = close[k, j]
+                    world.closed[BLOCK * (first + b) + j, c] = close[k, j]
     size = np.abs(boxes[0]).max()
     if moves:
         size = max(size, np.abs(far[0]).max())

@@ -5,6 +5,7 @@ negative. Constants have the type of the rays: a literal would make the rest dou
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,24 @@ PLANE, RECTANGLE, DISC, BOX, SPHERE, CYLINDER, TRIANGLE, MOVING = range(8)
 """Kinds of primitives; triangles move if their vertices do."""
 
 WIDTH = 16
+
+
+class Ray(NamedTuple):
+    """A ray in object space, and what tests need of it."""
+
+    origin: Any
+    direction: Any
+    squared: Any
+    """Squared length of the direction."""
+    inverse: Any
+    """Reciprocals of the direction's components."""
+    slack: Any
+    shear: Any
+    """``compiled_triangles.shear``."""
+    weights: Any
+    """Of the opening and the closing of the shutter."""
+    unit: Any
+    """The slack of a coordinate of 1."""
 
 
 @inlined
@@ -57,7 +76,7 @@ def times(factor, a):
 
 @inlined
 def power(size, one):
-    """Return the power of two that takes a size to [1, 2): see ``_vectors.scaled``."""
+    """Return the power of two that takes a size to [1, 2): see ``vectors.scaled``."""
     share, _ = math.frexp(size)
     return (share + share) / size if size > 0 else one
 
@@ -129,18 +148,18 @@ def fill(rows, k, kind, given, m, unit):
 
 
 @inlined
-def distance(kind, rows, k, origin, direction, squared, inverse, slack):
+def distance(kind, rows, k, ray):
     """Return the distance of the first hit of a primitive that is not a triangle."""
-    slack = slack + rows[k, 15]
+    slack = ray.slack + rows[k, 15]
     if kind == BOX:
-        return _box(rows, k, origin, squared, inverse, slack)
+        return _box(rows, k, ray, slack)
     if kind == SPHERE:
-        start = minus(origin, vector(rows, k, 0))
-        near, far = _crossings(start, direction, squared, rows[k, 3], slack)
-        return _first(near, far, squared, slack)
+        start = minus(ray.origin, vector(rows, k, 0))
+        near, far = _crossings(start, ray.direction, ray.squared, rows[k, 3], slack)
+        return _first(near, far, ray.squared, slack)
     if kind == CYLINDER:
-        return _cylinder(rows, k, origin, direction, squared, slack)
-    return _flat(kind, rows, k, origin, direction, slack)
+        return _cylinder(rows, k, ray.origin, ray.direction, ray.squared, slack)
+    return _flat(kind, rows, k, ray.origin, ray.direction, slack)
 
 
 @inlined
@@ -177,41 +196,35 @@ def _first(near, far, squared, slack):
 
 
 @inlined
-def _seen(corner, origin, slack):
+def _relative(corner, origin, slack):
     """Return a coordinate of a face relative to the origin; 0 if the origin is on the face."""
-    seen = corner - origin
-    return seen - seen if abs(seen) <= slack else seen
+    start = corner - origin
+    return start - start if abs(start) <= slack else start
 
 
 @inlined
-def _box(rows, k, origin, squared, inverse, slack):
-    """Return the distance of a box; comparisons with NaN choose the second number: see ``_lower``."""
-    none = rows.dtype.type(-1)
-    one, other = (
-        _seen(rows[k, 0], origin[0], slack) * inverse[0],
-        _seen(rows[k, 3], origin[0], slack) * inverse[0],
-    )
-    enter, leave = one if one < other else other, other if other > one else one
-    one, other = (
-        _seen(rows[k, 1], origin[1], slack) * inverse[1],
-        _seen(rows[k, 4], origin[1], slack) * inverse[1],
-    )
-    near, far = one if one < other else other, other if other > one else one
+def _slab(rows, k, j, ray, slack):
+    """Return where a line enters and leaves a slab; NaN chooses the second number: see ``_lower``."""
+    one = _relative(rows[k, j], ray.origin[j], slack) * ray.inverse[j]
+    other = _relative(rows[k, j + 3], ray.origin[j], slack) * ray.inverse[j]
+    return one if one < other else other, other if other > one else one
+
+
+@inlined
+def _box(rows, k, ray, slack):
+    enter, leave = _slab(rows, k, 0, ray, slack)
+    near, far = _slab(rows, k, 1, ray, slack)
     enter, leave = enter if enter > near else near, leave if leave < far else far
-    one, other = (
-        _seen(rows[k, 2], origin[2], slack) * inverse[2],
-        _seen(rows[k, 5], origin[2], slack) * inverse[2],
-    )
-    near, far = one if one < other else other, other if other > one else one
+    near, far = _slab(rows, k, 2, ray, slack)
     enter, leave = enter if enter > near else near, leave if leave < far else far
     if not enter <= leave:
-        return none
-    return _first(enter, leave, squared, slack)
+        return rows.dtype.type(-1)
+    return _first(enter, leave, ray.squared, slack)
 
 
 @inlined
 def _crossings(start, direction, squared, radius, slack):
-    """Return where a line crosses the sphere, or the circle, of a radius about 0: ``_shape.roots``."""
+    """Return where a line crosses the sphere, or the circle, of a radius about 0: ``shape_batches.roots``."""
     b, c = dot(start, direction), dot(start, start) - radius * radius
     foot = _along(start, -b / squared, direction)
     chord = radius * radius - dot(foot, foot)

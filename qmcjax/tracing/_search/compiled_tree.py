@@ -1,9 +1,11 @@
 """Surface area trees over primitives of all kinds, built by compiled loops."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from qmcjax.tracing._search import compiled_tests as tests
-from qmcjax.tracing._search.compiled_nodes import grow, surface, widened
+from qmcjax.tracing._search.compiled_nodes import BinaryTree, collapse_to_wide, grow, surface
 from qmcjax.tracing._search.numba_decorators import compiled
 
 _BINS = 8
@@ -12,17 +14,26 @@ _DEEP = 32
 """From this depth on, nodes are split in halves."""
 
 
+class Primitives(NamedTuple):
+    """Primitives without a tree of their own."""
+
+    given: Any
+    """For each 9 numbers, 9 for the end of the shutter, and 6 of its box."""
+    kinds: Any
+    numbers: Any
+
+
 @compiled()
-def plant(given, kinds, members, unit, first, node, rows, ends, codes, order, nodes, links):
+def build_primitive_tree(primitives, members, unit, first, node, world):
     """Build the tree of the primitives that are members, in rows and nodes from two given numbers on.
 
-    ``given`` has for each primitive 9 numbers, 9 for the end of the shutter, and 6 of its box. Primitives
-    with infinite boxes stay outside the tree and come after the others. ``order`` gets the primitives of the
-    rows. Returns the number of primitives in the tree, the largest absolute coordinate of its boxes, and the
-    next free node. The root is the first node.
+    Primitives with infinite boxes stay outside the tree and come after the others. Returns the number of
+    primitives in the tree, the largest absolute coordinate of its boxes, and the next free node. The root is
+    the first node.
     """
+    given, kinds, numbers = primitives
     bounds = given[:, 18:]
-    count, loose = 0, len(members)
+    count, unbounded = 0, len(members)
     run = np.empty(len(members), np.int64)
     for m in members:
         finite = True
@@ -32,24 +43,22 @@ def plant(given, kinds, members, unit, first, node, rows, ends, codes, order, no
             run[count] = m
             count += 1
         else:
-            loose -= 1
-            run[loose] = m
+            unbounded -= 1
+            run[unbounded] = m
     size = bounds.dtype.type(0)
     if count > 0:
         boxes, skip, start = _parted(run[:count], bounds)
         runs = np.empty((count, 2), np.int64)
         still = np.empty((0, 6), bounds.dtype)
-        _, node = widened(boxes, still, skip, start, 1, first, 1, node, nodes, nodes, links, runs)
-        for k in range(count):
-            order[first + k] = run[runs[k, 0]]
+        _, node = collapse_to_wide(BinaryTree(boxes, still, skip, start), 1, first, 1, node, world, runs)
+        run[:count] = run[:count][runs[:, 0]]
         size = np.abs(boxes[0]).max()
-    for k in range(count, len(members)):
-        order[first + k] = run[k]
-    for k in range(first, first + len(members)):
-        tests.fill(rows, k, kinds[order[k]], given, order[k], unit)
-        codes[k] = kinds[order[k]]
-        if codes[k] == tests.MOVING:
-            ends[k, :9] = given[order[k], 9:18]
+    for k in range(len(run)):
+        m, row = run[k], first + k
+        tests.fill(world.rows, row, kinds[m], given, m, unit)
+        world.codes[row], world.numbers[row] = kinds[m], numbers[m]
+        if kinds[m] == tests.MOVING:
+            world.ends[row, :9] = given[m, 9:18]
     return count, size, node
 
 
@@ -57,7 +66,7 @@ def plant(given, kinds, members, unit, first, node, rows, ends, codes, order, no
 def _parted(run, bounds):
     """Sort primitives into a binary tree with one in each leaf.
 
-    Returns boxes, next nodes and first primitives of nodes in depth-first order, as in ``_tree.Tree``.
+    Returns boxes, next nodes and first primitives of nodes in depth-first order, as in a mesh's.
     """
     count = len(run)
     boxes = np.empty((2 * count, 6), bounds.dtype)

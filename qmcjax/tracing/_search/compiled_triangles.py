@@ -56,23 +56,23 @@ def _crossed(a, b, c, shear):
 
 
 @inlined
-def triangle(rows, k, ends, moves, weights, origin, shear, slack, unit, limit):
+def triangle(rows, k, ends, moves, ray, limit):
     """Return the distance of a hit of a triangle before a limit: ``Triangles.distance``."""
-    none, axis = rows.dtype.type(-1), shear[0]
+    none, axis = rows.dtype.type(-1), ray.shear[0]
     one, other, third = vector(rows, k, 0), vector(rows, k, 3), vector(rows, k, 6)
     if moves:
-        one = _moved(one, vector(ends, k, 0), weights)
-        other = _moved(other, vector(ends, k, 3), weights)
-        third = _moved(third, vector(ends, k, 6), weights)
+        one = _moved(one, vector(ends, k, 0), ray.weights)
+        other = _moved(other, vector(ends, k, 3), ray.weights)
+        third = _moved(third, vector(ends, k, 6), ray.weights)
     distance, hit = _crossed(
-        turned(minus(one, origin), axis),
-        turned(minus(other, origin), axis),
-        turned(minus(third, origin), axis),
-        shear,
+        turned(minus(one, ray.origin), axis),
+        turned(minus(other, ray.origin), axis),
+        turned(minus(third, ray.origin), axis),
+        ray.shear,
     )
     if not (hit and distance > 0 and distance < limit):
         return none
-    return none if _starts_on(one, other, third, origin, slack, unit) else distance
+    return none if _starts_on(one, other, third, ray) else distance
 
 
 @inlined
@@ -81,23 +81,23 @@ def _moved(a, b, weights):
 
 
 @inlined
-def eight(blocks, row, last, moves, weights, origin, shear, limit):
+def eight(blocks, row, last, moves, ray, origin, limit):
     """Return the distances of a block of triangles, and which a ray hits before a limit.
 
     The origin is turned. :func:`leaves` checks whether the ray starts on a triangle.
     """
-    axis = shear[0]
+    axis = ray.shear[0]
     # A block has coordinates x, y, z as they are.
     x, y, z = row + (axis + 1) % 3, row + (axis + 2) % 3, row + axis
-    a = _seen(blocks, x, y, z, last, moves, weights, origin)
-    b = _seen(blocks, x + 3, y + 3, z + 3, last, moves, weights, origin)
-    c = _seen(blocks, x + 6, y + 6, z + 6, last, moves, weights, origin)
-    distance, hit = _crossed(a, b, c, shear)
+    a = _relative(blocks, x, y, z, last, moves, ray.weights, origin)
+    b = _relative(blocks, x + 3, y + 3, z + 3, last, moves, ray.weights, origin)
+    c = _relative(blocks, x + 6, y + 6, z + 6, last, moves, ray.weights, origin)
+    distance, hit = _crossed(a, b, c, ray.shear)
     return distance, hit & (distance > 0) & (distance < limit)
 
 
 @inlined
-def _seen(blocks, x, y, z, last, moves, weights, origin):
+def _relative(blocks, x, y, z, last, moves, weights, origin):
     one, other, third = load(blocks, x), load(blocks, y), load(blocks, z)
     if moves:
         one = between(one, load(last, x), weights)
@@ -107,12 +107,12 @@ def _seen(blocks, x, y, z, last, moves, weights, origin):
 
 
 @inlined
-def leaves(blocks, row, lane, last, moves, weights, origin, slack, unit):
+def leaves(blocks, row, lane, last, moves, ray):
     """Whether a ray starts off all triangles of a block."""
-    one = _corner(blocks, row, lane, last, moves, weights)
-    other = _corner(blocks, row + 3, lane, last, moves, weights)
-    third = _corner(blocks, row + 6, lane, last, moves, weights)
-    return not _starts_on(one, other, third, origin, slack, unit)
+    one = _corner(blocks, row, lane, last, moves, ray.weights)
+    other = _corner(blocks, row + 3, lane, last, moves, ray.weights)
+    third = _corner(blocks, row + 6, lane, last, moves, ray.weights)
+    return not _starts_on(one, other, third, ray)
 
 
 @inlined
@@ -124,18 +124,19 @@ def _corner(blocks, row, lane, last, moves, weights):
 
 
 @inlined
-def _starts_on(one, other, third, origin, slack, unit):
-    """Whether a ray starts on a triangle: ``_triangles._on``."""
-    slack += unit * (largest(one) + largest(other) + largest(third))
-    side, across, seen = minus(other, one), minus(third, one), minus(one, origin)
+def _starts_on(one, other, third, ray):
+    """Whether a ray starts on a triangle: ``triangles._on``."""
+    unit = ray.unit
+    slack = ray.slack + unit * (largest(one) + largest(other) + largest(third))
+    side, across, start = minus(other, one), minus(third, one), minus(one, ray.origin)
     scale = power(max(largest(side), largest(across)), unit / unit)
-    side, across, seen, slack = times(scale, side), times(scale, across), times(scale, seen), scale * slack
+    side, across, start, slack = times(scale, side), times(scale, across), times(scale, start), scale * slack
     normal = cross(side, across)
     squared = dot(normal, normal)
-    height = dot(normal, seen)
+    height = dot(normal, start)
     if not (squared > 0 and height * height <= slack * slack * squared):
         return False
     p, q = cross(across, normal), cross(normal, side)
-    u, v = -dot(seen, p) / squared, -dot(seen, q) / squared
+    u, v = -dot(start, p) / squared, -dot(start, q) / squared
     wider = slack * (length(p) + length(q)) / squared
     return u >= -wider and v >= -wider and u + v - wider <= 1

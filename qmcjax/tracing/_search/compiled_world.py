@@ -44,14 +44,14 @@ class _Plan(NamedTuple):
     """For each space the index of its frame; -1 for the still space."""
     kinds: NDArray[np.int32]
     """All primitives without a tree, in the order of their numbers."""
-    names: NDArray[np.int32]
+    numbers: NDArray[np.int32]
     members: list[NDArray[np.int64]]
     """The primitives of each space."""
     meshes: list[tuple[int, int]]
     """The space of each mesh with a tree, and the number of its first triangle."""
 
 
-class _Planted:
+class _CachedTrees:
     """The trees of a world, kept for the next call: a program often passes the same numbers again."""
 
     def __init__(self, plan: _Plan) -> None:
@@ -60,11 +60,9 @@ class _Planted:
 
     def __call__(self, shapes: Any, number: np.dtype, unit: Any) -> Any:
         given, last = jax.tree.leaves(shapes), self._last
-        if last is not None and all(map(np.array_equal, last[0], given)):
-            return last[1]
-        result = _planted(self._plan, shapes, number, unit)
-        self._last = [a.copy() for a in given], result
-        return result
+        if last is None or not all(map(np.array_equal, last[0], given)):
+            last = self._last = [a.copy() for a in given], _build(self._plan, shapes, number, unit)
+        return last[1]
 
 
 def search(
@@ -81,7 +79,7 @@ def search(
     # Passed separately: one array of all takes XLA twice as long.
     moving = [(frame.duals, frame.translation) for frame in frames if frame is not None]
     result = jax.ShapeDtypeStruct(limit.shape, limit.dtype), jax.ShapeDtypeStruct(limit.shape, jnp.int32)
-    call = buffer_callback(partial(_fill, _Planted(plan), any_hit), result, vmap_method="expand_dims")
+    call = buffer_callback(partial(_fill, _CachedTrees(plan), any_hit), result, vmap_method="expand_dims")
     return call(*jax.lax.stop_gradient((shapes, moving, (*origin, *direction, time, limit))))
 
 
@@ -118,8 +116,8 @@ def _planned(world: World) -> tuple[_Plan, Any]:
         np.concatenate([np.zeros(0, np.int32), *parts]) for parts in (kinds, names, spaces)
     )
     members = [np.flatnonzero(spaces == space) for space in range(len(frames))]
-    loose = [jnp.concatenate(rows)] if rows else []
-    return _Plan(frames, kinds, names.astype(np.int32), members, meshes), (loose, given)
+    primitives = [jnp.concatenate(rows)] if rows else []
+    return _Plan(frames, kinds, names.astype(np.int32), members, meshes), (primitives, given)
 
 
 def _numbers(shape: Shape) -> Array:
@@ -132,17 +130,17 @@ def _numbers(shape: Shape) -> Array:
     return jnp.concatenate([numbers, low.min(axis=0), high.max(axis=0)], axis=1)
 
 
-def _fill(planted: _Planted, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
+def _fill(trees: _CachedTrees, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
     shapes, frames, rays = jax.tree.map(np.asarray, given)
     frames = jax.tree.leaves(frames)
-    for to, result in zip(out, _mapped(planted, shapes, frames, rays, any_hit), strict=True):
+    for to, result in zip(out, _mapped(trees, shapes, frames, rays, any_hit), strict=True):
         np.asarray(to)[...] = result
 
 
-def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+def _mapped(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
     """Search in one world, or in several under vmap."""
-    loose, meshes = shapes
-    leading = [a.shape[:-2] for a in loose]
+    primitives, meshes = shapes
+    leading = [a.shape[:-2] for a in primitives]
     for ends, tree in meshes:
         leading += [a.shape[:-3] for a in ends] + [a.shape[:-1] for a in tree]
     worlds = np.broadcast_shapes(*leading)
@@ -152,7 +150,7 @@ def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: boo
         return np.broadcast_to(a, mapped + a.shape[a.ndim - axes :])[index]
 
     def world(index: Any) -> Any:
-        return [at(a, 2, index) for a in loose], [
+        return [at(a, 2, index) for a in primitives], [
             ([at(a, 3, index) for a in ends], [at(a, 1, index) for a in tree]) for ends, tree in meshes
         ]
 
@@ -162,11 +160,11 @@ def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: boo
             [np.broadcast_to(a, (*mapped, a.shape[-1])).reshape(-1) for a in given]
             for given in (frames, rays)
         )
-        results = [_searched(planted, world((0,) * len(mapped)), frames, rays, any_hit)]
+        results = [_searched(trees, world((0,) * len(mapped)), frames, rays, any_hit)]
     else:
         results = [
             _searched(
-                planted,
+                trees,
                 world(index),
                 [at(a, 1, index) for a in frames],
                 [at(a, 1, index) for a in rays],
@@ -178,12 +176,12 @@ def _mapped(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: boo
     return distance, row
 
 
-def _searched(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+def _searched(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
     from qmcjax.tracing._search import compiled_loops as loops  # Only where numba is installed.
 
     number, count = rays[-1].dtype, len(rays[-1])
     unit = number.type(SLACK * np.finfo(number).eps)
-    world = planted(shapes, number, unit)
+    world = trees(shapes, number, unit)
     distances, numbers = np.empty(count, number), np.empty(count, np.int32)
 
     def run(first: int) -> None:
@@ -196,39 +194,49 @@ def _searched(planted: _Planted, shapes: Any, frames: Any, rays: Any, any_hit: b
             np.empty(loops.STACK, number),
             np.empty((1, loops.WIDTH), number),
         )
-        loops.search(*world, frame, given, unit, any_hit, scratch, distances[these], numbers[these])
+        loops.search(world, frame, given, unit, any_hit, scratch, distances[these], numbers[these])
 
     shared(run, range(0, count, _RUN))
     return distances, numbers
 
 
-def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
-    """Return rows and trees of a world, the numbers of its primitives, and the contents of each space."""
+def _build(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
+    """Return the ``World`` of compiled loops."""
     from qmcjax.tracing._search import compiled_nodes as wide
     from qmcjax.tracing._search.compiled_tests import MOVING, TRIANGLE, WIDTH
-    from qmcjax.tracing._search.compiled_tree import plant
+    from qmcjax.tracing._search.compiled_tree import Primitives, build_primitive_tree
 
-    loose, meshes = shapes
+    given, meshes = shapes
     moves = [len(ends) == 2 for ends, _ in meshes]
     counts = [ends[0].shape[0] for ends, _ in meshes]
     alone, size = len(plan.kinds), len(plan.kinds) + sum(counts)
-    rows, nodes = np.empty((alone, WIDTH), number), np.empty((wide.NODE * size, wide.WIDTH), number)
+    nodes = np.empty((wide.NODE * size, wide.WIDTH), number)
     blocks = np.empty((wide.BLOCK * sum(counts), wide.WIDTH), number)
-    # A space without moving primitives gets one row that no primitive uses.
-    ends = np.empty((alone if MOVING in plan.kinds else 1, WIDTH), number)
     closed, last = (np.empty_like(a if any(moves) else a[:1]) for a in (blocks, nodes))
-    links = nodes.view(np.int32 if number == np.float32 else np.int64)
-    codes, order = np.empty(alone, np.int8), np.empty(alone, np.int64)
-    labels = np.empty((sum(counts), wide.WIDTH), np.int32)
     spaces, roots, sizes = np.empty((len(plan.members), 6), np.int64), [], []
+    world = wide.World(
+        rows=np.empty((alone, WIDTH), number),
+        # A space without moving primitives gets one row that no primitive uses.
+        ends=np.empty((alone if MOVING in plan.kinds else 1, WIDTH), number),
+        codes=np.empty(alone, np.int8),
+        numbers=np.empty(alone, np.int32),
+        blocks=blocks,
+        closed=closed,
+        faces=np.empty(sum(counts) * wide.WIDTH, np.int32),
+        nodes=nodes,
+        last=last,
+        links=nodes.view(np.int32 if number == np.float32 else np.int64),
+        spaces=spaces,
+        trees=np.empty((len(plan.members) + len(meshes), 3), np.int64),
+        slacks=np.empty(len(plan.members) + len(meshes), number),
+    )
     first = node = block = 0
     for place, members in enumerate(plan.members):
         begin, tree, stop = first, len(roots), first + len(members)
         if len(members):
-            numbers, root = np.ascontiguousarray(loose[0]), node
-            inside, largest, node = plant(
-                numbers, plan.kinds, members, unit, first, node, rows, ends, codes, order, nodes, links
-            )
+            primitives = Primitives(np.ascontiguousarray(given[0]), plan.kinds, plan.numbers)
+            root = node
+            inside, largest, node = build_primitive_tree(primitives, members, unit, first, node, world)
             if inside:
                 roots.append((wide.NODE * root, 0, 0))
                 sizes.append(unit * 2 * largest)
@@ -238,18 +246,15 @@ def _planted(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
                 continue
             corners = [np.ascontiguousarray(a).reshape(-1, 9) for a in vertices]
             close = corners[1] if moving else np.empty((0, 9), number)
-            tree_of = [np.ascontiguousarray(a) for a in tree_of]
+            mesh = wide.Mesh(corners[0], close, *map(np.ascontiguousarray, tree_of))
             roots.append((wide.NODE * node, 1, int(moving)))
             before = block
-            largest, block, node = wide.graft(
-                corners[0], close, *tree_of, block, node, blocks, closed, labels, nodes, last, links
-            )
-            labels[before:block] += start
+            largest, block, node = wide.build_mesh_tree(mesh, world, block, node)
+            world.faces[wide.WIDTH * before : wide.WIDTH * block] += start
             sizes.append(unit * 2 * largest)
         triangles = bool((plan.kinds[members] >= TRIANGLE).any()) or any(
             space == place for space, _ in plan.meshes
         )
         spaces[place] = plan.frames[place], begin, stop, tree, len(roots), triangles
-    table = np.array(roots, np.int64).reshape(-1, 3)
-    world = rows, ends, codes, blocks, closed, nodes, last, links
-    return world, (plan.names[order], labels.reshape(-1)), spaces, table, np.array(sizes, number)
+    world.trees[: len(roots)], world.slacks[: len(sizes)] = np.reshape(roots, (-1, 3)), sizes
+    return world

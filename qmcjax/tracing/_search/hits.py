@@ -18,7 +18,7 @@ from qmcjax.core.pytrees import jit
 from qmcjax.tracing._search.intersection import in_dtype, intersect
 from qmcjax.tracing._search.search import search
 from qmcjax.tracing._shapes.vectors import components, scaled, stacked
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import World, as_world
 
 
 class Hit(NamedTuple):
@@ -105,8 +105,7 @@ def flat_rays(
     world: Any, origin: Any, direction: Any, *others: Any
 ) -> tuple[tuple[int, ...], tuple[Array, ...]]:
     """Return the shape of rays, and their numbers in one dtype and shape: (n, 3) twice, (n,)."""
-    if not isinstance(world, World):
-        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(world)}")
+    as_world(world)
     given = {"origin": origin, "direction": direction, **dict(zip(("time", "limit"), others, strict=False))}
     last = {"origin": (3,), "direction": (3,)}
     arrays = {name: floats(name, value, last.get(name, ()), finite=False) for name, value in given.items()}

@@ -57,7 +57,11 @@ def intersect(
     ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where they have to be searched.
     """
     fixed = jax.lax.stop_gradient((world, origin, direction, time))
-    distance, number = _first(*fixed) if known is None else _confirmed(*fixed, known)
+    farthest = jnp.full_like(time, jnp.inf)
+    if known is None:
+        distance, number = search(*fixed, farthest, False)
+    else:
+        distance, number = _confirmed(*fixed, farthest, known)
     hit = number >= 0
     # Rays without a hit, also those with NaN, continue with harmless numbers, to keep derivatives finite.
     origin, direction = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (origin, direction))
@@ -82,18 +86,14 @@ def intersect(
     return Intersection(hit, number, distance, point, unit(gradient), inside)
 
 
-def _first(world: World, origin: Vector, direction: Vector, time: Array) -> tuple[Array, Array]:
-    return search(world, origin, direction, time, jnp.full_like(time, jnp.inf), False)
-
-
 def _confirmed(
-    world: World, origin: Vector, direction: Vector, time: Array, known: Array
+    world: World, origin: Vector, direction: Vector, time: Array, farthest: Array, known: Array
 ) -> tuple[Array, Array]:
     """Return distances and numbers of known primitives.
 
     Unknown ones, and those that a ray misses by rounding at the ends of intervals, are searched.
     """
-    distance = jnp.full_like(time, jnp.inf)
+    distance = farthest
     rays = seen_from(frames(world, known, time), origin, direction, time)
     for here, shape in picked(world.batches(), known):
         distance = jnp.where(here, shape.distance(EACH, shape.prepare(rays)), distance)
@@ -101,7 +101,7 @@ def _confirmed(
     direction = each(lambda a: jnp.where(lost, a, 0), direction)
     others = jax.lax.cond(
         jnp.any(lost),
-        lambda: _first(world, origin, direction, time),
+        lambda: search(world, origin, direction, time, farthest, False),
         lambda: (distance, jnp.full_like(known, -1)),
     )
     return jnp.where(lost, others[0], distance), jnp.where(lost, others[1], known)

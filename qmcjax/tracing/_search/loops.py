@@ -1,10 +1,11 @@
-"""Intersection with all primitives without a tree, in fused loops over tiles of rays.
+"""Intersection by a JAX program: primitives without a tree in fused loops over tiles of rays, then trees.
 
 Still primitives are merged by kind of shape, with one loop per kind. Each kind in a moving object, or in one
 that is worth a bounding box, has its own loop, which is skipped if no ray of the tile hits the box.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -13,8 +14,10 @@ import numpy as np
 from jax import Array
 
 from qmcjax.tracing._search.tiles import by_tiles
+from qmcjax.tracing._search.walk import walk
 from qmcjax.tracing._shapes.object import Frame, seen_from
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding, slabs
+from qmcjax.tracing._shapes.triangles import Triangles
 from qmcjax.tracing._shapes.vectors import Vector, components, each, largest, minus
 from qmcjax.tracing._world.world import World, merged
 
@@ -24,7 +27,7 @@ TILE = 8192
 _FEW = 4
 """Up to so many primitives, the bounding box of an object costs more than it saves."""
 
-Found = tuple[Array, Array]
+Nearest = tuple[Array, Array]
 """Distances, -inf where any hit is final, and numbers of primitives, -1 without a hit."""
 
 
@@ -41,12 +44,12 @@ class _Segment(NamedTuple):
 
 class _Kind(NamedTuple):
     shape: Shape
-    names: Array
+    numbers: Array
     """int32 (n,): numbers in the world."""
     segments: list[_Segment]
 
 
-def visit(
+def by_program(
     world: World,
     frames: Sequence[Frame | None],
     origin: Vector,
@@ -54,19 +57,38 @@ def visit(
     time: Array,
     limit: Array,
     any_hit: bool,
-) -> Found:
-    """Return the hits of rays on all primitives without a tree; each object has a frame."""
+) -> Nearest:
+    """Search by a JAX program alone: primitives without a tree, then trees. Each object has a frame."""
     spaces, kinds = _sorted(world)
 
-    def tile(rays: Any) -> Found:
+    def tile(rays: Any) -> Nearest:
         origin, direction, time, limit, frames = rays
-        found = limit, jnp.full(time.shape, -1, jnp.int32)
-        seen = [seen_from(frame, origin, direction, time) for frame in frames]
+        nearest = limit, jnp.full(time.shape, -1, jnp.int32)
+        rays = [seen_from(frame, origin, direction, time) for frame in frames]
         for kind in kinds:
-            found = _visit(kind, seen, found, any_hit)
-        return found
+            for segment in kind.segments:
+                these = rays[segment.space]
+                rows = partial(_rows, kind, segment, these, any_hit)
+                if segment.low is None or segment.high is None:
+                    nearest = rows(nearest)
+                else:
+                    meets = _meets(segment.low, segment.high, these, nearest[0])
+                    nearest = jax.lax.cond(meets, rows, lambda nearest: nearest, nearest)
+        return nearest
 
-    return by_tiles(tile, (origin, direction, time, limit, [frames[place] for place in spaces]), TILE)
+    rays = origin, direction, time, limit, [frames[place] for place in spaces]
+    distance, number = by_tiles(tile, rays, TILE)
+    for (item, start), frame in zip(world.numbered(), frames, strict=True):
+        if all(shape.tree is None for shape in item.shapes):
+            continue
+        rays = seen_from(frame, origin, direction, time)
+        for shape, before in zip(item.shapes, item.starts, strict=True):
+            if not isinstance(shape, Triangles) or shape.tree is None:
+                continue
+            new, row = walk(shape, rays, distance, any_hit)
+            distance = jnp.where(row < 0, distance, -jnp.inf if any_hit else new)
+            number = jnp.where(row < 0, number, start + before + row)
+    return distance, number
 
 
 def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
@@ -88,10 +110,10 @@ def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
     batches.sort(key=lambda batch: batch[:2])
     kinds = []
     for shape, places in merged([shape for _, _, shape, _ in batches]):
-        names, segments, row = [], [], 0
+        numbers, segments, row = [], [], 0
         for place in places:
             space, large, part, number = batches[place]
-            names.append(np.arange(number, number + part.count, dtype=np.int32))
+            numbers.append(np.arange(number, number + part.count, dtype=np.int32))
             previous = segments[-1] if segments else None
             if not large and previous is not None and previous.space == space:
                 segments[-1] = previous._replace(stop=row + part.count)
@@ -99,7 +121,7 @@ def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
                 box = _box(part) if large else (None, None)
                 segments.append(_Segment(space, row, row + part.count, *box))
             row += part.count
-        kinds.append(_Kind(shape, jnp.asarray(np.concatenate(names)), segments))
+        kinds.append(_Kind(shape, jnp.asarray(np.concatenate(numbers)), segments))
     return spaces, kinds
 
 
@@ -110,23 +132,7 @@ def _box(shape: Shape) -> tuple[Array, Array]:
     return low.min(axis=(0, 1)), high.max(axis=(0, 1))
 
 
-def _visit(kind: _Kind, spaces: list[Rays], found: Found, any_hit: bool) -> Found:
-    """Test all primitives of a kind."""
-    for segment in kind.segments:
-        rays = spaces[segment.space]
-
-        def rows(found: Found, segment: _Segment = segment, rays: Rays = rays) -> Found:
-            return _rows(kind, segment.first, segment.stop, rays, found, any_hit)
-
-        if segment.low is None or segment.high is None:
-            found = rows(found)
-        else:
-            meets = _meets(segment.low, segment.high, rays, found[0])
-            found = jax.lax.cond(meets, rows, lambda found: found, found)
-    return found
-
-
-def _rows(kind: _Kind, first: Any, stop: Any, rays: Rays, found: Found, any_hit: bool) -> Found:
+def _rows(kind: _Kind, segment: _Segment, rays: Rays, any_hit: bool, nearest: Nearest) -> Nearest:
     """Test some rows: an iteration reduces the distances of the previous row and computes its own.
 
     XLA computes an expression once for each of two results that share it. So the distance is a result itself
@@ -134,17 +140,17 @@ def _rows(kind: _Kind, first: Any, stop: Any, rays: Rays, found: Found, any_hit:
     """
     prepared = kind.shape.prepare(rays)
 
-    def taken(row: Any, distance: Array, found: Found) -> Found:
-        closer = distance < found[0]
+    def reduced(row: Any, distance: Array, nearest: Nearest) -> Nearest:
+        closer = distance < nearest[0]
         # With any_hit the first hit is final: no distance is below it.
-        nearest = jnp.where(closer, -jnp.inf if any_hit else distance, found[0])
-        return nearest, jnp.where(closer, kind.names[row], found[1])
+        least = jnp.where(closer, -jnp.inf if any_hit else distance, nearest[0])
+        return least, jnp.where(closer, kind.numbers[row], nearest[1])
 
-    def turn(row: Any, state: tuple[Array, Found]) -> tuple[Array, Found]:
-        return kind.shape.distance(row, prepared), taken(row - 1, *state)
+    def turn(row: Any, state: tuple[Array, Nearest]) -> tuple[Array, Nearest]:
+        return kind.shape.distance(row, prepared), reduced(row - 1, *state)
 
-    before = jnp.full_like(found[0], jnp.inf)
-    return taken(stop - 1, *jax.lax.fori_loop(first, stop, turn, (before, found)))
+    state = jnp.full_like(nearest[0], jnp.inf), nearest
+    return reduced(segment.stop - 1, *jax.lax.fori_loop(segment.first, segment.stop, turn, state))
 
 
 def _meets(low: Array, high: Array, rays: Rays, limit: Array) -> Array:

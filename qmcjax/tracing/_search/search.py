@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.tracing._search import compiled_world, loops, walk
-from qmcjax.tracing._shapes.object import Frame, seen_from
-from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._search import compiled_world
+from qmcjax.tracing._search.loops import by_program
+from qmcjax.tracing._shapes.object import Frame
 from qmcjax.tracing._shapes.vectors import Vector
 from qmcjax.tracing._world.world import World
 
@@ -25,7 +25,9 @@ _MANY = 512
 _FEW = 47
 """Up to so many primitives, fused loops are faster than compiled ones: they test 16 rays per step."""
 
-Way = Callable[[World, Sequence[Frame | None], Vector, Vector, Array, Array, bool], tuple[Array, Array]]
+Intersector = Callable[
+    [World, Sequence[Frame | None], Vector, Vector, Array, Array, bool], tuple[Array, Array]
+]
 """From a world, frames of its parts, origins, directions, times, limits and whether any hit counts, to
 distances and numbers of primitives (-1: none)."""
 
@@ -37,46 +39,22 @@ def search(
     time: Array,
     limit: Array,
     any_hit: bool,
-    way: Way | None = None,
+    intersector: Intersector | None = None,
 ) -> tuple[Array, Array]:
     """Return distances and primitives of the nearest hits before a limit.
 
     Components have the shape (n,). Without a hit the number is -1 and the distance the limit. With
     ``any_hit`` the number is that of some hit. Tests choose the method.
     """
-    if way is None:
-        world, way = _fastest(world)
+    if intersector is None:
+        world, intersector = _fastest(world)
     # Outside of all loops: motions at the given times are the same for all searches of a program.
     frames = [item.frame(time) for item in world.parts]
-    distance, number = way(world, frames, origin, direction, time, limit, any_hit)
+    distance, number = intersector(world, frames, origin, direction, time, limit, any_hit)
     return jnp.where(number < 0, limit, distance), number
 
 
-def by_program(
-    world: World,
-    frames: Sequence[Frame | None],
-    origin: Vector,
-    direction: Vector,
-    time: Array,
-    limit: Array,
-    any_hit: bool,
-) -> tuple[Array, Array]:
-    """Search by a JAX program alone."""
-    distance, number = loops.visit(world, frames, origin, direction, time, limit, any_hit)
-    for (item, start), frame in zip(world.numbered(), frames, strict=True):
-        if all(shape.tree is None for shape in item.shapes):
-            continue
-        rays = seen_from(frame, origin, direction, time)
-        for shape, before in zip(item.shapes, item.starts, strict=True):
-            if not isinstance(shape, Triangles) or shape.tree is None:
-                continue
-            new, row = walk.walk(shape, rays, distance, any_hit)
-            distance = jnp.where(row < 0, distance, -jnp.inf if any_hit else new)
-            number = jnp.where(row < 0, number, start + before + row)
-    return distance, number
-
-
-def _fastest(world: World) -> tuple[World, Way]:
+def _fastest(world: World) -> tuple[World, Intersector]:
     """Return the search method, and the world with the trees that are worth it there."""
     if jax.default_backend() != "cpu":
         return world, by_program

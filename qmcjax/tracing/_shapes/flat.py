@@ -37,10 +37,6 @@ class Plane(Shape):
     axis: Any
     """(n, 3): of any length."""
 
-    @property
-    def count(self) -> int:
-        return self.point.shape[0]
-
     def distance(self, number: Any, prepared: Rays) -> Array:
         point = row(self.point, number)
         slack = prepared.slack + rounding(largest(point))
@@ -68,10 +64,6 @@ class Rectangle(Shape):
     """(n, 3): from the corner to the next one, where u = 1."""
     edge_v: Any
     """(n, 3)."""
-
-    @property
-    def count(self) -> int:
-        return self.corner.shape[0]
 
     def _scaled(self, number: Any) -> tuple[Vector, Vector, Array, Vector, Vector]:
         """Return corners, normals, powers of two, and edges times these."""
@@ -118,10 +110,6 @@ class Disc(Shape):
     radius: Any
     """(n,)."""
 
-    @property
-    def count(self) -> int:
-        return self.radius.shape[0]
-
     def distance(self, number: Any, prepared: Rays) -> Array:
         center, radius = row(self.center, number), self.radius[number]
         slack = prepared.slack + rounding(largest(center) + radius)
@@ -154,10 +142,6 @@ class Box(Shape):
     """(n, 3)."""
     high: Any
     """(n, 3)."""
-
-    @property
-    def count(self) -> int:
-        return self.low.shape[0]
 
     def prepare(self, rays: Rays) -> tuple[Rays, Vector]:
         # Not -inf for -0: see _lower.

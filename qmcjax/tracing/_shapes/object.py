@@ -9,7 +9,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast
-from qmcjax.core.plug_ins import unheld
+from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
 from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, largest, minus, plus, times
@@ -104,6 +104,13 @@ class Object:
         boxes = [shape.bounds(time) for shape in self.shapes for time in (0, 1)]
         lows, highs = zip(*((low.min(axis=0), high.max(axis=0)) for low, high in boxes), strict=True)
         return jnp.min(jnp.stack(lows), axis=0), jnp.max(jnp.stack(highs), axis=0)
+
+
+def as_motion(motion: Any) -> Any:
+    """Return a motion, or None, as a pytree, or raise a TypeError."""
+    if motion is None or callable(motion):
+        return None if motion is None else held("motion", motion)
+    raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
 
 
 def as_object(name: str, value: Any) -> Object:

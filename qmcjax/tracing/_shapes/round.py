@@ -32,10 +32,6 @@ class Sphere(Shape):
     radius: Any
     """(n,)."""
 
-    @property
-    def count(self) -> int:
-        return self.radius.shape[0]
-
     def distance(self, number: Any, prepared: Rays) -> Array:
         center, radius = row(self.center, number), self.radius[number]
         slack = prepared.slack + rounding(largest(center) + radius)
@@ -66,10 +62,6 @@ class Cylinder(Shape):
     """(n, 3): from the base to the centre of the other end."""
     radius: Any
     """(n,)."""
-
-    @property
-    def count(self) -> int:
-        return self.radius.shape[0]
 
     def distance(self, number: Any, prepared: Rays) -> Array:
         base, axis, radius = row(self.base, number), row(self.axis, number), self.radius[number]

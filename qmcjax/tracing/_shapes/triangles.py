@@ -44,10 +44,6 @@ class Triangles(Shape):
     """A tree over many triangles; None where a loop over all of them is as fast."""
 
     @property
-    def count(self) -> int:
-        return self.vertices.shape[0]
-
-    @property
     def moving(self) -> bool:
         return self.close is not None
 

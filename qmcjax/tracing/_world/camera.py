@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import axes, cast, floats, numbers, positive, require, together
-from qmcjax.core.plug_ins import held
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.object import Object, as_motion
 from qmcjax.tracing._shapes.vectors import (
     Vector,
     components,
@@ -119,10 +118,9 @@ class Camera:
             origin = plus(origin, moved)
             # All rays through a point in the plane of focus meet there.
             seen = minus(seen, times(1 / view.focus, moved))
-        if self.motion is not None:
-            frame = Object((), self.motion, None).frame(time)
-            if frame is not None:
-                origin, seen = plus(frame.outside(origin), frame.translation), frame.outside(seen)
+        frame = Object((), self.motion, None).frame(time)
+        if frame is not None:
+            origin, seen = plus(frame.outside(origin), frame.translation), frame.outside(seen)
         return Sight(origin, unit(seen), time)
 
     def projected(self, point: Vector, weight: Array, time: Array) -> tuple[Array, Array, Array]:
@@ -140,10 +138,9 @@ class Camera:
         )
         point, half = (x, y, z), jnp.full_like(time, 0.5)
         view = self.view(half, half)
-        if self.motion is not None:
-            frame = Object((), self.motion, None).frame(time)
-            if frame is not None:
-                point = frame.inside(minus(point, times(weight, frame.translation)))
+        frame = Object((), self.motion, None).frame(time)
+        if frame is not None:
+            point = frame.inside(minus(point, times(weight, frame.translation)))
         seen = minus(point, times(weight, view.origin))
         depth = dot(seen, view.seen)
         safe = jnp.where(depth == 0, 1, depth)
@@ -167,7 +164,7 @@ def camera(
     blades: int | None = None,
     motion: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Camera:
-    """Make a camera: a pinhole or a thin lens.
+    """Make a camera: a pinhole or a thin lens. Its numbers may be traced.
 
     Parameters
     ----------
@@ -192,11 +189,6 @@ def camera(
     motion : callable, optional
         From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): a map of world
         space that moves the camera. See :func:`qmcjax.tracing.motion.affine`.
-
-    Returns
-    -------
-    Camera
-        A pytree: its numbers may be traced.
 
     Examples
     --------
@@ -224,11 +216,9 @@ def camera(
     distance = None if focus is None else positive("focus", focus)
     if blades is not None:
         blades = checks.integer("blades", blades, 3, 2**10)
-    if motion is not None:
-        if not callable(motion):
-            raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
-        motion = held("motion", motion)
-    return Camera(place, aim, top, angle, ratio, _shutter(shutter), radius, distance, motion, blades)
+    return Camera(
+        place, aim, top, angle, ratio, _shutter(shutter), radius, distance, as_motion(motion), blades
+    )
 
 
 def _shutter(value: Any) -> Any:

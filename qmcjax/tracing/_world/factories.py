@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import axes, numbers, require
-from qmcjax.core.plug_ins import held
 from qmcjax.tracing._shapes.flat import Box, Disc, Plane, Rectangle
-from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.object import Object, as_motion
 from qmcjax.tracing._shapes.round import Cylinder, Sphere
 from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.triangle_tree import WORTHWHILE, build
@@ -23,7 +22,6 @@ from qmcjax.tracing._world.materials import as_material
 
 _THIN = 1e-6
 """Area over squared longest edge below which a triangle or rectangle has no area in float32."""
-
 
 _TINY = np.finfo(np.float32).tiny
 
@@ -50,8 +48,7 @@ def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material
     2
     """
     center, count = _vectors("center", center)
-    radius = _scalars("radius", radius, count)
-    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
+    radius = _radius(radius, count)
     return _object(Sphere(center, radius), motion, material)
 
 
@@ -106,10 +103,8 @@ def disc(
         See :func:`sphere`.
     """
     center, count = _vectors("center", center)
-    normal, _ = _vectors("normal", normal, count)
-    require("normal", normal, _long, "of a length above 0 in float32")
-    radius = _scalars("radius", radius, count)
-    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
+    normal = _long("normal", normal, count)
+    radius = _radius(radius, count)
     return _object(Disc(center, normal, radius), motion, material)
 
 
@@ -138,15 +133,12 @@ def cylinder(
         See :func:`sphere`.
     """
     start, count = _vectors("base", base)
-    way, _ = _vectors("axis", axis, count)
-    require("axis", way, _long, "of a length above 0 in float32")
-    radius = _scalars("radius", radius, count)
-    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
-    if not isinstance(closed, bool):
-        raise TypeError(f"closed must be True or False, got {checks.shown(closed)}")
-    shapes: tuple[Shape, ...] = (Cylinder(start, way, radius),)
+    along = _long("axis", axis, count)
+    radius = _radius(radius, count)
+    checks.flag("closed", closed)
+    shapes: tuple[Shape, ...] = (Cylinder(start, along, radius),)
     if closed:
-        shapes = (*shapes, Disc(start, -way, radius), Disc(start + way, way, radius))
+        shapes = (*shapes, Disc(start, -along, radius), Disc(start + along, along, radius))
     return _object(shapes, motion, material)
 
 
@@ -162,8 +154,7 @@ def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: 
         See :func:`sphere`.
     """
     point, count = _vectors("point", point)
-    normal, _ = _vectors("normal", normal, count)
-    require("normal", normal, _long, "of a length above 0 in float32")
+    normal = _long("normal", normal, count)
     return _object(Plane(point, normal), motion, material)
 
 
@@ -236,12 +227,8 @@ def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
 
 
 def _object(shapes: Shape | tuple[Shape, ...], motion: Any, material: Any) -> Object:
-    if motion is not None:
-        if not callable(motion):
-            raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
-        motion = held("motion", motion)
     material = None if material is None else as_material("material", material)
-    return Object(shapes if isinstance(shapes, tuple) else (shapes,), motion, material)
+    return Object(shapes if isinstance(shapes, tuple) else (shapes,), as_motion(motion), material)
 
 
 def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]:
@@ -253,10 +240,11 @@ def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]
     return array, array.shape[0]
 
 
-def _scalars(name: str, value: Any, count: int) -> Any:
+def _radius(value: Any, count: int) -> Any:
     single = axes(value) == 0
-    array = numbers(name, value, () if single else (count,))
-    return (jnp if isinstance(array, Array) else np).broadcast_to(array, (count,)) if single else array
+    radius = numbers("radius", value, () if single else (count,))
+    require("radius", radius, lambda r: r >= _TINY, "positive in float32")
+    return (jnp if isinstance(radius, Array) else np).broadcast_to(radius, (count,)) if single else radius
 
 
 def _triangles(name: str, value: Any, count: int | None) -> Any:
@@ -281,8 +269,11 @@ def _fat(u: Any, v: Any) -> Any:
     return area > _THIN * longest
 
 
-def _long(vectors: Any) -> Any:
-    return np.abs(vectors).max(axis=-1) >= _TINY
+def _long(name: str, value: Any, count: int) -> Any:
+    vectors, _ = _vectors(name, value, count)
+    above = "of a length above 0 in float32"
+    require(name, vectors, lambda v: np.abs(v).max(axis=-1) >= _TINY, above)
+    return vectors
 
 
 def _known(name: str, value: Any, other: Any, holds: Any, rule: str) -> None:

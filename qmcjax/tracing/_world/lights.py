@@ -58,8 +58,10 @@ class Start(NamedTuple):
 class Light(ABC):
     """Lights of one kind: arrays with the light as first axis."""
 
-    coordinates: ClassVar[int]
+    radiance: Any
+    coordinates: ClassVar[int] = 2
     """Number of coordinates that choose a point on the light."""
+    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object | None:
         """Return the object that rays hit."""
@@ -69,13 +71,13 @@ class Light(ABC):
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
         """Return a sample of one light for each point."""
 
-    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+    def density(self, number: Array, point: Vector, normal: Vector, incoming: Vector, hit: Vector) -> Array:
         """Return the density of directions that hit the light anywhere; 0 for lights without extent."""
         return jnp.zeros_like(point[0])
 
-    @abstractmethod
     def emitted(self, number: Array) -> Vector:
         """Return radiance: of points that rays hit, to the side of the normal."""
+        return row(self.radiance, number)
 
 
 class Source(Light):
@@ -129,8 +131,6 @@ class RectangleLight(Source):
     edge_u: Any
     edge_v: Any
     radiance: Any
-    coordinates: ClassVar[int] = 2
-    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object:
         corner, edge_u, edge_v = (part[None] for part in (self.corner, self.edge_u, self.edge_v))
@@ -157,15 +157,12 @@ class RectangleLight(Source):
             unit(direction), length(direction), times(factor, row(self.radiance, number)), density, cosine
         )
 
-    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+    def density(self, number: Array, point: Vector, normal: Vector, incoming: Vector, hit: Vector) -> Array:
         across = cross(row(self.edge_u, number), row(self.edge_v, number))
-        cosine = -dot(way, across)
+        cosine = -dot(incoming, across)
         between = minus(hit, point)
         seen = cosine > 0
         return jnp.where(seen, dot(between, between) / jnp.where(seen, cosine, 1), 0)
-
-    def emitted(self, number: Array) -> Vector:
-        return row(self.radiance, number)
 
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
         edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
@@ -186,8 +183,6 @@ class SphereLight(Source):
     center: Any
     radius: Any
     radiance: Any
-    coordinates: ClassVar[int] = 2
-    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def object(self) -> Object:
         return Object((Sphere(self.center[None], self.radius[None]),), None, None)
@@ -216,12 +211,9 @@ class SphereLight(Source):
         density = jnp.where(outside, 1 / jnp.where(outside, angle, 1), 0)
         return Sample(direction, distance, arriving, density, chord / self.radius[number])
 
-    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
+    def density(self, number: Array, point: Vector, normal: Vector, incoming: Vector, hit: Vector) -> Array:
         _, _, lost, outside = self._cone(number, point)
         return jnp.where(outside, 1 / (2 * np.pi * jnp.where(outside, lost, 1)), 0)
-
-    def emitted(self, number: Array) -> Vector:
-        return row(self.radiance, number)
 
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
         normal = unit(maps.cone(u, v, 2))
@@ -239,8 +231,6 @@ class Environment(Light):
     """See :func:`environment`."""
 
     radiance: Any
-    coordinates: ClassVar[int] = 2
-    smooth: ClassVar[tuple[str, ...]] = ("radiance",)
 
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
         local, cosine = maps.hemisphere(u, v)
@@ -249,11 +239,8 @@ class Environment(Light):
         arriving = times(np.pi / cosine, row(self.radiance, number))
         return Sample(direction, one * np.inf, arriving, cosine / np.pi, one)
 
-    def density(self, number: Array, point: Vector, normal: Vector, way: Vector, hit: Vector) -> Array:
-        return jnp.maximum(dot(normal, way), 0) / np.pi
-
-    def emitted(self, number: Array) -> Vector:
-        return row(self.radiance, number)
+    def density(self, number: Array, point: Vector, normal: Vector, incoming: Vector, hit: Vector) -> Array:
+        return jnp.maximum(dot(normal, incoming), 0) / np.pi
 
 
 def as_light(name: str, value: Any) -> Light:

@@ -15,6 +15,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import axes, floats, numbers, require, together
 from qmcjax.core.plug_ins import held, unheld
 from qmcjax.core.pytrees import pytree
+from qmcjax.tracing._shapes.object import as_motion
 from qmcjax.tracing._shapes.vectors import Vector, components, each
 
 
@@ -76,7 +77,7 @@ def checker(
     *,
     motion: Callable[[Array], tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Pattern:
-    """Make a checkerboard over the coordinates (u, v) of a shape.
+    """Make a texture, for the colour of a material: a checkerboard over the coordinates (u, v) of a shape.
 
     Parameters
     ----------
@@ -86,11 +87,6 @@ def checker(
         Squares per unit of u and v, positive. Coordinates of planes are lengths, others run from 0 to 1.
     motion : callable, optional
         From times, shape (...), to (du, dv), shape (...) each: the displacement of the pattern along u and v.
-
-    Returns
-    -------
-    Pattern
-        A texture, to be used as the colour of a material.
 
     Examples
     --------
@@ -110,7 +106,7 @@ def stripes(
     *,
     motion: Callable[[Array], tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Stripes:
-    """Make stripes along u over the coordinates (u, v) of a shape.
+    """Make a texture, for the colour of a material: stripes along u over the coordinates (u, v) of a shape.
 
     Parameters
     ----------
@@ -120,11 +116,6 @@ def stripes(
         Stripes per unit of u, positive.
     motion : callable, optional
         See :func:`checker`.
-
-    Returns
-    -------
-    Stripes
-        A texture, to be used as the colour of a material.
     """
     return Stripes(*_pattern(one, other, scale, motion))
 
@@ -148,8 +139,4 @@ def _pattern(one: Any, other: Any, scale: Any, motion: Any) -> tuple[Any, Any, A
     squares = numbers("scale", scale, () if single else (2,))
     require("scale", squares, lambda s: s > 0, "positive")
     squares = squares[None] * np.ones(2, squares.dtype) if single else squares
-    if motion is not None:
-        if not callable(motion):
-            raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
-        motion = held("motion", motion)
-    return color("one", one), color("other", other), squares, motion
+    return color("one", one), color("other", other), squares, as_motion(motion)

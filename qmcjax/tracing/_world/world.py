@@ -64,6 +64,13 @@ def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
     ]
 
 
+def as_world(value: Any) -> World:
+    """Return a world, or raise a TypeError."""
+    if not isinstance(value, World):
+        raise TypeError(f"world must be made by qmcjax.tracing.world, got {checks.shown(value)}")
+    return value
+
+
 def world(objects: Any, lights: Any = ()) -> World:
     """Make a world.
 

@@ -99,11 +99,6 @@ def affine(
     translation : float ArrayLike, shape (3,), or callable, optional
         A path maps times to points, shape (..., 3). None by default.
 
-    Returns
-    -------
-    Affine
-        ``motion(time)``: matrix and translation.
-
     Examples
     --------
     >>> from qmcjax.tracing.motion import quaternion
@@ -113,14 +108,9 @@ def affine(
      [ 1.  0.  0.]
      [ 0.  0.  1.]]
     """
-    given = (
-        ("matrix", np.eye(3) if matrix is None else matrix, (3, 3)),
-        (
-            "translation",
-            np.zeros(3) if translation is None else translation,
-            (3,),
-        ),
-    )
+    matrix = np.eye(3) if matrix is None else matrix
+    translation = np.zeros(3) if translation is None else translation
+    given = ("matrix", matrix, (3, 3)), ("translation", translation, (3,))
     parts = (
         held(name, value) if callable(value) else numbers(name, value, shape) for name, value, shape in given
     )

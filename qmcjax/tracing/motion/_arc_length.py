@@ -53,16 +53,9 @@ class ArcLength:
     """Maximum distance of a point from that of the curve at the same part of its length."""
 
     def __call__(self, part: ArrayLike) -> Array:
-        """Return points by the part of the curve's length that is travelled, in constant time.
+        """Return points (..., d) by the part of the curve's length that is travelled, in constant time.
 
-        Parameters
-        ----------
-        part : float ArrayLike, shape (...)
-            In [0, 1]; clamped.
-
-        Returns
-        -------
-        Array, shape (..., d), of the dtype of ``part``
+        ``part`` has shape (...), is clamped to [0, 1] and gives the dtype.
         """
         part = floats("part", part)
         points = cast(self.points, part.dtype)
@@ -134,11 +127,11 @@ def by_arc_length(
     of_smooth, rest = of_each.rows(of_each.smooth), rest[of_each.smooth]
     missed = 0.0
     for _ in range(8):
-        found, speed = _arcs(of_smooth, t[of_each.smooth])
-        missed = np.abs(found - rest).max(initial=0)
+        arcs, speed = _arcs(of_smooth, t[of_each.smooth])
+        missed = np.abs(arcs - rest).max(initial=0)
         if missed <= _EPS * length:
             break
-        t[of_each.smooth] = np.clip(t[of_each.smooth] - (found - rest) / speed, 0, 1)
+        t[of_each.smooth] = np.clip(t[of_each.smooth] - (arcs - rest) / speed, 0, 1)
     unknown += missed
     points = _points(of_each, t)
     arc, chord = length / segments + 2 * unknown, np.linalg.norm(np.diff(points, axis=0), axis=1).min()
@@ -151,7 +144,7 @@ def _bezier(control: NDArray, weights: NDArray, knots: NDArray, degree: int) -> 
     begin = np.flatnonzero(np.diff(knots))
     near = begin[:, None] + np.arange(-degree, 1)
     around = knots[begin[:, None] + np.arange(1 - degree, degree + 1)]
-    found = []
+    blossoms = []
     for j in range(degree + 1):
         points, of_points = control[near], weights[near]
         for r in range(degree):
@@ -161,8 +154,8 @@ def _bezier(control: NDArray, weights: NDArray, knots: NDArray, degree: int) -> 
             after = (at - low) / (high - low) * of_points[:, 1:]
             one, other = _shares(before, after)
             points, of_points = one * points[:, :-1] + other * points[:, 1:], before + after
-        found.append((points[:, 0], of_points[:, 0]))
-    points, weights = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+        blossoms.append((points[:, 0], of_points[:, 0]))
+    points, weights = (np.stack(part, axis=1) for part in zip(*blossoms, strict=True))
     # A control point without a weight is arbitrary: it gets the place of the previous one.
     place = np.maximum.accumulate(np.where(weights > 0, np.arange(degree + 1), 0), axis=1)
     points = np.take_along_axis(points, place[..., None], axis=1)

@@ -76,24 +76,14 @@ def _quaternion(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def compose(translation: Any, rotation: Any, scale: Any) -> Array:
-    """Invert :func:`decompose`.
+    """Invert :func:`decompose`: matrices (..., 4, 4).
 
-    Parameters
-    ----------
-    translation : float ArrayLike, shape (..., 3)
-    rotation : float ArrayLike, shape (..., 4)
-        Unit quaternions.
-    scale : float ArrayLike, shape (..., 3, 3)
-
-    Returns
-    -------
-    Array, shape (..., 4, 4)
+    Translations have shape (..., 3), rotations (..., 4), unit quaternions, and scales (..., 3, 3).
     """
     translation, rotation = floats("translation", translation, (3,)), floats("rotation", rotation, (4,))
     scale = floats("scale", scale, (3, 3))
-    shape = together(translation=translation[..., 0], rotation=rotation[..., 0], scale=scale[..., 0, 0])[
-        0
-    ].shape
+    one = together(translation=translation[..., 0], rotation=rotation[..., 0], scale=scale[..., 0, 0])[0]
+    shape = one.shape
     linear = jnp.broadcast_to(rotation_matrix(rotation) @ scale, (*shape, 3, 3))
     upper = jnp.concatenate([linear, jnp.broadcast_to(translation[..., None], (*shape, 3, 1))], axis=-1)
     row = jnp.broadcast_to(jnp.asarray([0, 0, 0, 1], upper.dtype), (*upper.shape[:-2], 1, 4))

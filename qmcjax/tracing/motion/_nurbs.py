@@ -31,16 +31,7 @@ class Nurbs:
     degree: int = field(metadata={"static": True})
 
     def __call__(self, u: ArrayLike) -> Array:
-        """Evaluate the curve.
-
-        Parameters
-        ----------
-        u : float ArrayLike, shape (...)
-
-        Returns
-        -------
-        Array, shape (..., d), of the dtype of ``u``
-        """
+        """Return points (..., d) at parameters of shape (...), in the dtype of these."""
         u = floats("u", u)
         control, weights, knots = cast((self.control, self.weights, self.knots), u.dtype)
         spans = knots.shape[0] - 2 * self.degree - 1

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, known, numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing.motion._rows import fetched, span
+from qmcjax.tracing.motion._rows import interpolated
 
 Curve = Callable[[Array], Array]
 
@@ -32,23 +32,10 @@ class LinearSegments:
     """(segments + 1, d)."""
 
     def __call__(self, time: ArrayLike) -> Array:
-        """Return the points at times, clamped to the first and last time.
-
-        Parameters
-        ----------
-        time : float ArrayLike, shape (...)
-
-        Returns
-        -------
-        Array, shape (..., d), of the dtype of ``time``
-        """
+        """Return points (..., d) at times (...), clamped to the first and last, in the dtype of these."""
         time = floats("time", time)
         times, points = cast((self.times, self.points), time.dtype)
-        index = span(times, time)
-        (begin,), (end,) = fetched(times[:-1, None], index), fetched(times[1:, None], index)
-        part = jnp.clip((time - begin) / (end - begin), 0, 1)
-        ends = zip(fetched(points[:-1], index), fetched(points[1:], index), strict=True)
-        return jnp.stack([(1 - part) * a + part * b for a, b in ends], axis=-1)
+        return jnp.stack(interpolated(times, points, time), axis=-1)
 
     @property
     def knots(self) -> Any:
@@ -71,11 +58,6 @@ def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
     points : float ArrayLike, shape (segments + 1, d)
         May be traced.
 
-    Returns
-    -------
-    LinearSegments
-        From a time to a point.
-
     Examples
     --------
     >>> path = linear_segments([0, 0.5, 1], [[0.0, 1.0], [1.0, 0.0], [2.0, 1.0]])
@@ -90,7 +72,7 @@ def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
 def approximated(curve: Curve, start: float, end: float, segments: int, corners: Any = ()) -> LinearSegments:
     """Approximate a motion by linear segments that end where its direction jumps.
 
-    Without an end there, a bouncing ball would never touch the floor [1]_.
+    Its points lie on the curve. Without an end there, a bouncing ball would never touch the floor [1]_.
 
     Parameters
     ----------
@@ -103,11 +85,6 @@ def approximated(curve: Curve, start: float, end: float, segments: int, corners:
         share in proportion to its length, and at least one.
     corners : float ArrayLike, shape (k,), optional
         Times strictly inside the interval at which the direction jumps, such as :attr:`Nurbs.corners`.
-
-    Returns
-    -------
-    LinearSegments
-        Its points lie on the curve.
 
     References
     ----------

@@ -49,12 +49,8 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
     half = 0.5 * floats("angle", angle)
     along = floats("axis", axis, (3,)).astype(half.dtype)
     length = jnp.linalg.norm(along, axis=-1, keepdims=True)
-    require(
-        "axis",
-        length,
-        lambda n: (n > 0) & (n < np.inf),
-        f"of a length above 0 and in the range of {half.dtype}",
-    )
+    rule = f"of a length above 0 and in the range of {half.dtype}"
+    require("axis", length, lambda n: (n > 0) & (n < np.inf), rule)
     along = along / length
     half, *parts = together(angle=half, **{f"axis[{j}]": along[..., j] for j in range(3)})
     sine, cosine = _sine_and_cosine(half)
@@ -82,16 +78,7 @@ def _none(angle: Array) -> tuple[Array, Array]:
 
 
 def multiply(a: Array, b: Array) -> Array:
-    """Return the rotation by ``b``, then ``a``: the Hamilton product.
-
-    Parameters
-    ----------
-    a, b : float Array, shape (..., 4)
-
-    Returns
-    -------
-    Array, shape (..., 4)
-    """
+    """Return the rotation by ``b``, then ``a``, both of shape (..., 4): the Hamilton product."""
     a, b = _matched(a=floats("a", a, (4,)), b=floats("b", b, (4,)))
     (*u, p), (*v, q) = ([c[..., j] for j in range(4)] for c in (a, b))
     crossed = _cross(u, v)
@@ -117,18 +104,7 @@ def conjugate(q: Array) -> Array:
 
 
 def rotate(q: Array, vector: Array) -> Array:
-    """Rotate vectors.
-
-    Parameters
-    ----------
-    q : float Array, shape (..., 4)
-        Of unit length.
-    vector : float Array, shape (..., 3)
-
-    Returns
-    -------
-    Array, shape (..., 3)
-    """
+    """Rotate vectors, shape (..., 3), by quaternions of unit length, shape (..., 4)."""
     q, vector = _matched(q=floats("q", q, (4,)), vector=floats("vector", vector, (3,)))
     twice = 2 * jnp.cross(q[..., :3], vector)
     return vector + q[..., 3:] * twice + jnp.cross(q[..., :3], twice)
@@ -168,7 +144,7 @@ def logarithm(q: Array) -> Array:
 
 
 def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
-    """Interpolate between two rotations at constant angular velocity, the shorter way.
+    """Interpolate between two rotations at constant angular velocity, the shorter way: shape (..., 4).
 
     Parameters
     ----------
@@ -176,10 +152,6 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
         Of unit length.
     t : float ArrayLike, shape (...)
         0 gives ``a``, 1 gives ``b``.
-
-    Returns
-    -------
-    Array, shape (..., 4)
 
     References
     ----------
@@ -213,16 +185,7 @@ class RotationSpline:
     """(n, 4)."""
 
     def __call__(self, time: ArrayLike) -> Array:
-        """Return the rotations at times, clamped to the first and last time.
-
-        Parameters
-        ----------
-        time : float ArrayLike, shape (...)
-
-        Returns
-        -------
-        Array, shape (..., 4), of the dtype of ``time``
-        """
+        """Return rotations (..., 4) at times (...), clamped to the first and last, in the dtype of these."""
         time = floats("time", time)
         times, keys = cast((self.times, self.keys), time.dtype)
         steps = times[1:] - times[:-1]

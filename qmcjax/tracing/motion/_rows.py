@@ -22,6 +22,15 @@ def span(times: Array, time: Array) -> Array:
     return number
 
 
+def interpolated(times: Array, rows: Array, time: Array) -> list[Array]:
+    """Return the components of rows (k, d) interpolated linearly between times (k,), and clamped."""
+    index = span(times, time)
+    (begin,), (end,) = fetched(times[:-1, None], index), fetched(times[1:, None], index)
+    part = jnp.clip((time - begin) / (end - begin), 0, 1)
+    ends = zip(fetched(rows[:-1], index), fetched(rows[1:], index), strict=True)
+    return [(1 - part) * a + part * b for a, b in ends]
+
+
 def fetched(table: Array, number: Array) -> list[Array]:
     """Return the components of a row, (rows, d), for each number, (...)."""
     rows, components = table.shape

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, numbers, require
 from qmcjax.core.pytrees import pytree
-from qmcjax.tracing.motion._rows import fetched, span
+from qmcjax.tracing.motion._rows import interpolated
 from qmcjax.tracing.motion.evaluation import moved
 
 
@@ -32,11 +32,7 @@ class Straightened:
         time = floats("time", time)
         knots, matrix, translation = cast((self.knots, self.matrix, self.translation), time.dtype)
         rows = jnp.concatenate([matrix.reshape(-1, 9), translation], axis=1)
-        index = span(knots, time)
-        (begin,), (end,) = fetched(knots[:-1, None], index), fetched(knots[1:, None], index)
-        part = jnp.clip((time - begin) / (end - begin), 0, 1)
-        ends = zip(fetched(rows[:-1], index), fetched(rows[1:], index), strict=True)
-        row = [(1 - part) * a + part * b for a, b in ends]
+        row = interpolated(knots, rows, time)
         return jnp.stack(row[:9], axis=-1).reshape(*time.shape, 3, 3), jnp.stack(row[9:], axis=-1)
 
 
@@ -52,11 +48,6 @@ def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLik
         From times, shape (n,), to (matrix, translation), shapes (n, 3, 3) and (n, 3).
     times : float ArrayLike, shape (k,)
         Two or more, increasing. The motion rests before the first and after the last.
-
-    Returns
-    -------
-    Straightened
-        A motion.
 
     References
     ----------

@@ -6,13 +6,12 @@ The task comes in JSON at standard input: the name of a scene, a side, runs, and
 import json
 import sys
 import time
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba as bridge
+from qmcjax.choosing import CANDIDATES
 
 
 class Run(NamedTuple):
@@ -27,18 +26,10 @@ DIMS = 8
 """Of each sampler: the pixel's, the lens', and those of a bounce. The plug-in pads what is behind them."""
 
 
-def _hilbert(side: int, spp: int, key: int) -> samplers.Sampler:
-    owen = sequences.owen(sequences.sobol(DIMS), key)
-    return samplers.contiguous(orders.hilbert(side, side), owen, spp)
-
-
-OURS: dict[str, Callable[[int, int, int], samplers.Sampler]] = {
-    "(0,2), Owen per pixel": lambda side, spp, key: samplers.independent(sequences.sobol(DIMS), key),
-    "Hilbert, Owen-Sobol'": _hilbert,
-    "Z, hash": lambda side, spp, key: samplers.z(side, side, spp, key, dims=DIMS),
-    "optimised orders": lambda side, spp, key: samplers.optimized(side, side, spp, key, dims=DIMS),
+OURS = {"(0,2), Owen per pixel": "(0,2), Owen"} | {
+    name: name for name in ("Hilbert, Owen-Sobol'", "Z, hash", "optimised orders")
 }
-"""By side, samples per pixel and key."""
+"""Names of candidates."""
 
 THEIRS = ("independent", "stratified", "multijitter")
 
@@ -161,7 +152,7 @@ def rendered(mitsuba: Any, name: str, side: int, run: Run) -> tuple[Any, float]:
     )
     seed, plug_in = run.key, {"type": run.sampler}
     if run.sampler in OURS:
-        made = OURS[run.sampler](side, run.spp, run.key)
+        made = CANDIDATES[OURS[run.sampler]].make(DIMS, side, side, run.spp, run.key)
         seed, plug_in = 0, {"type": "qmcjax", "sampler": bridge.held(made), "film": film, "key": run.key}
     described["sensor"] |= {"film": film, "sampler": plug_in}
     scene = mitsuba.load_dict(described)

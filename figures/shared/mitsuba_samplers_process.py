@@ -6,21 +6,14 @@ The task comes in JSON at standard input: the name of a scene, a side, runs, and
 import json
 import sys
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from figures.shared import mitsuba_scenes
+from figures.shared.mitsuba_scenes import Run
 from qmcjax.bridges import mitsuba as bridge
 from qmcjax.choosing import CANDIDATES
-
-
-class Run(NamedTuple):
-    """One image: the name of a sampler, samples per pixel, and a key: the seed of Mitsuba's samplers."""
-
-    sampler: str
-    spp: int
-    key: int
-
 
 DIMS = 8
 """Of each sampler: the pixel's, the lens', and those of a bounce. The plug-in pads what is behind them."""
@@ -140,20 +133,11 @@ def _rough(metal: str, alpha: float) -> dict[str, Any]:
 def rendered(mitsuba: Any, name: str, side: int, run: Run) -> tuple[Any, float]:
     """Return an image, and the seconds that it took without loading."""
     described = SCENES[name](mitsuba)
-    film = mitsuba.load_dict(
-        {
-            "type": "hdrfilm",
-            "width": side,
-            "height": side,
-            "pixel_format": "rgb",
-            "component_format": "float32",
-            "rfilter": {"type": "box"},
-        }
-    )
-    seed, plug_in = run.key, {"type": run.sampler}
+    film = mitsuba.load_dict(mitsuba_scenes.film(side, side))
+    seed, plug_in = run.seed, {"type": run.sampler}
     if run.sampler in OURS:
-        made = CANDIDATES[OURS[run.sampler]].make(DIMS, side, side, run.spp, run.key)
-        seed, plug_in = 0, {"type": "qmcjax", "sampler": bridge.held(made), "film": film, "key": run.key}
+        made = CANDIDATES[OURS[run.sampler]].make(DIMS, side, side, run.spp, run.seed)
+        seed, plug_in = 0, {"type": "qmcjax", "sampler": bridge.held(made), "film": film, "key": run.seed}
     described["sensor"] |= {"film": film, "sampler": plug_in}
     scene = mitsuba.load_dict(described)
     start = time.perf_counter()

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from figures._errors import rms
 from figures.shared import diffusion, scene_images
 from figures.shared.image_sheets import Row, image_sheet
 from qmcjax import orders, samplers, scenes, sequences
@@ -91,7 +92,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         bounces=BOUNCES[quality],
         dims=len(scene.needs),
         origin=exact.origin,
-        error=float(np.sqrt(np.mean(np.square(exact.error[area])))),
+        error=rms(exact.error[area]),
     )
     return figure, {"measured": measured, "claims": _claims(measured), "note": note}, images
 
@@ -117,8 +118,8 @@ def _smooth(image: NDArray) -> NDArray[np.bool_]:
 def _by_area(error: NDArray, smooth: NDArray[np.bool_]) -> dict[str, float]:
     left = ndimage.gaussian_filter(error, (1.5, 1.5, 0), mode="wrap")
     return {
-        "filtered error where smooth": float(np.sqrt(np.mean(np.square(left[smooth])))),
-        "filtered error elsewhere": float(np.sqrt(np.mean(np.square(left[~smooth])))),
+        "filtered error where smooth": rms(left[smooth]),
+        "filtered error elsewhere": rms(left[~smooth]),
     }
 
 

@@ -10,8 +10,15 @@ from typing import Any
 
 def measured(module: ModuleType, quality: str, environment: Mapping[str, str] | None = None) -> Any:
     """Run a module with a quality as its argument, and return the JSON that it prints last."""
-    command = [sys.executable, "-m", module.__name__, quality]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    return json.loads(run(module, quality, environment=environment).splitlines()[-1])
+
+
+def run(
+    module: ModuleType, *arguments: str, task: Any = None, environment: Mapping[str, str] | None = None
+) -> str:
+    """Run a module, with a task in JSON at its standard input, and return what it prints."""
+    command = [sys.executable, "-m", module.__name__, *arguments]
+    done = subprocess.run(command, env=environment, input=json.dumps(task), capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])
+    return done.stdout

@@ -11,6 +11,7 @@ from PIL import Image
 
 import analysis
 from figures import plot
+from figures._errors import rms
 
 TRANSFER = "linear values, clipped to [0, 1], by the curve of sRGB"
 AS_IT_IS = "values as they are"
@@ -70,7 +71,7 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
         files[parts["spectrum"]] = _webp(_spectrum(values[name], values[first]))
         spp = {} if count is None else {"spp": count}
         items.append(
-            {"name": _sampler(name), **spp, **parts, "rms": _rms(differences[name]), "scale": scales[count]}
+            {"name": _sampler(name), **spp, **parts, "rms": rms(differences[name]), "scale": scales[count]}
         )
     if len(files) != 1 + 3 * len(others):
         raise ValueError(f"images must have names that differ in letters or digits, got {list(images)}")
@@ -124,12 +125,8 @@ def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:
     """Return the difference that is white, one for all images of as many samples: they are to be compared."""
     largest: dict[int | None, float] = {}
     for name, difference in differences.items():
-        largest[_count(name)] = max(largest.get(_count(name), 0.0), _rms(_grey(difference)))
+        largest[_count(name)] = max(largest.get(_count(name), 0.0), rms(_grey(difference)))
     return {count: _rounded_up(DEVIATIONS * value) for count, value in largest.items()}
-
-
-def _rms(values: NDArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _rounded_up(value: float) -> float:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared.image_grid import DPI, GAP, Panel, add_axes, image_grid
 from qmcjax import scenes, sequences
 
@@ -48,7 +49,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         errors[kind] = {}
         for n in size.counts:
             images = [estimated(make_one(key), n) for key in range(size.keys)]
-            errors[kind][str(n)] = float(np.sqrt(np.mean((np.stack(images) - exact) ** 2)))
+            errors[kind][str(n)] = rms(np.stack(images) - exact)
         progress(done / len(KINDS))
     figure = _drawn(exact, estimated, errors, size.counts, largest)
     return figure, {

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from figures.shared import point_plots, text_tables
 from qmcjax import sequences
@@ -145,10 +146,7 @@ def errors(name: str, size: Size) -> dict[str, dict[str, float]]:
             points = point_plots.block(randomized(name, m, key), 2**m) if most is None else most[: 2**m]
             for integrand, error in INTEGRANDS.items():
                 found[integrand][str(2**m)].append(error(points))
-    return {
-        integrand: {n: float(np.sqrt(np.mean(np.square(e)))) for n, e in row.items()}
-        for integrand, row in found.items()
-    }
+    return {integrand: {n: rms(e) for n, e in row.items()} for integrand, row in found.items()}
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

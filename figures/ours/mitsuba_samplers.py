@@ -1,8 +1,5 @@
 """Samplers of ours in Mitsuba 3 beside its own: errors, what a filter leaves of them, spectra, and speed."""
 
-import json
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -17,11 +14,12 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures.making import own_process
 from figures.ours import benchmark_traced
 from figures.shared import diffusion, mitsuba_scenes
 from figures.shared import mitsuba_samplers_process as process
 from figures.shared.image_grid import Panel, add_axes, image_grid
-from figures.shared.mitsuba_samplers_process import Run
+from figures.shared.mitsuba_scenes import Run
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
 REFERENCE, REFERENCE_SPP = "multijitter", 64
@@ -100,7 +98,7 @@ def make(
     speeds = {
         _shown(run.sampler): run.spp * size.side**2 / seconds[run]
         for run in found[last]
-        if run.key == SPEED_KEY
+        if run.seed == SPEED_KEY
     }
     exact = {name: _exact(of) for name, of in found.items()}
     rows = [
@@ -108,7 +106,7 @@ def make(
         | diffusion.measures(image, exact[name], _area(name, size.side))
         for name, of in found.items()
         for run, image in of.items()
-        if run.key == KEY
+        if run.seed == KEY
     ]
     errors = {(row["scene"], row["sampler"], row["spp"]): row for row in rows}
     most = size.counts[-1]
@@ -191,17 +189,14 @@ def _run(scene: str, size: Size) -> tuple[Images, dict[Run, float]]:
             runs += [Run(name, size.timed, SPEED_KEY)]
     with tempfile.TemporaryDirectory() as folder:
         task = {"scene": scene, "side": size.side, "runs": runs, "file": str(Path(folder, "images.npz"))}
-        command = [sys.executable, "-m", process.__name__]
-        done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True)
-        if done.returncode:
-            raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+        own_process.run(process, task=task)
         with np.load(task["file"]) as result:
             images, seconds = result["images"].astype(np.float64), result["seconds"].tolist()
     return dict(zip(runs, images, strict=True)), dict(zip(runs, seconds, strict=True))
 
 
 def _exact(images: Images) -> diffusion.Reference:
-    replicates = [image for run, image in images.items() if run.key >= REFERENCE_KEY]
+    replicates = [image for run, image in images.items() if run.seed >= REFERENCE_KEY]
     error = np.std(replicates, axis=0, ddof=1) / np.sqrt(len(replicates))
     return diffusion.Reference(np.mean(replicates, axis=0), error, "")
 

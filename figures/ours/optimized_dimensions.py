@@ -14,7 +14,8 @@ from matplotlib.ticker import NullLocator, ScalarFormatter
 from numpy.typing import NDArray
 
 import analysis
-from figures.shared import diffusion, traced_sweep
+from figures._errors import rms
+from figures.shared import diffusion, integrand_classes, traced_sweep
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.choosing import CANDIDATES
 
@@ -135,14 +136,7 @@ def of_integrands(dims: int, name: str, spp: int, key: int) -> Errors:
     mean, deviation = moments(dims)
     sampler = make_sampler(name, dims, spp, key)
     image = analysis.pixel_means(values, sampler, SIDE, SIDE, spp, tuple(range(dims)))
-    error = (np.asarray(image, np.float64) - mean) / deviation
-    return {
-        name: {
-            "RMS error": float(np.sqrt(np.mean(np.square(part)))),
-            "filtered error": analysis.filtered_error(part, np.zeros_like(part)),
-        }
-        for name, part in zip(CLASSES, np.split(error, len(CLASSES), axis=2), strict=True)
-    }
+    return integrand_classes.measures((np.asarray(image, np.float64) - mean) / deviation, CLASSES)
 
 
 def of_scene(scene: Any, exact: diffusion.Reference, name: str, spp: int, key: int) -> Errors:
@@ -164,8 +158,7 @@ def measured(
         for spp in counts:
             each = [measure(name, spp, key) for key in range(1, size.keys + 1)]
             found[name][spp] = {
-                what: {k: float(np.sqrt(np.mean([of[what][k] ** 2 for of in each]))) for k in kinds}
-                for what, kinds in each[0].items()
+                what: {k: rms([of[what][k] for of in each]) for k in kinds} for what, kinds in each[0].items()
             }
     return found
 

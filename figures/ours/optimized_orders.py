@@ -1,6 +1,5 @@
 """Orders with searched permutations beside the samplers of the papers: what a filter leaves of errors."""
 
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
@@ -12,9 +11,11 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures._errors import rms
 from figures.shared import integrand_classes, screen_space, text_tables
 from figures.shared.image_grid import GAP, Panel, add_axes, image_grid
 from figures.shared.integrand_classes import CLASSES
+from figures.shared.turns import in_turns, median
 from qmcjax import orders, samplers, sequences
 from qmcjax.choosing import CANDIDATES
 
@@ -64,42 +65,28 @@ KEYED = {
 def keyless() -> dict[str, Maker]:
     """Return those that have nothing random."""
     methods = screen_space.methods()
-    return {name: partial(_without_key, methods[name].make) for name in KEYLESS}
-
-
-def _without_key(make: Callable[[int, int], samplers.Sampler], side: int, spp: int, _: int) -> Any:
-    return make(side, spp)
+    return {name: lambda side, spp, _, make=methods[name].make: make(side, spp) for name in KEYLESS}
 
 
 def keyed() -> dict[str, Maker]:
     """Return those with keys."""
-    made: dict[str, Maker] = {
-        name: partial(_candidate, CANDIDATES[called].make) for name, called in KEYED.items()
-    }
+    made = {name: _candidate(called) for name, called in KEYED.items()}
     return made | {"Z, ART": lambda side, spp, key: samplers.z(side, side, spp, key, "art")}
 
 
-def _candidate(make: Callable[..., samplers.Sampler], side: int, spp: int, key: int) -> samplers.Sampler:
-    return make(2, side, side, spp, key)
+def _candidate(name: str) -> Maker:
+    make = CANDIDATES[name].make
+    return lambda side, spp, key: make(2, side, side, spp, key)
 
 
-def _owen(key: int) -> sequences.Sequence:
-    return sequences.owen(sequences.sobol(2), key)
-
-
-def _in_rows(side: int, spp: int, key: int) -> samplers.Sampler:
-    """Return the same scrambled sequence along rows."""
-    return samplers.contiguous(orders.raster(side, side), _owen(key), spp)
-
-
-def ours(side: int, spp: int, key: int) -> samplers.Sampler:
-    """Return the optimised sampler."""
-    return samplers.optimized(side, side, spp, key)
+ours, _in_rows = _candidate("optimised orders"), _candidate("raster, Owen-Sobol'")
 
 
 def drawn(side: int, spp: int, key: int) -> samplers.Sampler:
     """Return the same with permutations that are drawn: blocks of the same kind in Z's order."""
-    return samplers.contiguous(orders.scrambled_morton(side, side, key), _owen(key), spp)
+    return samplers.contiguous(
+        orders.scrambled_morton(side, side, key), sequences.owen(sequences.sobol(2), key), spp
+    )
 
 
 Errors = dict[str, dict[str, float]]
@@ -120,22 +107,12 @@ def _measured(maker: Maker, side: int, spp: int, made_for: int, keys: int) -> tu
     images = [integrand_classes.errors(maker(side, made_for, key), side, spp) for key in range(1, keys + 1)]
     found = [integrand_classes.measures(image) for image in images]
     return images[0], {
-        name: {
-            what: float(np.sqrt(np.mean([of[name][what] ** 2 for of in found]))) for what in found[0][name]
-        }
-        for name in CLASSES
+        name: {what: rms([of[name][what] for of in found]) for what in found[0][name]} for name in CLASSES
     }
 
 
-def _seconds(maker: Maker, side: int, spp: int) -> float:
-    """Return the shortest time of some images after the first."""
-    sampler = jax.block_until_ready(maker(side, spp, 1))
-    times = []
-    for _ in range(6):
-        start = time.perf_counter()
-        jax.block_until_ready(analysis.pixel_means(_product, sampler, side, side, spp))
-        times.append(time.perf_counter() - start)
-    return min(times[1:])
+def _frame(sampler: samplers.Sampler, side: int, spp: int, _: int) -> jax.Array:
+    return analysis.pixel_means(_product, sampler, side, side, spp)
 
 
 def _product(point: jax.Array) -> jax.Array:
@@ -197,7 +174,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         spp: _geometric(_ratios(measured[OURS][spp], measured["drawn permutations"][spp]).values())
         for spp in best
     }
-    seconds = [_seconds(maker, side, most) for maker in (ours, _in_rows)]
+    frames = {
+        name: partial(_frame, maker(side, most, 1), side, most)
+        for name, maker in ((OURS, ours), ("rows", _in_rows))
+    }
+    taken = in_turns(frames, 5)
+    slower = median(taken[OURS]) / median(taken["rows"])
     goals = {f"{spp} spp": GOALS.get(spp, GOAL) for spp in counts}
     figure = _draw(shown, best, compared, against_drawn, first)
     return figure, {
@@ -210,7 +192,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "geometric means of filtered errors, ours / best": means,
             "geometric means of filtered errors, ours / drawn permutations": against_drawn,
             "first samples / made for so many": first,
-            "time / time along rows": seconds[0] / seconds[1],
+            "time / time along rows": slower,
         },
         "note": NOTE.format(
             side=side,
@@ -227,7 +209,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             first=_listed({n: _geometric(of.values()) for n, of in first.items()}),
             worst=max(max(of.values()) for of in first.values()),
             allowed=PROGRESSIVE,
-            slower=seconds[0] / seconds[1],
+            slower=slower,
         ),
     }
 

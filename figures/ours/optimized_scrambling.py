@@ -1,6 +1,5 @@
 """Scramblings of nets by gradients of relaxed permutations, beside random ones and annealing of swaps."""
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._rc import BLUE, GREY, VERMILLION
+from figures.shared.turns import in_turns, median
 from qmcjax import orders, sequences
 
 Integers = NDArray[np.int64]
@@ -238,18 +238,12 @@ def _annealed(
 
 
 def _ratio(task: Task, value: Callable[[Array], Array]) -> float:
-    """Return how many times as long a value with its gradient takes: the least of several, warm."""
-    least = []
+    """Return how many times as long a value with its gradient takes: medians, warm."""
+    both = {"value": value, "gradient": jax.jit(jax.value_and_grad(task.measure))}
     with jax.enable_x64(True):
         points = jnp.asarray((task.net + 0.5) / len(task.net))
-        for program in (value, jax.jit(jax.value_and_grad(task.measure))):
-            seconds = []
-            for _ in range(20):
-                start = time.perf_counter()
-                jax.block_until_ready(program(points))
-                seconds.append(time.perf_counter() - start)
-            least.append(min(seconds))
-    return least[1] / least[0]
+        alone, gradient = map(median, in_turns(both, 19, draw=lambda _: points).values())
+    return gradient / alone
 
 
 COLORS = {"random": GREY, "annealing": BLUE, "gradients": VERMILLION}

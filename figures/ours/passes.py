@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared.image_grid import Panel, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -95,7 +96,7 @@ def _until(scene: Any, size: Size, unbiased: bool) -> tuple[Any, dict[str, float
     errors = np.stack([np.asarray(result.image, np.float64) for result in results]) - exact
     means = errors.mean(axis=(1, 2))
     numbers = {
-        "rms error": float(np.sqrt(np.mean(errors**2))),
+        "rms error": rms(errors),
         "largest rms error of a pixel": float(np.sqrt(np.mean(errors**2, axis=0)).max()),
         "saving": float(np.mean([result.saving for result in results])),
         "mean error": float(means.mean()),

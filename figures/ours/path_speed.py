@@ -1,6 +1,5 @@
 """Paths a second of diffuse scenes, against Mitsuba 3."""
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -10,7 +9,9 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures.shared import mitsuba_scenes
-from qmcjax import orders, samplers, scenes, sequences, tracing
+from figures.shared.turns import timed
+from qmcjax import scenes, tracing
+from qmcjax.choosing import CANDIDATES
 
 SIZES = {"draft": (32, 4, 2), "paper": (128, 16, 9)}
 """Side of the image, samples per pixel, turns."""
@@ -19,13 +20,7 @@ BOUNCES = 6
 """Paths have up to 8 edges."""
 
 
-POINTS: dict[str, Callable[[tuple[int, int], int, int], Any]] = {
-    "qmcjax, Sobol'": lambda size, dims, key: samplers.independent(sequences.sobol(dims), key),
-    "qmcjax, random": lambda size, dims, key: samplers.contiguous(
-        orders.raster(size[0], size[0]), sequences.uniform(dims, key), size[1]
-    ),
-}
-"""Samplers by the side of the image and samples per pixel, the number of dimensions and the key."""
+POINTS = {"qmcjax, Sobol'": CANDIDATES["(0,2), Owen"].make, "qmcjax, random": CANDIDATES["random"].make}
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
@@ -83,16 +78,11 @@ def _measured(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> di
 
 
 def _ours(
-    scene: tracing.PathTracing,
-    side: int,
-    spp: int,
-    points: Callable[[tuple[int, int], int, int], Any],
-    key: int,
+    scene: tracing.PathTracing, side: int, spp: int, points: Callable[..., Any], key: int
 ) -> tuple[NDArray[np.float32], float]:
-    sampler = points((side, spp), len(scene.needs), key)
-    start = time.perf_counter()
-    image = np.asarray(qj.render(scene, sampler, side, side, spp))
-    return image, time.perf_counter() - start
+    sampler = points(len(scene.needs), side, side, spp, key)
+    image, seconds = timed(qj.render, scene, sampler, side, side, spp)
+    return np.asarray(image), seconds.clock
 
 
 def _drawn(measured: dict[str, Any]) -> Figure:

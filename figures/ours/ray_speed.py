@@ -1,7 +1,6 @@
 """Rays a second: the ways to search in a world, and Embree."""
 
 import os
-import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -14,6 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures.shared.turns import in_turns, median
 from qmcjax import scenes, tracing
 from qmcjax.tracing import ways
 
@@ -175,25 +175,15 @@ def _helicopter(count: int, turns: int, ways: tuple[str, ...]) -> dict[str, dict
 
 def _measured(ways: dict[str, Call], count: int, turns: int) -> dict[str, dict[str, float]]:
     """Return rays a second of medians, those of the least processor time, and seconds of the first call."""
-    first = {name: _seconds(call)[0] for name, call in ways.items()}
-    times = {name: np.empty((turns, 2)) for name in ways}
-    for turn in range(turns):
-        for name, call in ways.items():
-            times[name][turn] = _seconds(call)
+    calls = {name: lambda _, call=call: call() for name, call in ways.items()}
     return {
         name: {
-            "per second": count / float(np.median(taken[:, 0])),
-            "per processor second": count / float(taken[:, 1].min()),
-            "seconds of the first call": first[name],
+            "per second": count / median(taken),
+            "per processor second": count / max(min(one.processors for one in taken[1:]), 1e-9),
+            "seconds of the first call": taken[0].clock,
         }
-        for name, taken in times.items()
+        for name, taken in in_turns(calls, turns).items()
     }
-
-
-def _seconds(call: Call) -> tuple[float, float]:
-    start, used = time.perf_counter(), time.process_time()
-    call()
-    return time.perf_counter() - start, max(time.process_time() - used, 1e-9)
 
 
 def _drawn(measured: dict[str, dict[str, dict[str, float]]]) -> Figure:

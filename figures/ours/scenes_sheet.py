@@ -9,8 +9,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared.image_grid import Panel, image_grid
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import scenes
+from qmcjax.choosing import CANDIDATES
 from qmcjax.scenes import traced
 
 SPP = 16
@@ -58,9 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         low, high = (float(end) if abs(end) > bound else 0.0 for end in (exact.min(), exact.max()))
         ratio = ""
         if quality == "paper" or name in DRAFTED:
-            numbers["error over random"] = _error(scene, exact, keys, _along) / _error(
-                scene, exact, keys, _random
-            )
+            along, random = (_error(scene, exact, keys, name) for name in ("Hilbert, Owen-Sobol'", "random"))
+            numbers["error over random"] = along / random
             ratio = f", error / random {numbers['error over random']:.2f}"
         measured[name] = numbers
         caption = f"{name} [{low:.3g}, {high:.3g}]\n{_shortened(scene.needs)}\nbound {bound:.0e}{ratio}"
@@ -83,22 +84,12 @@ def _integral(scene: Any) -> dict[str, float]:
     return {"integral": integral, "bound of the integral": bound, "sum against integral": off}
 
 
-def _error(
-    scene: Any, exact: NDArray[np.float64], keys: int, sampler: Callable[[int, int, int], Any]
-) -> float:
-    """Return the RMS error over several keys."""
-    side, dims = len(exact), len(scene.needs)
-    images = [qj.render(scene, sampler(side, dims, key), side, side, SPP) for key in range(keys)]
-    return float(np.sqrt(np.mean([(np.asarray(image, np.float64) - exact) ** 2 for image in images])))
-
-
-def _along(side: int, dims: int, key: int) -> samplers.Sampler:
-    sequence = sequences.owen(sequences.sobol(dims), key)
-    return samplers.contiguous(orders.hilbert(side, side), sequence, SPP)
-
-
-def _random(side: int, dims: int, key: int) -> samplers.Sampler:
-    return samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, key), SPP)
+def _error(scene: Any, exact: NDArray[np.float64], keys: int, name: str) -> float:
+    """Return the RMS error of a candidate over several keys."""
+    side, make = len(exact), CANDIDATES[name].make
+    made = [make(len(scene.needs), side, side, SPP, key) for key in range(keys)]
+    images = [qj.render(scene, sampler, side, side, SPP) for sampler in made]
+    return rms([np.asarray(image, np.float64) - exact for image in images])
 
 
 def _shortened(needs: tuple[str, ...]) -> str:

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared import speed_sweep
 from figures.shared.image_grid import Panel, add_axes, image_grid
 from qmcjax import scenes
@@ -76,15 +77,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 def _compared(scene: Any, size: Size, spp: int) -> dict[str, float]:
     """Return times and errors with and without skipping, in turn."""
     along = speed_sweep.SAMPLERS[speed_sweep.ADAPTIVE]
-    exact = scene.reference(size.side, size.side)[0]
-    seconds: dict[bool, list[float]] = {True: [], False: []}
-    squares: dict[bool, list[float]] = {True: [], False: []}
-    for key in range(size.calls + 1):
-        for adaptive in (False, True):
-            taken, image = speed_sweep.timed(scene, along, size.side, spp, key, adaptive)
-            seconds[adaptive].append(taken)
-            squares[adaptive].append(float(np.mean((image - exact) ** 2)))
-    with_, without = (float(np.median(seconds[adaptive][1:])) for adaptive in (True, False))
+    entries = {"without": (along, False), "with": (along, True)}
+    found = speed_sweep.compared(scene, entries, size.side, spp, size.calls)
+    with_, without = (float(np.median(found[kind][0][1:])) for kind in ("with", "without"))
     saving = _skipped(scene, size, spp).saving
     return {
         "saving": saving,
@@ -94,8 +89,7 @@ def _compared(scene: Any, size: Size, spp: int) -> dict[str, float]:
         "times faster": without / with_,
         "over proportion": with_ / ((1 - saving) * without),
         "seconds beyond proportion": with_ - (1 - saving) * without,
-        "rms error without": float(np.sqrt(np.mean(squares[False]))),
-        "rms error with": float(np.sqrt(np.mean(squares[True]))),
+        **{f"rms error {kind}": rms(errors) for kind, (_, errors) in found.items()},
     }
 
 

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared.image_grid import Panel, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -49,7 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         for name, sampler in ways(spp).items():
             image = np.asarray(qj.render(scene, sampler, SIDE, SIDE, spp))
             images[f"{name}, {spp} spp"] = image
-            error = float(np.sqrt(np.mean((image - reference) ** 2)))
+            error = rms(image - reference)
             errors.setdefault(name, {})[f"{spp} spp"] = error
             panels.append(Panel(f"{name}, {spp} spp\nRMS error {error:.4f}", image))
         progress(done / len(COUNTS))

@@ -1,6 +1,5 @@
 """Trees by the surface area heuristic and by the other ways of Sect. 4.1.3 and 4.1.4 of the thesis."""
 
-import time
 from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
@@ -12,7 +11,8 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures.shared import mesh_models, text_tables
-from figures.shared.traversal import Rays, leaf_depths, timed, traced
+from figures.shared.traversal import Rays, leaf_depths, traced
+from figures.shared.turns import in_turns, median, timed
 
 SIDE = {"draft": 24, "paper": 96}
 FAN = 200
@@ -136,7 +136,7 @@ def _of_mesh(mesh: mesh_models.Mesh, side: int) -> dict[str, Any]:
             "nodes of a primary ray": visits,
             "nodes / those of the heuristic": visits / first["visits"],
             "mean leaf depth": leaf_depths(tree)[1],
-            "seconds to build": seconds,
+            "seconds to build": seconds.clock,
         }
     return found | {"triangles": len(mesh.triangles)}
 
@@ -161,12 +161,8 @@ def _embree(mesh: mesh_models.Mesh, side: int = 256, turns: int = 5) -> float:
     scene = EmbreeScene()
     TriangleMesh(scene, mesh.triangles.astype(np.float32))
     origin, way = (np.ascontiguousarray(a, np.float32) for a in mesh_models.camera_rays(mesh, side))
-    times = []
-    for _ in range(turns + 1):
-        start = time.perf_counter()
-        scene.run(origin, way)
-        times.append(time.perf_counter() - start)
-    return float(np.median(times[1:]) / len(origin) * 1e9)
+    taken = in_turns({"": lambda _: scene.run(origin, way)}, turns)[""]
+    return median(taken) / len(origin) * 1e9
 
 
 def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], names: tuple[str, ...]) -> Figure:

@@ -5,7 +5,6 @@ A process of its own, since the peak of its memory is read. Prints JSON.
 
 import json
 import sys
-import time
 
 import jax
 import numpy as np
@@ -13,6 +12,7 @@ from jax import Array
 from jax.sharding import Mesh
 
 from figures.shared.peak_memory import peak_of
+from figures.shared.turns import Seconds, in_turns, timed
 from qmcjax import render, samplers, scenes
 
 SIDES = {"draft": (64, 128), "paper": (64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384)}
@@ -26,30 +26,25 @@ SHARED = {"draft": (64, 2), "paper": (1024, 16)}
 WANTED, MOST = 0.25, {"draft": 1, "paper": 9}
 """Calls are repeated for so many seconds, and so often at most; the least time counts."""
 
-Times = tuple[float, float]
-"""Seconds of the clock, and of all processors."""
 
-
-def image(side: int, spp: int, mesh: Mesh | None, key: int) -> Array:
+def image(side: int, spp: int, mesh: Mesh | None = None, key: int = 1) -> Array:
     sampler = samplers.z(side, side, spp, int(key))
     return render(scenes.checkerboard(), sampler, side, side, spp, mesh=mesh)
 
 
-def timed(taken: list[Times], side: int, spp: int, mesh: Mesh | None = None, key: int = 1) -> Array:
-    """Return an image once it is finished, and note the time."""
-    start, busy = time.perf_counter(), time.process_time()
-    made = jax.block_until_ready(image(side, spp, mesh, key))
-    taken.append((time.perf_counter() - start, time.process_time() - busy))
-    return made
-
-
 def measured(side: int, spp: int, most: int) -> dict[str, float | None]:
     """Return what an image costs once its program is compiled, memory beyond that of the image."""
-    timed([], side, spp)
-    taken: list[Times] = []
-    peak = peak_of(lambda key: timed(taken, side, spp, None, key), 2)
-    while len(taken) < most and sum(clock for clock, _ in taken) < WANTED:
-        timed(taken, side, spp)
+    timed(image, side, spp)
+    taken: list[Seconds] = []
+
+    def noted(key: int) -> Array:
+        made, seconds = timed(image, side, spp, None, key)
+        taken.append(seconds)
+        return made
+
+    peak = peak_of(noted, 2)
+    while len(taken) < most and sum(seconds.clock for seconds in taken) < WANTED:
+        noted(1)
     seconds, busy = np.min(taken, axis=0)
     beyond = None if peak is None else max(peak - 4 * side**2, 0)
     return {"side": side, "spp": spp, "seconds": seconds, "processor seconds": busy, "beyond": beyond}
@@ -57,14 +52,9 @@ def measured(side: int, spp: int, most: int) -> dict[str, float | None]:
 
 def overhead(side: int, spp: int, most: int) -> dict[str, float]:
     """Return by which part of the time a mesh of one device takes longer, with and without it in turns."""
-    meshes = None, jax.sharding.Mesh(np.array(jax.devices()[:1]), ("device",))
-    taken: tuple[list[Times], list[Times]] = [], []
-    for mesh in meshes:
-        timed([], side, spp, mesh)
-    for _ in range(2 * most):
-        for times, mesh in zip(taken, meshes, strict=True):
-            timed(times, side, spp, mesh)
-    plain, shared = (np.min(times, axis=0) for times in taken)
+    meshes = {"plain": None, "shared": jax.sharding.Mesh(np.array(jax.devices()[:1]), ("device",))}
+    calls = {name: lambda _, mesh=mesh: image(side, spp, mesh) for name, mesh in meshes.items()}
+    plain, shared = (np.min(taken[1:], axis=0) for taken in in_turns(calls, 2 * most).values())
     clock, busy = shared / plain - 1
     return {"side": side, "spp": spp, "seconds": clock, "processor seconds": busy}
 

@@ -9,6 +9,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from figures import plot
+from figures._errors import rms
 
 DPI = 150
 MARGIN, GAP, TOP, CAPTION, KEY = 40, 12, 64, 22, 96
@@ -115,7 +116,7 @@ def _key(figure: Figure, row: Row, left: int, bottom: int, size: int) -> None:
 def errors(images: Mapping[str, NDArray], reference: NDArray, captions: Mapping[str, str]) -> Row:
     """Return the row of what grey images are above and below a reference."""
     found = {name: image - reference for name, image in images.items()}
-    scale = 3 * float(np.sqrt(np.mean([error**2 for error in found.values()])))
+    scale = 3 * rms(list(found.values()))
     ticks = {-scale: f"{-scale:.2g}", 0.0: "0", scale: f"{scale:.2g}"}
     return Row(found, (-scale, scale), Shades("error", ticks), captions)
 

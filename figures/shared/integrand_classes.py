@@ -9,6 +9,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 import analysis
+from figures._errors import rms
 from qmcjax import samplers
 
 CLASSES = ("half-planes", "discs", "bumps", "waves")
@@ -59,12 +60,9 @@ def errors(sampler: samplers.Sampler, side: int, spp: int, dims: tuple[int, int]
     return (found - mean) / deviation
 
 
-def measures(found: NDArray) -> dict[str, dict[str, float]]:
+def measures(found: NDArray, classes: tuple[str, ...] = CLASSES) -> dict[str, dict[str, float]]:
     """Return RMS and filtered errors of each class, over its integrands."""
     return {
-        name: {
-            "RMS error": float(np.sqrt(np.mean(np.square(part)))),
-            "filtered error": analysis.filtered_error(part, np.zeros_like(part)),
-        }
-        for name, part in zip(CLASSES, np.split(found, len(CLASSES), axis=2), strict=True)
+        name: {"RMS error": rms(part), "filtered error": analysis.filtered_error(part, np.zeros_like(part))}
+        for name, part in zip(classes, np.split(found, len(classes), axis=2), strict=True)
     }

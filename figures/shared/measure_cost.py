@@ -5,7 +5,6 @@ A process of its own, since the peak of its memory is read. Prints JSON.
 
 import json
 import sys
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ from scipy.stats import qmc
 
 import analysis
 from figures.shared.peak_memory import peak_of
+from figures.shared.turns import Seconds, in_turns, median, timed
 from qmcjax import sequences
 
 Points = NDArray[np.float64]
@@ -141,13 +141,6 @@ GRADIENTS: dict[str, tuple[Call, int, int]] = {
 """Differentiable measures, dimensions and numbers of points. Drafts take the first ones only."""
 
 
-def timed(measure: Measure, taken: list[tuple[float, float]], given: Points) -> None:
-    """Measure, and note the seconds of the call, and those of all processors."""
-    start, busy = time.perf_counter(), time.process_time()
-    jax.block_until_ready(measure.call(given))
-    taken.append((time.perf_counter() - start, time.process_time() - busy))
-
-
 def scaling(measure: Measure, last: int) -> dict[str, Any]:
     """Return time and memory up to 2^last points."""
     rows: dict[str, Any] = {key: [] for key in ("n", "seconds", "processor seconds", "bytes")}
@@ -155,27 +148,20 @@ def scaling(measure: Measure, last: int) -> dict[str, Any]:
     for m in range(last, measure.first - 1, -2)[::-1]:
         if measure.compiles or not rows["n"]:  # for other points, or to load what Numba compiled
             jax.block_until_ready(measure.call(random(2**m, measure.dims, m)))
-        taken: list[tuple[float, float]] = []
-        rows["bytes"].append(peak_of(partial(timed, measure, taken), every[: 2**m]))
+        taken: list[Seconds] = []
+        rows["bytes"].append(
+            peak_of(lambda given: taken.append(timed(measure.call, given)[1]), every[: 2**m])  # noqa: B023
+        )
         rows["n"].append(2**m)
-        rows["seconds"].append(taken[0][0])
-        rows["processor seconds"].append(taken[0][1])
+        rows["seconds"].append(taken[0].clock)
+        rows["processor seconds"].append(taken[0].processors)
     return rows | {"theory": measure.theory, "dims": measure.dims}
 
 
 def seconds(calls: list[Call], draw: Callable[[int], Any], repeats: int) -> list[float]:
     """Return the median of the times of each call after the first, in turns for the same points."""
-    times: list[list[float]] = [[] for _ in calls]
-    begin = time.perf_counter()
-    for i in range(repeats + 1):
-        points = jax.block_until_ready(draw(i))
-        for call, taken in zip(calls, times, strict=True):
-            start = time.perf_counter()
-            jax.block_until_ready(call(points))
-            taken.append(time.perf_counter() - start)
-        if i and time.perf_counter() - begin > BUDGET:
-            break
-    return [float(np.median(taken[1:])) for taken in times]
+    taken = in_turns(dict(zip(map(str, calls), calls, strict=True)), repeats, BUDGET, draw)
+    return [median(of) for of in taken.values()]
 
 
 def main(quality: str) -> None:

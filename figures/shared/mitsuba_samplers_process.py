@@ -6,39 +6,23 @@ The task comes in JSON at standard input: the name of a scene, a side, runs, and
 import json
 import sys
 import time
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from qmcjax import orders, samplers, sequences
+from figures.shared import mitsuba_scenes
+from figures.shared.mitsuba_scenes import Run
 from qmcjax.bridges import mitsuba as bridge
-
-
-class Run(NamedTuple):
-    """One image: the name of a sampler, samples per pixel, and a key: the seed of Mitsuba's samplers."""
-
-    sampler: str
-    spp: int
-    key: int
-
+from qmcjax.choosing import CANDIDATES
 
 DIMS = 8
 """Of each sampler: the pixel's, the lens', and those of a bounce. The plug-in pads what is behind them."""
 
 
-def _hilbert(side: int, spp: int, key: int) -> samplers.Sampler:
-    owen = sequences.owen(sequences.sobol(DIMS), key)
-    return samplers.contiguous(orders.hilbert(side, side), owen, spp)
-
-
-OURS: dict[str, Callable[[int, int, int], samplers.Sampler]] = {
-    "(0,2), Owen per pixel": lambda side, spp, key: samplers.independent(sequences.sobol(DIMS), key),
-    "Hilbert, Owen-Sobol'": _hilbert,
-    "Z, hash": lambda side, spp, key: samplers.z(side, side, spp, key, dims=DIMS),
-    "optimised orders": lambda side, spp, key: samplers.optimized(side, side, spp, key, dims=DIMS),
+OURS = {"(0,2), Owen per pixel": "(0,2), Owen"} | {
+    name: name for name in ("Hilbert, Owen-Sobol'", "Z, hash", "optimised orders")
 }
-"""By side, samples per pixel and key."""
+"""Names of candidates."""
 
 THEIRS = ("independent", "stratified", "multijitter")
 
@@ -149,20 +133,11 @@ def _rough(metal: str, alpha: float) -> dict[str, Any]:
 def rendered(mitsuba: Any, name: str, side: int, run: Run) -> tuple[Any, float]:
     """Return an image, and the seconds that it took without loading."""
     described = SCENES[name](mitsuba)
-    film = mitsuba.load_dict(
-        {
-            "type": "hdrfilm",
-            "width": side,
-            "height": side,
-            "pixel_format": "rgb",
-            "component_format": "float32",
-            "rfilter": {"type": "box"},
-        }
-    )
-    seed, plug_in = run.key, {"type": run.sampler}
+    film = mitsuba.load_dict(mitsuba_scenes.film(side, side))
+    seed, plug_in = run.seed, {"type": run.sampler}
     if run.sampler in OURS:
-        made = OURS[run.sampler](side, run.spp, run.key)
-        seed, plug_in = 0, {"type": "qmcjax", "sampler": bridge.held(made), "film": film, "key": run.key}
+        made = CANDIDATES[OURS[run.sampler]].make(DIMS, side, side, run.spp, run.seed)
+        seed, plug_in = 0, {"type": "qmcjax", "sampler": bridge.held(made), "film": film, "key": run.seed}
     described["sensor"] |= {"film": film, "sampler": plug_in}
     scene = mitsuba.load_dict(described)
     start = time.perf_counter()

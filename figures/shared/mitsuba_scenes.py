@@ -1,8 +1,5 @@
 """Still scenes of ours as Mitsuba 3 takes them, and what it makes of them."""
 
-import json
-import subprocess
-import sys
 import tempfile
 from dataclasses import replace
 from importlib.util import find_spec
@@ -13,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from figures.making import own_process
 from figures.shared import mitsuba_process
 from qmcjax import tracing
 
@@ -26,7 +24,7 @@ def installed() -> bool:
 
 
 class Run(NamedTuple):
-    """One image: a sampler of Mitsuba's by its name, how many samples a pixel, and a seed."""
+    """One image: a sampler by its name, samples per pixel, and a seed, or the key of a sampler of ours."""
 
     sampler: str
     spp: int
@@ -51,12 +49,15 @@ def run(
     """
     with tempfile.TemporaryDirectory() as folder:
         task = {"scene": described(scene, width, height), "runs": runs, "folder": folder}
-        command = [sys.executable, "-m", mitsuba_process.__name__]
-        done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True)
-        if done.returncode:
-            raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+        own_process.run(mitsuba_process, task=task)
         with np.load(Path(folder) / mitsuba_process.RESULT) as result:
             return result["images"], result["seconds"].tolist(), result["counts"].tolist()
+
+
+def film(width: int, height: int) -> dict[str, Any]:
+    """Return a film of linear RGB with a box filter."""
+    size = {"width": width, "height": height, "rfilter": {"type": "box"}}
+    return {"type": "hdrfilm", "pixel_format": "rgb", "component_format": "float32", **size}
 
 
 def described(scene: tracing.Estimator, width: int, height: int) -> dict[str, Any]:
@@ -111,14 +112,7 @@ def _sensor(camera: tracing.Camera, width: int, height: int) -> dict[str, Any]:
         "fov": float(camera.fov),
         "fov_axis": "y",
         "near_clip": 1e-3,
-        "film": {
-            "type": "hdrfilm",
-            "width": width,
-            "height": height,
-            "pixel_format": "rgb",
-            "component_format": "float32",
-            "rfilter": {"type": "box"},
-        },
+        "film": film(width, height),
         "sampler": {"type": "independent"},
     }
     if camera.aperture is None:

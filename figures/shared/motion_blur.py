@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 import analysis
 from figures import plot
+from figures._errors import fluctuation, slope
 from figures.making.schema import Claims
 from figures.shared import scene_images, traced_images
 from qmcjax import orders, samplers, scenes, sequences
@@ -162,8 +163,8 @@ def convergence(
         "measured": {
             "rms_error": _by_name(errors),
             "strongest wave": _by_name(waves),
-            "slope": {sampler: traced_images.slope(of) for sampler, of in errors.items()},
-            "fluctuation": {sampler: traced_images.fluctuation(of) for sampler, of in errors.items()},
+            "slope": {sampler: slope(of) for sampler, of in errors.items()},
+            "fluctuation": {sampler: fluctuation(of) for sampler, of in errors.items()},
             "reference_error": exact.error,
         },
         "claims": claims(errors, waves),

@@ -9,7 +9,6 @@ import json
 import subprocess
 import sys
 import tempfile
-import time
 import warnings
 from collections.abc import Callable
 from functools import cache
@@ -21,6 +20,8 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures._cpp import compiled
+from figures._errors import rms
+from figures.shared import turns
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, (16,), 2), "paper": (512, (4, 16, 64, 256), 7)}
@@ -124,9 +125,8 @@ def timed(render: Render) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
     def run(key: int) -> tuple[float, NDArray[np.float32]]:
         if key > 0:
             render(-key % 2**32)
-        start = time.perf_counter()
-        image = render(key)
-        return time.perf_counter() - start, image
+        image, seconds = turns.timed(render, key)
+        return seconds.clock, image
 
     return run
 
@@ -140,7 +140,7 @@ def reference(name: str, height: int, width: int) -> tuple[NDArray[np.float64], 
 def error(name: str, image: NDArray[np.float32]) -> float:
     """Return the root mean square error of an image."""
     exact, _ = reference(name, *image.shape)
-    return float(np.sqrt(np.mean((image - exact) ** 2)))
+    return rms(image - exact)
 
 
 def main(quality: str) -> None:
@@ -162,15 +162,15 @@ def main(quality: str) -> None:
                     programs["torch"] = timed(torch)
                 if program is not None:
                     programs["C++, OpenMP"] = cpp(program, name, side, spp)
-                turns = {who: [run(0)] for who, run in programs.items()}
+                found = {who: [run(0)] for who, run in programs.items()}
                 for key in range(1, calls + 1):
                     for who, run in programs.items():
-                        turns[who].append(run(key))
-                for who, results in turns.items():
+                        found[who].append(run(key))
+                for who, results in found.items():
                     seconds = [result[0] for result in results]
-                    squares = [error(name, image) ** 2 for _, image in results]
+                    errors = [error(name, image) for _, image in results]
                     row = {"scene": name, "spp": spp, "program": who, "seconds": seconds[1:]}
-                    rows.append(row | {"first": seconds[0], "error": float(np.sqrt(np.mean(squares)))})
+                    rows.append(row | {"first": seconds[0], "error": rms(errors)})
     print(json.dumps({"side": side, "rows": rows}))
 
 

@@ -13,6 +13,7 @@ from matplotlib.patches import Rectangle
 import analysis
 import qmcjax as qj
 from figures import plot
+from figures._errors import residual, rms
 from figures.making import finished_cells
 from figures.making.schema import Claims
 from qmcjax import samplers, sequences
@@ -90,7 +91,7 @@ def pictures(
     reference, bound = scene.reference(side, side)
     progress(0.5)
     images = {name: np.asarray(qj.render(scene, make(spp), side, side, spp)) for name, make in makers.items()}
-    errors = {name: float(np.sqrt(np.mean((image - reference) ** 2))) for name, image in images.items()}
+    errors = {name: rms(image - reference) for name, image in images.items()}
     captions = {name: f"{name}\nRMS error {error:.5f}" for name, error in errors.items()}
     left, upper, part = (round(c * side) for c in crop)
     area = np.s_[upper : upper + part, left : left + part]
@@ -190,7 +191,7 @@ def convergence(
             "spp": spps,
             "rms_error": errors,
             "slope": _slopes(spps, errors),
-            "fluctuation": {name: fluctuation(of_region["whole"]) for name, of_region in errors.items()},
+            "fluctuation": {name: residual(np.log(of_region["whole"])) for name, of_region in errors.items()},
         },
         "claims": claims(errors),
         "note": f"{side} x {side} pixels. The thesis plots the norm of the error image, the RMS error times "
@@ -230,17 +231,11 @@ def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, fl
         name: np.asarray(qj.render(scene, make(SHOWN), side, side, SHOWN))[area] - exact
         for name, make in makers.items()
     }
-    scale = 3 * float(np.sqrt(np.mean([error**2 for error in found.values()])))
+    scale = 3 * rms(list(found.values()))
     zoom = 352 // part
     for k, (name, error) in enumerate(found.items()):
         caption = f"{name}, {SHOWN} spp" + (f"\nerror, {-scale:.2g} to {scale:.2g}" if k == 0 else "")
         plot.place(figure, error, 40 + 392 * k, 24, zoom, title=caption, limits=(-scale, scale))
-
-
-def fluctuation(errors: list[float]) -> float:
-    """Return how far errors at equally spaced exponents are from a power law, root mean square."""
-    x, y = np.arange(len(errors)), np.log(errors)
-    return float(np.sqrt(np.mean((y - np.polyval(np.polyfit(x, y, 1), x)) ** 2)))
 
 
 def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:

@@ -7,16 +7,16 @@ Prints JSON: the medians of several calls, each for other points, after others t
 import contextlib
 import json
 import sys
-import time
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from figures.shared.peak_memory import peak_of
+from figures.shared.turns import in_turns
 from qmcjax import integrate, sequences
 
 CALLS, COUNTED = 40, 7
@@ -162,31 +162,15 @@ def seconds(draw: Draw, budget: float) -> list[float]:
     times as long, 95 ms instead of 4 for 32 MB of large pages, whichever program touches them. Calls that
     follow each other at once come to use the same pages again.
     """
-    draw(0)
-    times = []
-    for i in range(1, CALLS + 1):
-        if sum(times) > budget:
-            break
-        start = time.perf_counter()
-        kept = draw(i)
-        times.append(time.perf_counter() - start)
-        del kept
-    return times[-COUNTED:]
+    return [seconds.clock for seconds in in_turns({"": draw}, CALLS, budget)[""][1:]][-COUNTED:]
 
 
-def memory(dtype: type) -> float:
+def memory(dtype: type) -> float | None:
     """Return by how many times its result ``points`` raises the memory in use, at most (Linux only)."""
     sequence = sequences.owen(sequences.sobol(32), key=1)
     jax.block_until_ready(sequence.points(2**16, dtype=dtype))  # the memory that programs and tables take
-    Path("/proc/self/clear_refs").write_text("5")  # the peak so far is forgotten
-    before = _peak()
-    points = jax.block_until_ready(sequence.points(2**21, dtype=dtype))
-    return (_peak() - before) / points.nbytes
-
-
-def _peak() -> int:
-    status = Path("/proc/self/status").read_text()
-    return int(status.split("VmHWM:")[1].split()[0]) * 1024
+    peak = peak_of(lambda n: sequence.points(n, dtype=dtype), 2**21)
+    return peak and peak / (2**21 * 32 * np.dtype(dtype).itemsize)
 
 
 def main(quality: str) -> None:

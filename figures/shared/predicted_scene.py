@@ -86,11 +86,6 @@ def sampled(
     return scene_images.rendered(of, sampler, side, spp, quality)
 
 
-def rms(image: NDArray, other: NDArray) -> float:
-    """Return the root of the mean squared difference."""
-    return float(np.sqrt(np.mean((np.asarray(image, np.float64) - other) ** 2)))
-
-
 def shown(image: NDArray) -> NDArray[np.float64]:
     """Return radiance as screens expect it."""
     return plot.srgb(np.clip(np.asarray(image, np.float64), 0, 1))

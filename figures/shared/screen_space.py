@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.special import erf
 
 import analysis
+from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import screen_space_sheets
 from qmcjax import orders, samplers, sequences
@@ -102,7 +103,7 @@ def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, 
     for k, (name, exact) in enumerate(INTEGRALS.items()):
         error, none = image[..., k] - exact, np.zeros((side, side))
         measured[name] = {
-            "RMS error": float(np.sqrt(np.mean(error**2))),
+            "RMS error": rms(error),
             # An error that is the same in all pixels has no spectrum.
             "low-frequency power": analysis.low_frequency_power(error, none) if np.ptp(error) else 0.0,
             "filtered error": analysis.filtered_error(error, none),

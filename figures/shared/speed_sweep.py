@@ -6,13 +6,14 @@ in the first one.
 
 import json
 import sys
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 import qmcjax as qj
+from figures._errors import rms
+from figures.shared.turns import timed
 from qmcjax import scenes
 from qmcjax.choosing import CANDIDATES
 
@@ -52,35 +53,35 @@ ADAPTIVE = "Hilbert, Owen"
 """Also measured where constant pixels are skipped."""
 
 
-def timed(scene: Any, make: Make, side: int, spp: int, key: int, adaptive: bool) -> tuple[float, Any]:
-    """Return the time that an image takes, and the image."""
-    sampler = make(side, spp, len(scene.needs), key)
-    start = time.perf_counter()
-    if adaptive:
-        image = qj.render_adaptive(scene, sampler, side, side, spp).image
-    else:
-        image = qj.render(scene, sampler, side, side, spp)
-    image = np.asarray(image)
-    return time.perf_counter() - start, image
+def compared(
+    scene: Any, entries: Mapping[str, tuple[Make, bool]], side: int, spp: int, calls: int
+) -> dict[str, tuple[list[float], list[float]]]:
+    """Return seconds and RMS errors of images, the first of which compiles, pixels skipped or not."""
+    exact, _ = scene.reference(side, side)
+    found: dict[str, tuple[list[float], list[float]]] = {who: ([], []) for who in entries}
+    for key in range(calls + 1):
+        for who, (make, adaptive) in entries.items():
+            sampler, render = make(side, spp, len(scene.needs), key), _adaptive if adaptive else qj.render
+            image, seconds = timed(render, scene, sampler, side, side, spp)
+            found[who][0].append(seconds.clock)
+            found[who][1].append(rms(np.asarray(image) - exact))
+    return found
+
+
+def _adaptive(*given: Any) -> Any:
+    return qj.render_adaptive(*given).image
 
 
 def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
     """Return a row for each sampler."""
     scene = SCENES[name]
-    exact, bound = scene.reference(side, side)
+    _, bound = scene.reference(side, side)
     entries = {who: (make, False) for who, make in SAMPLERS.items()}
     if hasattr(scene, "varies"):
         entries[f"{ADAPTIVE}, adaptive"] = SAMPLERS[ADAPTIVE], True
-    times: dict[str, list[float]] = {who: [] for who in entries}
-    errors: dict[str, list[float]] = {who: [] for who in entries}
-    for key in range(calls + 1):
-        for who, (make, adaptive) in entries.items():
-            seconds, image = timed(scene, make, side, spp, key, adaptive)
-            times[who].append(seconds)
-            errors[who].append(float(np.sqrt(np.mean((image - exact) ** 2))))
     rows = []
-    for who in entries:
-        low, median, high = np.quantile(times[who][1:], [0.25, 0.5, 0.75])
+    for who, (seconds, errors) in compared(scene, entries, side, spp, calls).items():
+        low, median, high = np.quantile(seconds[1:], [0.25, 0.5, 0.75])
         rows.append(
             {
                 "scene": name,
@@ -89,8 +90,8 @@ def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
                 "seconds": float(median),
                 "seconds, lower quartile": float(low),
                 "seconds, upper quartile": float(high),
-                "seconds, first call": times[who][0],
-                "rms error": float(np.sqrt(np.mean(np.square(errors[who])))),
+                "seconds, first call": seconds[0],
+                "rms error": rms(errors),
                 "reference bound": bound,
             }
         )

@@ -1,6 +1,6 @@
 """Rendered scenes: their references and errors, and sheets of images with crops."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -10,6 +10,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from figures import plot
+from figures._errors import rms
 from figures.shared import diffusion
 from qmcjax import scenes
 
@@ -28,7 +29,7 @@ class Reference(NamedTuple):
 def reference(name: str, side: int, spp: int) -> Reference:
     """Return the stored reference of a scene of the package, or else an estimate by replicates of ``spp``."""
     found = diffusion.reference(getattr(scenes, name)(), side, spp * diffusion.REPLICATES)
-    return Reference(found.image, _rms(found.error), found.origin)
+    return Reference(found.image, rms(found.error), found.origin)
 
 
 def rms_error(found: NDArray, exact: Reference) -> float:
@@ -38,10 +39,6 @@ def rms_error(found: NDArray, exact: Reference) -> float:
     """
     square = np.mean(np.square(found - exact.image)) - exact.error**2
     return float(np.sqrt(max(square, exact.error**2)))
-
-
-def _rms(values: NDArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 class Panel(NamedTuple):
@@ -74,14 +71,3 @@ def sheet(panels: Sequence[Panel], columns: int, title: str, size: int) -> Figur
                 axes.set_title(panel.caption, fontsize=8, pad=3, loc="left")
                 axes.add_patch(area)
     return figure
-
-
-def fluctuation(errors: Mapping[int, float]) -> float:
-    """Return how far errors are from a power law of the number of samples, root mean square of logarithms."""
-    x, y = np.log(list(errors)), np.log(list(errors.values()))
-    return _rms(y - np.polyval(np.polyfit(x, y, 1), x))
-
-
-def slope(errors: Mapping[int, float]) -> float:
-    """Return the exponent of the power law that fits errors best."""
-    return float(np.polyfit(np.log(list(errors)), np.log(list(errors.values())), 1)[0])

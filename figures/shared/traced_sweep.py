@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from figures._errors import rms
 from figures.shared import diffusion, mitsuba_scenes, speed_sweep, traced_images
 from qmcjax import samplers, scenes
 from qmcjax.core.pytrees import jit
@@ -41,7 +42,7 @@ def cases(bounces: int) -> dict[str, tuple[scenes.Traced, bool]]:
 def reference(scene: scenes.Traced, side: int, spp: int) -> traced_images.Reference:
     """Return the stored reference, or an estimate from so many samples per pixel."""
     found = diffusion.reference(scene, side, spp, lambda *task: rendered(*task)[0])
-    return traced_images.Reference(found.image, float(np.sqrt(np.mean(np.square(found.error)))), found.origin)
+    return traced_images.Reference(found.image, rms(found.error), found.origin)
 
 
 def rows(
@@ -73,7 +74,7 @@ def rows(
             "seconds": float(
                 np.median([seconds for seconds, _, _ in of_count[len(of_count) // (turns + 1) :]])
             ),
-            "rms error": float(np.sqrt(np.mean([error**2 for _, error, _ in of_count]))),
+            "rms error": rms([error for _, error, _ in of_count]),
             "mean over the reference's": float(np.mean([mean for _, _, mean in of_count])),
         }
         for (sampler, spp), of_count in found.items()

@@ -1,6 +1,5 @@
 """Rays through trees of meshes: how many nodes they visit, what they hit, and where they go on from there."""
 
-import time
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -61,9 +60,3 @@ def leaf_depths(tree: trees.Tree) -> tuple[int, float]:
     """Return the largest and the mean depth of leaves."""
     depth = trees.node_depths(tree)[: tree.size]
     return int(depth.max()), float(depth.mean())
-
-
-def timed(make: Callable[[], trees.Tree]) -> tuple[trees.Tree, float]:
-    """Return a tree and how many seconds it took."""
-    start = time.perf_counter()
-    return make(), time.perf_counter() - start

@@ -1,6 +1,5 @@
 """Thesis Fig. 3.11: depth of field as the mean of images by lines on the lens, each of them exact."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -10,10 +9,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
 from figures.shared import diffusion, scene_images
 from figures.shared.diffusion import shown
 from figures.shared.image_grid import Panel, add_axes, image_grid
+from figures.shared.turns import timed
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import DirectLight
@@ -68,10 +69,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     plain, _ = _of_lines(scene, even, side, False, 1, lambda part: progress(0.8 + 0.1 * part))
     samples, of_sample = {}, 0.0
     for k in range((SAMPLED[quality] // SPP).bit_length()):
-        begin = time.perf_counter()
         sampler = samplers.independent(sequences.sobol(len(scene.needs)), 1)
-        samples[SPP * 2**k] = scene_images.image(scene, sampler, side, SPP * 2**k)
-        of_sample = (time.perf_counter() - begin) / (SPP * 2**k)
+        samples[SPP * 2**k], seconds_of = timed(scene_images.image, scene, sampler, side, SPP * 2**k)
+        of_sample = seconds_of.clock / (SPP * 2**k)
     points = {}
     for k in range(most.bit_length()):
         sampler = samplers.interleaved(sequences.sobol(len(scene.needs)), 2**k)
@@ -111,7 +111,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "RMS error": _by_name(errors),
             "bands in steps": _by_name(bands),
             "time of a sample of a line over one of the lens": ratio,
-            "RMS error of the reference": float(np.sqrt(np.mean(np.square(exact.error)))),
+            "RMS error of the reference": rms(exact.error),
         },
         "claims": {
             "the mean of lines approximates depth of field: each doubling up to 16 lines has less error": all(
@@ -201,9 +201,9 @@ def _of_lines(
     for key, line in enumerate(tracing.lens_lines(count)):
         of_line = tracing.lens_line(scene, line, ROOM, redistributed=redistributed)
         sampler = samplers.as_sampler("sampler", _Later(sobol, SPP * _reversed(key, count)))
-        begin = time.perf_counter()
-        images.append(scene_images.image(of_line, sampler, side, SPP))
-        times.append(time.perf_counter() - begin)
+        image, seconds = timed(scene_images.image, of_line, sampler, side, SPP)
+        images.append(image)
+        times.append(seconds.clock)
         progress((key + 1) / count)
     return np.stack(images), min(times)
 

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
+from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREY, VERMILLION
 from figures.shared.image_grid import Panel, add_axes, image_grid
 from qmcjax import tracing
@@ -66,7 +67,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     whole = {n: _image(values, side) for n, values in sampled.items()}
     exact = _image(covered, side)
-    errors = {n: float(np.sqrt(np.mean((image - exact) ** 2))) for n, image in whole.items()}
+    errors = {n: rms(image - exact) for n, image in whole.items()}
     some = np.flatnonzero((covered > 0) & (covered < 1))
     some = np.random.default_rng(1).choice(some, CHECKED, replace=False)
     truth, fading = _dense(opened, closed, points[some])

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures._errors import rms
 from figures._rc import BLUE, VERMILLION
 from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
@@ -196,9 +197,7 @@ def _over_shutter(
     for kind, of_kind in maps.items():
         # Windows side by side: each photon counts once.
         images[kind] = _estimated(of_kind, floor, times, radius, 1 / count).mean(axis=0)
-    errors = {
-        kind: float(np.sqrt(np.mean((images[kind] - images["exact"])[~changes] ** 2))) for kind in KINDS
-    }
+    errors = {kind: rms((images[kind] - images["exact"])[~changes]) for kind in KINDS}
     return images, errors
 
 

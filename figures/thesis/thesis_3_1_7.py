@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 import analysis
+from figures._errors import rms
 from figures.shared.image_grid import Panel, image_grid
 from qmcjax import scenes, sequences
 
@@ -56,7 +57,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name] = {
             part: dict(zip(("largest gap", "error", "strongest wave"), map(float, of), strict=True))
             for part, of in zip(PARTS, means, strict=True)
-        } | {"frameless": {"filtered error": float(np.sqrt(np.mean(np.square(filtered))))}}
+        } | {"frameless": {"filtered error": rms(filtered)}}
         for part, n in PARTS.items():
             of, image = measured[name][part], old.copy()
             image.ravel()[pixels[0][: SIDE**2 // n]] = new.ravel()[pixels[0][: SIDE**2 // n]]
@@ -132,7 +133,7 @@ def _measures(updated: NDArray, new: NDArray) -> tuple[float, float, float]:
     mask = np.zeros(SIDE**2)
     mask[updated] = 1
     wave = float(analysis.error_spectrum(mask.reshape(SIDE, SIDE), np.full((SIDE, SIDE), mask.mean())).max())
-    return gap, float(np.sqrt(np.mean((filled - new.ravel()) ** 2))), wave
+    return gap, rms(filled - new.ravel()), wave
 
 
 def _frameless(order: NDArray) -> NDArray[np.float64]:

@@ -1,6 +1,5 @@
 """Thesis Sect. 3.2: variance at equal time, visibility in time computed against sampled."""
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -12,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures.shared.turns import timed
 from qmcjax import scenes, tracing
 from qmcjax.core.pytrees import jit
 
@@ -143,9 +143,8 @@ def _measured(scene: tracing.AnalyticVisibility, size: Size) -> Case:
     for turn in range(size.turns + 1):
         for way, one in enumerate(both):
             points = jax.block_until_ready(_points(size.side, len(one.needs), turn))
-            start = time.perf_counter()
-            values = jax.block_until_ready(_image(one, points))
-            seconds[way].append(time.perf_counter() - start)
+            values, taken = timed(_image, one, points)
+            seconds[way].append(taken.clock)
             sums[way] += np.stack([np.asarray(values, np.float64) ** power for power in (1, 2)])
     turns = size.turns + 1
     variances = (sums[:, 1] - sums[:, 0] ** 2 / turns) / (turns - 1)

@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from figures._errors import rms
 from figures._rc import BLUE, GREY, VERMILLION
 from figures.shared import predicted_scene
 from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
-from figures.shared.predicted_scene import rms, shown
+from figures.shared.predicted_scene import shown
 from qmcjax import tracing
 
 
@@ -65,11 +66,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "prediction": raw.images[middle],
         "corrected": corrected.images[middle],
     }
-    errors = {name: rms(image, truth[middle]) for name, image in images.items()}
+    errors = {name: rms(image - truth[middle]) for name, image in images.items()}
     box = (predicted_scene.seen(size.side, 0.5).number == predicted_scene.BOX).reshape(size.side, size.side)
-    of_box = {name: rms(image[box], truth[middle][box]) for name, image in images.items()}
+    of_box = {name: rms(image[box] - truth[middle][box]) for name, image in images.items()}
     apart = {
-        str(2**level): float(np.mean([rms(a, b) for a, b in zip(truth, truth[2**level :], strict=False)]))
+        str(2**level): float(np.mean([rms(a - b) for a, b in zip(truth, truth[2**level :], strict=False)]))
         for level in range(LEVELS, -1, -1)
     }
     failed = {

@@ -7,10 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures._errors import rms
 from figures._rc import BLACK, BLUE
 from figures.shared import predicted_scene, scene_images
 from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
-from figures.shared.predicted_scene import rms, shown
+from figures.shared.predicted_scene import shown
 from qmcjax import samplers, sequences, tracing
 
 
@@ -142,7 +143,7 @@ def _regions(side: int, images: NDArray) -> dict[str, NDArray[np.bool_]]:
 
 
 def _errors(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
-    return {name: rms(images[:, region], exact[region]) for name, region in regions.items()}
+    return {name: rms(images[:, region] - exact[region]) for name, region in regions.items()}
 
 
 def _biases(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared.image_grid import Panel, image_grid
 from qmcjax import samplers, scenes, sequences
 
@@ -54,7 +55,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         image = np.asarray(qj.render(BALL, sampler, side, side, SPP), np.float64)
         images[name] = image
         errors[name] = {
-            "rms": float(np.sqrt(np.mean((image - exact) ** 2))),
+            "rms": rms(image - exact),
             "filtered": analysis.filtered_error(image, exact),
         }
         progress(0.1 * done)

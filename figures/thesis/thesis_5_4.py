@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared import point_plots
 from figures.shared.image_grid import GAP, Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
@@ -52,14 +53,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     exact = scene.reference(side, side)[0]
     components = range(2, COMPONENTS - 1, 1 if quality == "paper" else 4)
     images: dict[str, NDArray] = {}
-    rms: dict[str, dict[str, list[float]]] = {way: {name: [] for name in choices} for way in ways}
+    of_rms: dict[str, dict[str, list[float]]] = {way: {name: [] for name in choices} for way in ways}
     filtered: dict[str, dict[str, list[float]]] = {way: {name: [] for name in choices} for way in ways}
     for done, k in enumerate(components, start=1):
         for name, matrices in choices.items():
             sequence = sequences.digital(matrices[[0, 1, k, k + 1]])
             for way, sampler in ways.items():
                 image = np.asarray(qj.render(scene, sampler(sequence), side, side, spp))
-                rms[way][name].append(float(np.sqrt(np.mean((image - exact) ** 2))))
+                of_rms[way][name].append(rms(image - exact))
                 filtered[way][name].append(analysis.filtered_error(image, exact))
                 if k == SHOWN and way == "along the Hilbert curve":
                     images[name] = image
@@ -96,7 +97,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 name: {"median": float(np.median(errors)), "largest": max(errors)}
                 for name, errors in of.items()
             }
-            for kind, by_way in (("RMS error", rms), ("filtered error", filtered))
+            for kind, by_way in (("RMS error", of_rms), ("filtered error", filtered))
             for way, of in by_way.items()
         },
     }

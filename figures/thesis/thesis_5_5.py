@@ -5,10 +5,10 @@ from collections.abc import Callable
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures._errors import residual
 from qmcjax import sequences
 
 NETS = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}
@@ -38,7 +38,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     axes.legend(frameon=False)
     plain, modified = (squared[name] for name in NETS)
     not_ahead = [m for m, a, b in zip(sizes, plain, modified, strict=True) if b <= a]
-    roughness = {name: _roughness(np.log(values)) for name, values in distances.items()}
+    roughness = {name: residual(np.log(values)) for name, values in distances.items()}
     numbers = {
         "measured": {
             "squared distance on the integer grid": {
@@ -65,8 +65,3 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "and so does paper quality; a draft goes to 16.",
     }
     return figure, numbers
-
-
-def _roughness(values: NDArray[np.float64]) -> float:
-    x = np.arange(len(values))
-    return float(np.sqrt(np.mean((values - np.polyval(np.polyfit(x, values, 1), x)) ** 2)))

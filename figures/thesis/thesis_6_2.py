@@ -2,8 +2,10 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from figures._errors import residual
 from figures.making.schema import Claims
 from figures.shared import plane_scenes
 from figures.thesis.thesis_6_1 import CROP
@@ -19,7 +21,7 @@ def _claims(errors: dict) -> Claims:
     nets = [found for name, found in low_discrepancy.items() if name != "rank-1 lattice"]
     count = len(whole["permutation"])
     wins = sum(min(whole, key=lambda name: whole[name][k]) == "Larcher-Pillichshammer" for k in range(count))
-    fluctuations = {name: plane_scenes.fluctuation(found) for name, found in whole.items()}
+    fluctuations = {name: residual(np.log(found)) for name, found in whole.items()}
     return {
         "Larcher-Pillichshammer best for most sample counts": 2 * wins > count,
         "the quasi-Monte Carlo samplers perform similarly well": {

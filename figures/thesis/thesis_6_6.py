@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from figures._errors import fluctuation, slope
 from figures.making.schema import Claims
 from figures.shared import motion_blur
 from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, wins
-from figures.shared.traced_images import fluctuation, slope
 
 FEW = 8
 """Samples per pixel up to which there are few."""

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from figures._errors import slope
 from figures.making.schema import Claims
 from figures.shared import motion_blur
 from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, wins
-from figures.shared.traced_images import slope
 
 WHY = (
     " Up to 32 samples lattice and rotated nets are close, in favour of one or the other; from 64 on the "

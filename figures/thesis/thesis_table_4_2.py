@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures.shared import mesh_models, text_tables
-from figures.shared.traversal import Rays, bounced, leaf_depths, timed, traced
+from figures.shared.traversal import Rays, bounced, leaf_depths, traced
+from figures.shared.turns import timed
 
 SIDE = {"draft": 32, "paper": 128}
 SETS = {"draft": 10, "paper": 60}
@@ -121,7 +122,7 @@ def _of_mesh(mesh: mesh_models.Mesh, side: int) -> dict[str, Any]:
             "reduction in percent": 100 * (1 - means[1] / means[0]),
         }
         rays = bounced(mesh.triangles, rays, before, 1)
-    return found | {"seconds to build": seconds, "seconds to optimise": more}
+    return found | {"seconds to build": seconds.clock, "seconds to optimise": more.clock}
 
 
 def _growth(key: int, count: int, scales: int) -> float:

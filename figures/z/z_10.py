@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import diffusion, scene_images, traced_images
 from figures.shared.z_renderings import NAMES, make_samplers
@@ -87,10 +88,7 @@ def _side_by_side(images: list[NDArray]) -> NDArray[np.float64]:
 
 def _together(found: list[dict[str, float]]) -> dict[str, float]:
     """Return measures over keys: errors by their squares, the power by its mean."""
-    errors = {
-        name: float(np.sqrt(np.mean([of[name] ** 2 for of in found])))
-        for name in ("RMS error", "filtered error")
-    }
+    errors = {name: rms([of[name] for of in found]) for name in ("RMS error", "filtered error")}
     low = float(np.mean([of["low-frequency power"] for of in found]))
     ratio = errors["filtered error"] / errors["RMS error"]
     return errors | {"ratio": ratio, "low-frequency power": low}

@@ -2,10 +2,10 @@
 
 from collections.abc import Callable
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from figures import plot
+from figures._errors import rms
 from figures.shared import diffusion, padded_samplers, scene_images
 from figures.z.z_1 import KEY, ways
 from qmcjax import samplers, scenes
@@ -61,7 +61,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         errors = {
             name: [of_count[f"{spp} spp"]["RMS error"] for spp in counts] for name, of_count in found.items()
         }
-        floor = float(np.sqrt(np.mean(np.square(exact.error[area]))))
+        floor = rms(exact.error[area])
         if floor < min(map(min, errors.values())) / 10:
             floor = None  # It does not matter, and would take the most of the axis.
         plot.convergence(counts, errors, floor=floor, title=f"{title}, {side} x {side} pixels", ax=axes)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import analysis
 import qmcjax as qj
+from figures._errors import rms
 from figures.shared import image_sheets
 from figures.shared.curve_tables import EXPLAINED, structure
 from figures.shared.image_sheets import Row
@@ -79,17 +80,17 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     spectra = {name: analysis.error_spectrum(image, reference) for name, image in images.items()}
     title = "A soft shadow at 1 sample a pixel, with and without Morton order (Z paper, Fig. 3)"
     measured = {
-        name: {"RMS error": float(np.sqrt(np.mean((image - reference) ** 2)))}
+        name: {"RMS error": rms(image - reference)}
         | structure(image - reference)
         | {DIRECTIONS: _directions(spectra[name])}
         for name, image in images.items()
     }
-    rms = {name: f"RMS error {of['RMS error']:.3f}" for name, of in measured.items()}
+    captions = {name: f"RMS error {of['RMS error']:.3f}" for name, of in measured.items()}
     low = {name: f"low frequencies: {of[LOW]:.2f}" for name, of in measured.items()}
     rows = {
         "image": Row(shown, marked=(LEFT, TOP, CROP)),
         f"magnified {SIDE // CROP} times": Row({name: image[area] for name, image in shown.items()}),
-        "image - reference": image_sheets.errors(images, reference, rms),
+        "image - reference": image_sheets.errors(images, reference, captions),
         "spectrum of the error": image_sheets.spectra(spectra, low),
     }
     numbers = {"measured": measured, "claims": _claims(*measured.values()), "note": NOTE.format(spp=spp)}

@@ -1,11 +1,9 @@
 """Z paper Table 1: run times of images by sampler and number of samples, and rates of generation alone."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import jax
 import numpy as np
 from jax import Array
 from matplotlib.axes import Axes
@@ -14,6 +12,7 @@ from matplotlib.figure import Figure
 import qmcjax as qj
 from figures import plot
 from figures.shared import text_tables
+from figures.shared.turns import in_turns
 from figures.z.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
 from qmcjax.core.pytrees import pytree
@@ -94,13 +93,12 @@ def seconds(
     scene: Any, make: Callable[..., dict[str, Any]], width: int, height: int, spp: int, calls: int
 ) -> dict[str, list[float]]:
     """Return the times of an image by sampler, but for the first; they take turns, so that noise hits all."""
-    times: dict[str, list[float]] = {}
-    for key in range(calls + 1):
-        for name, sampler in jax.block_until_ready(make(width, height, spp, key)).items():
-            start = time.perf_counter()
-            jax.block_until_ready(qj.render(scene, sampler, width, height, spp))
-            times.setdefault(name, []).append(time.perf_counter() - start)
-    return {name: each[1:] for name, each in times.items()}
+    images = {
+        name: lambda made, name=name: qj.render(scene, made[name], width, height, spp)
+        for name in make(width, height, spp, 0)
+    }
+    taken = in_turns(images, calls, draw=lambda key: make(width, height, spp, key))
+    return {name: [seconds.clock for seconds in each[1:]] for name, each in taken.items()}
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 def rms(values: ArrayLike) -> float:
     """Return the root mean square of all values."""
-    return float(np.sqrt(np.mean(np.square(values))))
+    return float(np.sqrt(np.mean(np.square(np.asarray(values, np.float64)))))
 
 
 def residual(y: Any, x: Any = None) -> float:

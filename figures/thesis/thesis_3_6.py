@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from figures._errors import rms
 from figures.shared import predicted_scene
 from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
-from figures.shared.predicted_scene import CAMERA, rms, shown
+from figures.shared.predicted_scene import CAMERA, shown
 from qmcjax import tracing
 from qmcjax.tracing import motion
 
@@ -68,7 +69,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     border[1:-1, 1:-1] = False
     touching = set(np.unique(labels[border & holes]))
     bad = (checked.samples[1] == size.spp) & ~holes
-    failed, kept = (rms(raw.images[1][which], truth[which]) for which in (bad, ~bad & ~holes))
+    failed, kept = (rms(raw.images[1][which] - truth[which]) for which in (bad, ~bad & ~holes))
     measured = {
         "pixels that nothing is drawn in": int(holes.sum()),
         "part of pixels that failed": float(bad.mean()),

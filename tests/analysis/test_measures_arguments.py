@@ -11,8 +11,8 @@ import analysis
 
 POINTS = np.array([[0.0, 0.0], [0.25, 0.5], [0.5, 0.25], [0.75, 0.75]])
 FLOATS = """centered_discrepancy dispersion l2_star_discrepancy min_distance mixture_discrepancy riesz_energy
-    nearest_distances nearest_statistics periodic_discrepancy soft_min_distance soft_star_discrepancy star_discrepancy
-    star_discrepancy_bounds symmetric_discrepancy wraparound_discrepancy"""
+    nearest_distances nearest_statistics periodic_discrepancy soft_min_distance soft_star_discrepancy
+    star_discrepancy star_discrepancy_bounds symmetric_discrepancy wraparound_discrepancy"""
 MEASURES = dict.fromkeys(f"{FLOATS} is_latin_hypercube projection_t_values t_value".split(), ())
 MEASURES |= {"interval_counts": ((1, 1),), "is_stratified": ((1, 1),), "point_spectrum": (4,)}
 each_measure = pytest.mark.parametrize("name", MEASURES)

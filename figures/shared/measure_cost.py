@@ -121,6 +121,11 @@ def power(resolution: int, method: Any) -> Call:
     return lambda points: jnp.square(analysis.point_spectrum(points, resolution, method)).sum()
 
 
+def of_image(measure: Callable[[Any, Any], Any]) -> Call:
+    """Return a compiled measure of the coordinates of points, as an image of 128 rows."""
+    return jax.jit(lambda points: measure(points.reshape(128, -1), np.zeros((128, points.size // 128))))
+
+
 ASKED_RATIO = 4.0
 DRAFT_GRADIENTS, DRAFT_POINTS = 2, 2**8
 GRADIENTS: dict[str, tuple[Call, int, int]] = {
@@ -137,6 +142,16 @@ GRADIENTS: dict[str, tuple[Call, int, int]] = {
     },
     **{f"l2_star, {dims}-D": (analysis.l2_star_discrepancy, dims, 2**11) for dims in (1, 3, 4, 8, 16, 64)},
     "mixture, 8-D": (analysis.mixture_discrepancy, 8, 2**11),
+    "star, 2-D": (analysis.star_discrepancy, 2, 2**14),
+    "star, 3-D": (analysis.star_discrepancy, 3, 2**9),
+    "soft star, 2-D": (analysis.soft_star_discrepancy, 2, 2**7),
+    "min distance, 2-D": (analysis.min_distance, 2, 2**16),
+    "nearest distances, 2-D": (lambda points: jnp.sum(analysis.nearest_distances(points)), 2, 2**14),
+    "dispersion, 2-D": (analysis.dispersion, 2, 2**14),
+    "filtered error, 128 x 256": (of_image(analysis.filtered_error), 2, 2**14),
+    "perceived error, 128 x 256": (of_image(analysis.perceived_error), 2, 2**14),
+    "error spectrum, 128 x 256": (of_image(lambda *of: jnp.sum(analysis.error_spectrum(*of) ** 2)), 2, 2**14),
+    "low frequencies, 128 x 256": (of_image(analysis.low_frequency_power), 2, 2**14),
 }
 """Differentiable measures, dimensions and numbers of points. Drafts take the first ones only."""
 

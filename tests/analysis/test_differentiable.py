@@ -1,6 +1,7 @@
 """All measures as functions of JAX: jit = eager, vmap = loop, gradient = differences."""
 
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import analysis
-from figures.docs.public import names
+from figures.docs import public
 from qmcjax import orders, sequences
 
 FRAME = np.zeros((9, 12, 2))
@@ -106,7 +107,9 @@ def given(shape, seed):
 
 def test_all_measures_are_here():
     listed = {name.split(",")[0].split(" ")[0] for name in DIFFERENTIABLE} | set(COUNTED) | OF_ORDERS
-    assert listed | OTHERS == set(names("analysis")["functions"])
+    assert listed | OTHERS == set(public.names("analysis")["functions"])
+    page = (Path(public.__file__).parent / "explanation" / "derivatives.rst").read_text()
+    assert [name for name in listed if f"``{name}``" not in page] == []
 
 
 @each

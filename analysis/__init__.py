@@ -18,6 +18,7 @@ from analysis._distance import min_distance as min_distance
 from analysis._distance import squared_min_distance as squared_min_distance
 from analysis._energies import riesz_energy as riesz_energy
 from analysis._energies import soft_min_distance as soft_min_distance
+from analysis._expected_error import expected_error as expected_error
 from analysis._filtered import filtered_error as filtered_error
 from analysis._filtered import low_frequency_power as low_frequency_power
 from analysis._intervals import interval_counts as interval_counts

@@ -50,7 +50,7 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     error = _arguments.error(image, reference)
     sigma = _arguments.positive("sigma", sigma)
     height, width = error.shape[:2]
-    return weighted_rms(error, _transfer(height, sigma)[:, None] * _transfer(width, sigma))
+    return weighted_rms(error, gaussian_transfer(height, sigma)[:, None] * gaussian_transfer(width, sigma))
 
 
 def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float:
@@ -65,7 +65,7 @@ def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float:
     return _arguments.root(mean).astype(error.dtype)
 
 
-def _transfer(size: int, sigma: float) -> NDArray[np.float64]:
+def gaussian_transfer(size: int, sigma: float) -> NDArray[np.float64]:
     """Return the factors of the waves of one axis for a sampled Gaussian of sum 1.
 
     The weights exp(-k^2 / (2 sigma^2)) of all integers k, or by Poisson's formula a sum of Gaussians of the

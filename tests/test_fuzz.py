@@ -151,6 +151,8 @@ def right_of_functions():
         "qmcjax.samplers.randomized.spp": [4], "qmcjax.scenes.as_scene.value": [noun["scene"]],
         "qmcjax.scenes.soft_shadow.height": [0.4], "qmcjax.orders.as_order.value": [noun["order"]],
         "qmcjax.orders.permutation.image": [np.arange(4).reshape(2, 2)],
+        "analysis.expected_error.points": [np.full((4, 4, 1, 2), 0.5)],
+        "analysis.expected_error.integrands": ["boxes"], "analysis.soft_star_discrepancy.temperature": [0.1],
         "analysis.squared_min_distance.side": [4], "table.sampler": ["a"], "row.measure": ["RMS error"],
         "scrambling.code": [1], "scrambling.digits": [2], "z.rounds": [2], "z.counts": [np.ones((4, 4), int)],
         "analysis.compare.scenes": [{"disc": scenes.disc()}], "analysis.compare.width": [32],

@@ -38,6 +38,7 @@ OF_POINTS = {
     "dispersion": (analysis.dispersion, (12, 3)),
     "dispersion in the square": (partial(analysis.dispersion, torus=False), (12, 2)),
     "dispersion on a line": (partial(analysis.dispersion, torus=False), (5, 1)),
+    "expected_error": (analysis.expected_error, (3, 4, 2, 2)),
     "l2_star_discrepancy": (analysis.l2_star_discrepancy, (12, 3)),
     "min_distance": (analysis.min_distance, (12, 3)),
     "min_distance of many": (analysis.min_distance, (70, 2)),

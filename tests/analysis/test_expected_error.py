@@ -1,0 +1,202 @@
+"""The expected error of filtered images against random integrands, quadrature and differences."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from refusals import refused
+from scipy.special import erf
+
+from analysis import expected_error, filtered_error
+from analysis._integrand_classes import BUMP, CLASSES
+from qmcjax import samplers, sequences
+
+
+def tile(*shape, seed=1):
+    return np.random.default_rng(seed).random(shape)
+
+
+def half_space(rng, dims):
+    direction = rng.normal(size=dims)
+    direction /= np.linalg.norm(direction)
+    offset = (rng.random() - 0.5) * np.sqrt(dims)
+    corners = np.stack(np.meshgrid(*[(np.arange(256) + 0.5) / 256] * dims), axis=-1)
+
+    def indicator(x):
+        return ((x - 0.5) @ direction >= offset).astype(float)
+
+    return indicator, indicator(corners).mean(), 1.0
+
+
+def bump(rng, dims):
+    """Draw a centre in the cube and six standard deviations around it; the rest of space has no weight."""
+    side = 1 + 12 * BUMP
+    centre = rng.random(dims) * side - 6 * BUMP
+    scale = 1 / (np.sqrt(2) * BUMP)
+    means = np.sqrt(np.pi) / (2 * scale) * (erf(scale * (1 - centre)) + erf(scale * centre))
+    return lambda x: np.exp(-np.square((x - centre) * scale).sum(axis=-1)), means.prod(), side**dims
+
+
+def box(rng, dims):
+    corner = rng.random(dims)
+    return lambda x: (x < corner).all(axis=-1).astype(float), corner.prod(), 1.0
+
+
+DRAWN = {"half_spaces": half_space, "bumps": bump, "boxes": box}
+
+
+@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("sigma", [0, 1.2])
+def test_random_integrands_have_this_error(name, sigma):
+    """Mean squares over 500 integrands of a class, 5 sigma: of independent points, with coinciding ones."""
+    points = tile(6, 9, 3, 2)
+    points[2, 3, 1] = points[2, 3, 0]
+    rng = np.random.default_rng(7)
+    squares = []
+    for _ in range(500):
+        integrand, mean, weight = DRAWN[name](rng, 2)
+        error = integrand(points).mean(axis=-1) - mean
+        zero = np.zeros_like(error)
+        squares.append(
+            weight * (filtered_error(error, zero, sigma) ** 2 if sigma else np.square(error).mean())
+        )
+    sigmas = np.std(squares) / np.sqrt(len(squares))
+    assert abs(np.mean(squares) - expected_error(points, name, sigma) ** 2) < 5 * sigmas
+
+
+@pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.parametrize("dims", [1, 2, 3])
+def test_potentials_are_means_of_the_kernel(name, dims):
+    of = CLASSES[name](dims)
+    potential = jax.jit(of.potential)
+    with jax.enable_x64(True):
+        nodes, weights = np.polynomial.legendre.leggauss((24, 24, 12)[dims - 1])
+        grid = np.stack(np.meshgrid(*[(1 + nodes) / 2] * dims, indexing="ij"), axis=-1).reshape(-1, dims)
+        weight = np.prod(
+            np.stack(np.meshgrid(*[weights / 2] * dims, indexing="ij"), axis=-1), axis=-1
+        ).ravel()
+        corner = jnp.zeros((1, dims))  # Kernels are smooth as seen from a corner, but for the corner itself.
+        seen = float(np.sum(weight * np.asarray(of.pair(corner, jnp.asarray(grid)))))
+        assert float(potential(corner)[0]) == pytest.approx(seen, rel=1e-3)
+        mean = float(np.sum(weight * np.asarray(potential(jnp.asarray(grid)))))
+        assert of.mean == pytest.approx(mean, rel=1e-6)
+        exact = np.asarray(potential(jnp.asarray(grid)))
+    rounded = np.asarray(potential(jnp.asarray(grid, jnp.float32)))
+    np.testing.assert_allclose(rounded, exact, rtol=2e-6, atol=1e-7)
+
+
+def test_mean_distance_in_the_square():
+    """(2 + sqrt 2 + 5 log(1 + sqrt 2)) / 15, and 1/3 on a line."""
+    for dims, mean in ((1, 1 / 3), (2, (2 + np.sqrt(2) + 5 * np.log(1 + np.sqrt(2))) / 15)):
+        of = CLASSES["half_spaces"](dims)
+        ends = jnp.zeros((1, dims)), jnp.eye(dims)[:1]
+        assert of.mean / float(of.pair(*ends)[0]) == pytest.approx(mean, rel=1e-6)
+
+
+def test_filters_by_taps_and_sigma():
+    points = tile(8, 8, 1, 2)
+    assert expected_error(points, taps=[[3.0]]) == pytest.approx(expected_error(points, sigma=0), rel=1e-12)
+    x = np.arange(-4, 4)
+    gauss = np.exp(-(x**2) / (2 * 0.5**2))
+    sampled = expected_error(points, taps=np.outer(gauss, gauss))
+    assert sampled == pytest.approx(expected_error(points, sigma=0.5), rel=1e-6)
+    # A box over the whole tile: all points together estimate the mean.
+    whole = expected_error(points, taps=np.ones((8, 8)))
+    assert whole == pytest.approx(expected_error(points.reshape(1, 1, 64, 2), sigma=0), rel=1e-9)
+
+
+def test_the_screen_is_a_torus_and_pixels_are_places():
+    points = tile(5, 7, 2, 2)
+    error = expected_error(points)
+    assert expected_error(np.roll(points, (2, 3), axis=(0, 1))) == pytest.approx(error, rel=1e-12)
+    assert expected_error(points[::-1, :, ::-1]) == pytest.approx(error, rel=1e-12)
+    assert expected_error(np.tile(points, (2, 3, 1, 1))) == pytest.approx(error, rel=1e-6)
+    assert expected_error(points[:, ::-1].reshape(7, 5, 2, 2)) != pytest.approx(error, rel=1e-6)
+
+
+def test_mixtures_and_a_users_kernel():
+    points = tile(6, 6, 2, 2)
+    both = expected_error(points, {"half_spaces": 3.0, "bumps": 1.0})
+    parts = [expected_error(points, name) ** 2 for name in ("half_spaces", "bumps")]
+    assert both == pytest.approx(np.sqrt((3 * parts[0] + parts[1]) / 4), rel=1e-12)
+
+    def kernel(x, y):
+        return jnp.prod(1 - jnp.maximum(x, y), axis=-1)
+
+    assert expected_error(points, kernel) == pytest.approx(expected_error(points, "boxes"), rel=2e-3)
+
+
+def test_independent_points_are_expected_to_have_a_variance_over_n():
+    """Pixel's own error of one independent point: the mean of k(x, x), less the mean of k; 5 sigma."""
+    squares = [expected_error(tile(4, 4, 1, 2, seed=s), "boxes", sigma=0) ** 2 for s in range(100)]
+    assert abs(np.mean(squares) - (1 / 4 - 1 / 9)) < 5 * np.std(squares) / 10
+
+
+def test_z_is_better_than_independent_points():
+    y, x = jnp.mgrid[:32, :32].astype(jnp.uint32)
+    index = jnp.zeros((1,), jnp.uint32)
+    of = {}
+    for name, sampler in {
+        "z": samplers.z(32, 32, 1, key=1, dims=2),
+        "independent": samplers.independent(sequences.uniform(2, key=1), key=2),
+    }.items():
+        of[name] = expected_error(np.asarray(sampler(x[..., None], y[..., None], index, (0, 1))))
+    assert of["z"] < 0.7 * of["independent"]
+
+
+@pytest.mark.parametrize("integrands", [*CLASSES, "kernel"])
+def test_traced_points_gradients_and_batches(integrands):
+    if integrands == "kernel":
+
+        def integrands(x, y):
+            return jnp.exp(-jnp.sum((x - y) ** 2, axis=-1))
+
+    points = tile(4, 5, 2, 2)
+    direction = np.random.default_rng(2).normal(size=points.shape)
+    with jax.enable_x64(True):
+        value, gradient = jax.jit(jax.value_and_grad(lambda p: expected_error(p, integrands)))(points)
+        batch = jax.vmap(lambda p: expected_error(p, integrands))(np.stack([points, points[::-1]]))
+    assert float(value) == pytest.approx(expected_error(points, integrands), rel=1e-12)
+    np.testing.assert_allclose(batch, [value, value], rtol=1e-9)
+    ahead, behind = (expected_error(points + step * direction, integrands) for step in (1e-6, -1e-6))
+    assert np.sum(np.asarray(gradient) * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-5)
+    single = jax.jit(lambda p: expected_error(p, integrands))(points.astype(np.float32))
+    assert single.dtype == np.float32
+    assert float(single) == pytest.approx(float(value), rel=1e-4)
+
+
+def test_points_that_coincide_have_no_part_in_the_gradient():
+    gradient = jax.grad(expected_error)(jnp.full((3, 3, 2, 2), 0.5))
+    assert np.isfinite(gradient).all()
+
+
+def test_descent_lowers_the_error_of_other_integrands():
+    """A tile of 16 x 16 with one point: designed for half spaces, better for bumps and boxes, too."""
+    step = jax.jit(jax.grad(lambda points: 256 * expected_error(points) ** 2))
+    start = tile(16, 16, 1, 2).astype(np.float32)
+    points = start
+    for k in range(60):
+        points = np.clip(points - 0.5 * (1 - k / 60) * np.asarray(step(points)), 0, 1 - 1e-6)
+    for name in CLASSES:
+        assert expected_error(points, name) < 0.7 * expected_error(start, name), name
+
+
+TILE = tile(4, 4, 1, 2)
+
+test_wrong_arguments = refused(
+    (tile(3, 2), "^points must have shape .height, width, spp, d., got"),
+    (TILE + 1, r"^points must be in \[0, 1\), got"),
+    (TILE.astype(int), "^points must be an array of float16, float32, float64, got int64"),
+    (TILE, "lines", "^integrands must be one of"),
+    (TILE, None, "^integrands must be one of"),
+    (TILE, {"bumps": -1.0}, r"^integrands\['bumps'\] must be positive"),
+    (
+        TILE,
+        lambda x, y: jnp.sum((x - y) ** 4, axis=-1),
+        "^integrands must be a conditionally positive definite",
+    ),
+    (TILE, lambda x, y: x - y, r"^integrands must map points \(..., d\) to"),
+    (TILE, "boxes", -1.0, "^sigma must be finite and at least 0"),
+    (TILE, "boxes", 0, [[1.0, -2.0]], "^taps must be finite, of shape .rows, columns. and a positive sum"),
+    call=expected_error,
+)

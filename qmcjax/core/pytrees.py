@@ -28,7 +28,7 @@ def pytree(cls: T) -> T:
     ``dataclass`` makes an ``==`` and a ``hash`` that fail for arrays, and a ``repr`` that prints them whole.
     Here objects are equal if their structures and the values of all arrays are equal, the hash is that of the
     structure, and the repr is one line without arrays (see ``qmcjax.core.records``). Methods that a class
-    defines stay. :func:`frozen_pytree` generates none: that takes a fifth of the import time.
+    defines stay. ``frozen_pytree`` generates none: that takes a fifth of the import time.
 
     Parameters
     ----------

@@ -34,11 +34,11 @@ class Order(abc.ABC):
 
     @abc.abstractmethod
     def unchecked_position(self, x: Array, y: Array) -> Array:
-        """Return :meth:`position` of uint32 Arrays of one shape, within the padded raster."""
+        """Return ``position`` of uint32 Arrays of one shape, within the padded raster."""
 
     @abc.abstractmethod
     def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
-        """Return :meth:`pixel` of a uint32 Array below ``length``."""
+        """Return ``pixel`` of a uint32 Array below ``length``."""
 
     def position(self, x: Array | int, y: Array | int) -> Array:
         """Return the positions of pixels along the curve.

@@ -150,7 +150,8 @@ def test_gradient_is_that_of_differences(name):
 @pytest.mark.slow
 @each
 def test_gradient_is_that_of_differences_at_1000_inputs(name):
-    assert error_of_gradient(*DIFFERENTIABLE[name], range(1000)) < 1e-5
+    inputs = 30 if name == "star_discrepancy_bounds" else 1000  # its search takes 0.2 s
+    assert error_of_gradient(*DIFFERENTIABLE[name], range(inputs)) < 1e-5
 
 
 @pytest.mark.parametrize("name", [name for name in DIFFERENTIABLE if "energy" not in name])

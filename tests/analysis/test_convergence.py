@@ -2,6 +2,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 import pytest
 from refusals import refused
@@ -259,12 +260,30 @@ def test_slope_is_least_squares():
     assert table_of(errors).slope("a") == pytest.approx(expected, rel=1e-12)
 
 
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Random:
+    """Independent points: the least that renders."""
+
+    key: jax.Array
+    dims = 2
+
+    def check(self, width, height, spp):
+        pass
+
+    def __call__(self, x, y, sample, dims, dtype):
+        key = self.key
+        for number in (x, y, sample):  # of the first of these pixels
+            key = jax.random.fold_in(key, number.ravel()[0])
+        return jax.random.uniform(key, (*x.shape, len(dims)), dtype)
+
+
 @pytest.mark.slow
 def test_real_renderer():
     """Random samples of x y in a pixel have a known variance and slope -1/2; Owen-scrambled nets better."""
     size = 64
     methods = {
-        "random": samplers.independent(sequences.uniform(2, 1), 1),
+        "random": Random(jax.random.key(1)),
         "owen": samplers.independent(sequences.sobol(2), 2),
     }
     x = (np.arange(size) + 0.5) / size

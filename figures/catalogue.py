@@ -59,7 +59,6 @@ CATALOGUE = {
         "figures.thesis.thesis_4_1",
         "Nodes visited by rays, before and after optimising the tree",
         our_scene=True,
-        timed=True,
     ),
     "thesis-4.2": Entry("figures.thesis.thesis_4_2", "Two-means clusters and their bounding boxes"),
     "thesis-table-4.1": Entry("figures.thesis.thesis_table_4_1", "Binary trees over m leaves, enumerated"),
@@ -73,7 +72,6 @@ CATALOGUE = {
         "figures.thesis.thesis_table_4_3",
         "Optimising the upper levels, or the whole tree",
         our_scene=True,
-        timed=True,
     ),
     "thesis-3.11": Entry(
         "figures.thesis.thesis_3_11", "Depth of field by line samples on the lens", our_scene=True, timed=True
@@ -114,9 +112,7 @@ CATALOGUE = {
     "tree-builders": Entry(
         "figures.ours.tree_builders", "Tree builders beside the surface area heuristic", timed=True
     ),
-    "trees-in-motion": Entry(
-        "figures.ours.trees_in_motion", "Four kinds of trees over moving triangles", timed=True
-    ),
+    "trees-in-motion": Entry("figures.ours.trees_in_motion", "Four kinds of trees over moving triangles"),
     "point-speed": Entry(
         "figures.ours.point_speed", "Coordinates per second, beside SciPy, QMCPy and PyTorch", timed=True
     ),

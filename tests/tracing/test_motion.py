@@ -5,6 +5,7 @@ from itertools import pairwise, product
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 from refusals import refused
@@ -209,6 +210,28 @@ def test_arc_lengths_are_integrals_of_speed(keys):
         assert abs(path.length / integrated(curve.control, curve.weights) - 1) < 1e-13, key
         chords = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
         assert chords.max() * len(chords) <= path.length * (1 + 1e-12), key
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("key", [0, 3, 5])
+def test_arc_lengths_against_mpmath(key):
+    """In forty digits."""
+    curve = bezier(key)
+    with mpmath.workdps(40):
+        control, weights = (
+            np.vectorize(mpmath.mpf, otypes=[object])(a) for a in (curve.control, curve.weights)
+        )
+        degree, k = curve.degree, np.arange(curve.degree + 1)
+
+        def speed(x):
+            t, rest = 1 / (1 + mpmath.exp(-x)), 1 / (1 + mpmath.exp(x))
+            basis = np.array([mpmath.binomial(degree, j) * t**j * rest ** (degree - j) for j in k]) * weights
+            turns = basis * (k * rest - (degree - k) * t)
+            velocity = (turns @ control * basis.sum() - turns.sum() * (basis @ control)) / basis.sum() ** 2
+            return mpmath.sqrt(velocity @ velocity)
+
+        exact = mpmath.quad(speed, range(-75, 76, 3), maxdegree=6)
+    assert abs(curve.by_arc_length(7).length / exact - 1) < 1e-14
 
 
 def test_linear_segments_touch_the_floor_only_with_ends_at_the_jumps():

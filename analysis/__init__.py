@@ -21,6 +21,7 @@ from analysis._energies import soft_min_distance as soft_min_distance
 from analysis._expected_error import expected_error as expected_error
 from analysis._filtered import filtered_error as filtered_error
 from analysis._filtered import low_frequency_power as low_frequency_power
+from analysis._filters import Filter as Filter
 from analysis._intervals import interval_counts as interval_counts
 from analysis._intervals import is_latin_hypercube as is_latin_hypercube
 from analysis._intervals import is_stratified as is_stratified

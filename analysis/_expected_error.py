@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import inspect
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -16,7 +15,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._filtered import gaussian_transfer
+from analysis._filters import Filter, autocorrelation
 from analysis._integrand_classes import CLASSES, IntegrandClass
 from qmcjax import sequences
 from qmcjax.core import checks
@@ -39,8 +38,7 @@ Kernel = Callable[[Array, Array], Array]
 def expected_error(
     points: ArrayLike,
     integrands: str | Mapping[str, float] | Kernel = "half_spaces",
-    sigma: float = 1.5,
-    taps: ArrayLike | None = None,
+    filters: float | Filter | Sequence[Filter] = 1.5,
 ) -> float:
     """Return the root mean square error of a filtered image, expected over random integrands.
 
@@ -49,8 +47,8 @@ def expected_error(
 
     Parameters
     ----------
-    points : float ArrayLike, shape (height, width, spp, d)
-        The points of all pixels of a tile, in [0, 1)^d; the screen repeats the tile.
+    points : float ArrayLike, shape (height, width, spp, d) or (height, width, frames, spp, d)
+        The points of all pixels of a tile, in [0, 1)^d; the screen repeats the tile, and time its frames.
     integrands : str, mapping or callable
         A class of integrands on the unit cube: "half_spaces", the indicators of half spaces with a direction
         uniform on the sphere, and an offset uniform over an interval around the cube's centre as long as the
@@ -58,10 +56,9 @@ def expected_error(
         one per unit volume, without its mean; "boxes", the indicators of boxes [0, t) with t uniform. Or
         classes with the weights of their mean squares. Or a kernel k(x, y) = E f(x) f(y), from arrays of
         points, shape (..., d), to (...): conditionally positive definite; 4096 points average it.
-    sigma : float
-        Standard deviation of the Gaussian filter in pixels, as for :func:`filtered_error`; 0 for none.
-    taps : float ArrayLike, shape (rows, columns), optional
-        Another filter, with a positive sum that is divided out, such as ``numpy.ones((2, 2))``.
+    filters : float, Filter or sequence of Filter
+        Standard deviation of a Gaussian filter in pixels, as for :func:`filtered_error`, 0 for none; or a
+        :class:`Filter` in space and time; or some, of which mean squares are averaged by their weights.
 
     Returns
     -------
@@ -73,9 +70,9 @@ def expected_error(
     -----
     With the filter's autocorrelation w and the mean k_ij of the kernel over pairs of points of pixels i and
     j, the mean square is the mean over i of the sum over j of w(i - j) k_ij, minus twice the mean
-    potential, plus the mean of k [1]_. Pixels with a weight above 1e-7 are paired: O(width height spp^2 d)
-    time for each of their offsets, about 100 sigma^2 of them. The sum over ``points[:, :, :1]``,
-    ``points[:, :, :2]``, ... is a loss for points that are good from the first sample on.
+    potential, plus the mean of k [1]_. Pixels with a weight above 1e-7 are paired: O(width height frames
+    spp^2 d) time for each of their offsets, about 100 sigma^2 of them in space. The sum over
+    ``points[:, :, :1]``, ``points[:, :, :2]``, ... is a loss for points good from the first sample on.
 
     References
     ----------
@@ -88,25 +85,29 @@ def expected_error(
     >>> print(f"{expected_error(centres):.4f}")
     0.2342
     """
-    given = _arguments.points(_flat(points), "points", traced=True)
-    shape = np.shape(points)
-    classes = _classes(integrands, given, shape[-1])
-    pairs = _offsets(_autocorrelation(shape[0], shape[1], sigma, taps))
+    given, shape = tile_of(points)
+    classes = classes_of(integrands, given, shape[-1])
+    pairs = offsets(autocorrelation(shape[:3], filters), _LEAST)
     if isinstance(given, Tracer):
-        return cast(Any, _measure(given.reshape(shape), *pairs, classes))
+        return cast(Any, _arguments.root(mean_square(given.reshape(shape), *pairs, classes)))
     with jax.enable_x64(True):
-        return float(_measure(jnp.asarray(given, jnp.float64).reshape(shape), *pairs, classes))
+        known = jnp.asarray(given, jnp.float64).reshape(shape)
+        return float(_arguments.root(mean_square(known, *pairs, classes)))
 
 
-def _flat(points: Any) -> Any:
-    """Return all points as a set, shape (n, d)."""
+def tile_of(points: Any) -> tuple[Any, tuple[int, ...]]:
+    """Return all points as a set, shape (n, d), and their shape (height, width, frames, spp, d)."""
     array = points if isinstance(points, Tracer) else _arguments.array("points", points, "an array of floats")
-    if array.ndim != 4 or array.size == 0:
-        raise ValueError(f"points must have shape (height, width, spp, d), got {array.shape}")
-    return array.reshape(-1, array.shape[-1])
+    if array.ndim not in (4, 5) or array.size == 0:
+        raise ValueError(
+            "points must have shape (height, width, spp, d) or (height, width, frames, spp, d), "
+            f"got {array.shape}"
+        )
+    shape = array.shape if array.ndim == 5 else (*array.shape[:2], 1, *array.shape[2:])
+    return _arguments.points(array.reshape(-1, array.shape[-1]), "points", traced=True), shape
 
 
-def _classes(integrands: Any, points: Any, dims: int) -> tuple[tuple[IntegrandClass, float], ...]:
+def classes_of(integrands: Any, points: Any, dims: int) -> tuple[tuple[IntegrandClass, float], ...]:
     """Return classes with weights of sum 1."""
     wanted = f"one of {tuple(CLASSES)}, a mapping from these to weights, or a kernel of two arrays"
     if callable(integrands):
@@ -156,49 +157,31 @@ def _of_kernel(kernel: Kernel, points: Any, dims: int) -> IntegrandClass:
     return IntegrandClass(kernel, potential, mean)
 
 
-def _autocorrelation(height: int, width: int, sigma: Any, taps: Any) -> NDArray[np.float64]:
-    """Return the autocorrelation of the filter on the torus, of sum 1: the weights of pairs of pixels."""
-    if taps is None:
-        sigma = _arguments.real("sigma", sigma, "finite and at least 0", lambda s: 0 <= s < math.inf)
-        sides = [gaussian_transfer(size, sigma) if sigma else np.ones(size) for size in (height, width)]
-        transfer: Any = np.outer(*sides)
-    else:
-        known = _arguments.array("taps", taps, "an array of real numbers").astype(np.float64)
-        if known.ndim != 2 or not np.isfinite(known).all() or not known.sum() > 0:
-            raise ValueError(
-                f"taps must be finite, of shape (rows, columns) and a positive sum, got {taps!r}"
-            )
-        whole = np.zeros((height, width))
-        np.add.at(whole, tuple(np.indices(known.shape) % [[[height]], [[width]]]), known)
-        transfer = np.fft.fft2(whole / known.sum())
-    return np.fft.ifft2(np.square(np.abs(transfer))).real
-
-
-def _offsets(weights: NDArray[np.float64]) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the offsets of pairs of pixels, shape (m, 2), of opposite ones one, and their weights."""
-    height, width = weights.shape
-    rows, columns = np.nonzero(np.abs(weights) > _LEAST * weights[0, 0])
-    numbers, opposite = rows * width + columns, (-rows % height) * width + -columns % width
-    once = numbers <= opposite
+def offsets(weights: NDArray[np.float64], least: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the offsets of pairs of pixels, shape (m, 3), of opposite ones one, and their weights."""
+    sides = np.indices(weights.shape).reshape(3, -1)
+    numbers = np.arange(weights.size)
+    opposite = np.ravel_multi_index(tuple(-sides % np.array(weights.shape)[:, None]), weights.shape)
+    flat = weights.ravel()
+    taken = (np.abs(flat) > least * flat[0]) & (numbers <= opposite)
     factors = np.where(numbers < opposite, 2, 1)
-    offsets = np.stack([rows, columns], axis=1)[once].astype(np.int32)
-    return offsets, (weights[rows, columns] * factors)[once]
+    return sides.T[taken].astype(np.int32), (flat * factors)[taken]
 
 
 @partial(jax.jit, static_argnums=3)
-def _measure(
+def mean_square(
     points: Array, offsets: Array, weights: Array, classes: tuple[tuple[IntegrandClass, float], ...]
 ) -> Array:
-    """Return the root of the mean square; weights that were left out multiply independent points."""
+    """Return the mean square error; weights that were left out multiply independent points."""
     weights = weights.astype(points.dtype)
 
     @jax.checkpoint
     def pairs(offset: Array) -> Array:
-        other = jnp.roll(points, -offset, axis=(0, 1))
+        other = jnp.roll(points, -offset, axis=(0, 1, 2))
         kernels = [share * of.pair(points[..., :, None, :], other[..., None, :, :]) for of, share in classes]
         return jnp.mean(sum(kernels[1:], kernels[0]))
 
     start = jnp.zeros((), points.dtype)
     total, _ = lax.scan(lambda before, at: (before + at[1] * pairs(at[0]), None), start, (offsets, weights))
     potentials = [share * jnp.mean(2 * of.potential(points) - of.mean) for of, share in classes]
-    return _arguments.root(total - jnp.sum(weights) * sum(potentials[1:], potentials[0]))
+    return total - jnp.sum(weights) * sum(potentials[1:], potentials[0])

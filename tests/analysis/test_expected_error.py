@@ -7,7 +7,7 @@ import pytest
 from refusals import refused
 from scipy.special import erf
 
-from analysis import expected_error, filtered_error
+from analysis import Filter, expected_error, filtered_error
 from analysis._integrand_classes import BUMP, CLASSES
 from qmcjax import samplers, sequences
 
@@ -95,14 +95,39 @@ def test_mean_distance_in_the_square():
 
 def test_filters_by_taps_and_sigma():
     points = tile(8, 8, 1, 2)
-    assert expected_error(points, taps=[[3.0]]) == pytest.approx(expected_error(points, sigma=0), rel=1e-12)
+    assert expected_error(points, filters=Filter([[3.0]])) == pytest.approx(
+        expected_error(points, filters=0), rel=1e-12
+    )
     x = np.arange(-4, 4)
     gauss = np.exp(-(x**2) / (2 * 0.5**2))
-    sampled = expected_error(points, taps=np.outer(gauss, gauss))
-    assert sampled == pytest.approx(expected_error(points, sigma=0.5), rel=1e-6)
+    sampled = expected_error(points, filters=Filter(np.outer(gauss, gauss)))
+    assert sampled == pytest.approx(expected_error(points, filters=0.5), rel=1e-6)
     # A box over the whole tile: all points together estimate the mean.
-    whole = expected_error(points, taps=np.ones((8, 8)))
-    assert whole == pytest.approx(expected_error(points.reshape(1, 1, 64, 2), sigma=0), rel=1e-9)
+    whole = expected_error(points, filters=Filter(np.ones((8, 8))))
+    assert whole == pytest.approx(expected_error(points.reshape(1, 1, 64, 2), filters=0), rel=1e-9)
+
+
+def test_filters_in_time_and_their_mixtures():
+    """Against sums over random bumps: an image filtered over frames by hand."""
+    points = tile(5, 4, 6, 1, 2)
+    box, decay = np.ones(3), 0.5 ** np.arange(40)
+    rng, squares = np.random.default_rng(7), []
+    for _ in range(500):
+        integrand, mean, weight = bump(rng, 2)
+        error = integrand(points).mean(axis=3) - mean
+        of_box = sum(np.roll(error, k, axis=2) for k in range(3)) / 3
+        of_decay = sum(w * np.roll(error, k, axis=2) for k, w in enumerate(decay)) / decay.sum()
+        spread = [filtered_error(frame, np.zeros((5, 4)), 0.8) ** 2 for frame in np.moveaxis(of_decay, 2, 0)]
+        squares.append(weight * np.array([np.square(of_box).mean(), np.mean(spread)]))
+    mean, sigmas = np.mean(squares, axis=0), np.std(squares, axis=0) / np.sqrt(500)
+    filters = [Filter(0.0, box), Filter(0.8, decay)]
+    for one, found, sigma in zip(filters, mean, sigmas, strict=True):
+        assert abs(found - expected_error(points, "bumps", one) ** 2) < 5 * sigma
+    both = expected_error(points, "bumps", [filters[0], filters[1]._replace(weight=3.0)]) ** 2
+    parts = [expected_error(points, "bumps", one) ** 2 for one in filters]
+    assert both == pytest.approx((parts[0] + 3 * parts[1]) / 4, rel=1e-12)
+    one_frame = expected_error(points[:, :, :1], "bumps", 0.8)
+    assert expected_error(points[:, :, 0], "bumps", 0.8) == pytest.approx(one_frame, rel=1e-12)
 
 
 def test_the_screen_is_a_torus_and_pixels_are_places():
@@ -128,7 +153,7 @@ def test_mixtures_and_a_users_kernel():
 
 def test_independent_points_are_expected_to_have_a_variance_over_n():
     """Pixel's own error of one independent point: the mean of k(x, x), less the mean of k; 5 sigma."""
-    squares = [expected_error(tile(4, 4, 1, 2, seed=s), "boxes", sigma=0) ** 2 for s in range(100)]
+    squares = [expected_error(tile(4, 4, 1, 2, seed=s), "boxes", filters=0) ** 2 for s in range(100)]
     assert abs(np.mean(squares) - (1 / 4 - 1 / 9)) < 5 * np.std(squares) / 10
 
 
@@ -184,7 +209,7 @@ def test_descent_lowers_the_error_of_other_integrands():
 TILE = tile(4, 4, 1, 2)
 
 test_wrong_arguments = refused(
-    (tile(3, 2), "^points must have shape .height, width, spp, d., got"),
+    (tile(3, 2), "^points must have shape .height, width, spp, d. or .height, width, frames, spp, d., got"),
     (TILE + 1, r"^points must be in \[0, 1\), got"),
     (TILE.astype(int), "^points must be an array of float16, float32, float64, got int64"),
     (TILE, "lines", "^integrands must be one of"),
@@ -196,7 +221,10 @@ test_wrong_arguments = refused(
         "^integrands must be a conditionally positive definite",
     ),
     (TILE, lambda x, y: x - y, r"^integrands must map points \(..., d\) to"),
-    (TILE, "boxes", -1.0, "^sigma must be finite and at least 0"),
-    (TILE, "boxes", 0, [[1.0, -2.0]], "^taps must be finite, of shape .rows, columns. and a positive sum"),
+    (TILE, "boxes", -1.0, "^filters.space must be finite and at least 0"),
+    (TILE, "boxes", Filter([[1.0, -2.0]]), "^filters.space must be finite taps, of shape .rows, columns."),
+    (TILE, "boxes", Filter(1.0, [[1.0]]), "^filters.time must be finite taps, of shape .frames,. and a posi"),
+    (TILE, "boxes", [Filter(weight=0.0)], "^filters must have a positive sum of weights"),
+    (TILE, "boxes", "gauss", "^filters must be a standard deviation, a Filter, or a sequence"),
     call=expected_error,
 )

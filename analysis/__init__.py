@@ -11,6 +11,8 @@ from analysis._convergence import ConvergenceTable as ConvergenceTable
 from analysis._convergence import convergence as convergence
 from analysis._curves import curve_length as curve_length
 from analysis._curves import segment_counts as segment_counts
+from analysis._design_samples import DesignedSamples as DesignedSamples
+from analysis._design_samples import design_samples as design_samples
 from analysis._discrepancy_search import DiscrepancySearch as DiscrepancySearch
 from analysis._discrepancy_search import search_discrepancy as search_discrepancy
 from analysis._dispersion import dispersion as dispersion

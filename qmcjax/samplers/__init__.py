@@ -22,4 +22,7 @@ from qmcjax.samplers._ranked import Ranked as Ranked
 from qmcjax.samplers._ranked import ranked as ranked
 from qmcjax.samplers._segments import segments as segments
 from qmcjax.samplers._shifted import shifted as shifted
+from qmcjax.samplers._tiled import Tiled as Tiled
+from qmcjax.samplers._tiled import designed as designed
+from qmcjax.samplers._tiled import tiled as tiled
 from qmcjax.samplers._z import z as z

@@ -1,0 +1,288 @@
+"""Tiles of designed points that repeat over the screen, moved and turned at random."""
+
+from dataclasses import field
+from importlib import resources
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._turned_squares import coordinate, from_outlines, to_outlines
+
+_MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
+"""First of the seeds of translations (of columns, rows, frames), of turns, of jitter and of shuffles."""
+
+_SEEDS = 8
+
+_DEEPEST = 16
+"""Most digits of a word of a tile."""
+
+MAX_SPP = 2**16
+
+
+@frozen_pytree
+class Tiled(Sampler):
+    """Sample s of a pixel is a point of the tile there, moved and turned, in one of equal boxes."""
+
+    tile: Array
+    """uint16 (rows, columns, frames, spp, dims): of each pair of coordinates, area and place."""
+    seeds: Array
+    """uint32 (8, 2)."""
+    frame: Array
+    """uint32: the number of the frame."""
+    coordinates: int = field(metadata={"static": True})
+    spp: int = field(metadata={"static": True})
+    """Number of samples that the sampler is made for."""
+
+    @property
+    def dims(self) -> int:
+        return self.coordinates
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        return (*super().limits[:2], self.spp)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        super().check(width, height, spp)
+        check_count(spp, self.spp, "for this sampler")
+
+    def at_frame(self, frame: Array | int) -> "Tiled":
+        """Return the sampler of another frame of an animation; its program is the same.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape (), in [0, 2**32)
+        """
+        number = checks.unsigned("frame", frame)
+        if number.ndim:
+            raise ValueError(f"frame must be one integer, got shape {number.shape}")
+        return Tiled(self.tile, self.seeds, number, self.coordinates, self.spp)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return pixels and hashes of them for jitter."""
+        return x, y, hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        size = self.tile.shape[-1]
+        copies = {copy: self._moved(state, sample, copy) for copy in {j // size for j in dims}}
+        words = [self._word(state, sample, j, *copies[j // size]) for j in dims]
+        return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
+
+    def _moved(self, state: Any, sample: Array, copy: int) -> tuple[Array, tuple[Array, ...]]:
+        """Return the number of the box, and the place in the tile, of one copy of its dimensions."""
+        x, y, hashed = state
+        of_tile = self.tile.shape[3]
+        boxes = self.spp // of_tile
+        box, number = sample & np.uint32(boxes - 1), sample >> np.uint32(boxes.bit_length() - 1)
+        if copy and boxes > 1:
+            seed = hash_pair(hashed ^ self.seeds[_SHUFFLE, 0], self.seeds[_SHUFFLE, 1] ^ np.uint32(copy))
+            digits = boxes.bit_length() - 1
+            box = reverse(owen_hash(reverse(box << np.uint32(32 - digits)), seed)) >> np.uint32(32 - digits)
+        along = []
+        for axis, place in enumerate((y, x, self.frame)):
+            move = self._random(_MOVES + axis, copy, box)
+            along.append((place + move) & np.uint32(self.tile.shape[axis] - 1))
+        return box, (*jnp.broadcast_arrays(*along, number),)
+
+    def _random(self, which: int, copy: int, box: Array) -> Array:
+        """Return a word, uniform over the seeds: of one turn or translation."""
+        return hash_pair(self.seeds[which, 0] ^ np.uint32(copy), self.seeds[which, 1] ^ box)
+
+    def _word(self, state: Any, sample: Array, dim: int, box: Array, place: tuple[Array, ...]) -> Array:
+        size = self.tile.shape[-1]
+        copy, inside = divmod(dim, size)
+        pair, axis = divmod(inside, 2)
+        area, turn = (
+            self.tile.at[(*place, 2 * pair + k)].get(mode="promise_in_bounds").astype(jnp.uint32) << 16
+            for k in range(2)
+        )
+        # Jitter of each sample, frame and pair of coordinates fills the digits below the stratum's.
+        number = hash_word(sample ^ (self.frame << 16)) + np.uint32(dim // 2)
+        jitter = hash_pair(number ^ self.seeds[_JITTER + 1, 0], state[2] ^ self.seeds[_JITTER + 1, 1])
+        digits = stratum_digits(self.tile.shape)[pair]
+        word = coordinate(
+            area | (jitter >> np.uint32(digits)),
+            turn + self._random(_TURNS + pair, copy, box),
+            axis,
+        )
+        # The boxes halve the dimensions in turn.
+        count = (self.spp // self.tile.shape[3]).bit_length() - 1
+        for k in reversed(range(inside, count, size)):
+            word = (word >> 1) | (((box >> np.uint32(k)) & np.uint32(1)) << 31)
+        return word
+
+
+def stratum_digits(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the digits of the strata of each pair's areas, for a tile of this shape."""
+    places = (shape[0] * shape[1] * shape[2]).bit_length() - 1
+    if shape[-1] == 2:
+        return (min(places, _DEEPEST),)
+    return min(places - places // 2, _DEEPEST), min(places // 2, _DEEPEST)
+
+
+def tile_words(points: NDArray[np.float64]) -> NDArray[np.uint16]:
+    """Return areas and places of points (rows, columns, frames, spp, dims), moved to strata.
+
+    For each number of a sample, areas are replaced by their ranks: of the first pair in as many classes as it
+    has strata, then of the second one in each class.
+    """
+    shape = points.shape
+    count = shape[0] * shape[1] * shape[2]
+    digits = stratum_digits(shape)
+    radius, place = to_outlines(points.reshape(count, shape[3], -1, 2))
+    ranks = np.argsort(np.argsort(radius[:, :, 0], axis=0, kind="stable"), axis=0)
+    strata = [ranks * 2 ** digits[0] // count]
+    if len(digits) == 2:
+        order = np.lexsort((radius[:, :, 1], strata[0]), axis=0)
+        within = np.argsort(order, axis=0) % (count // 2 ** digits[0])
+        strata.append(within * 2 ** sum(digits) // count)
+    words = np.empty((*place.shape, 2), np.uint16)
+    for pair, known in enumerate(digits):
+        words[:, :, pair, 0] = strata[pair] << (_DEEPEST - known)
+    words[..., 1] = np.floor(place * 2**_DEEPEST % 2**_DEEPEST)
+    return words.reshape(shape)
+
+
+def stratified(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (rows, columns, frames, spp, dims) with areas in the centres of their strata."""
+    digits = stratum_digits(points.shape)
+    words = tile_words(points).reshape(*points.shape[:4], -1, 2)
+    areas = (words[..., 0] >> (_DEEPEST - np.array(digits))) + 0.5
+    return from_outlines(
+        np.sqrt(areas / 2.0 ** np.array(digits)), (words[..., 1] + 0.5) / 2**_DEEPEST
+    ).reshape(points.shape)
+
+
+def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -> Tiled:
+    """Return the sampler of a tile."""
+    seeds = jax.random.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
+    return Tiled(jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), dims, spp)
+
+
+def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: int | None = None) -> Tiled:
+    """Sample from a tile of points that the key moves and turns, exactly uniform in every pixel.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (height, width, spp, d) or (height, width, frames, spp, d)
+        The points of a tile in [0, 1)^d, with d = 2 or 4: of :func:`analysis.design_samples`, for example.
+        Height, width, frames and spp are powers of two.
+    key : jax.random.key, or int in [0, 2**32)
+        A new key does not recompile.
+    dims : int, in [1, 65536], optional
+        Number of coordinates, by default d. Further ones come from the same tile, moved and turned anew.
+    spp : int, optional
+        Number of samples of a pixel, a power of two up to 65536, by default the tile's. More are in equal
+        boxes of the unit cube, halved along one dimension after another, with a tile each; the first samples
+        are one in each box.
+
+    Returns
+    -------
+    Tiled
+        ``sampler.at_frame(t)`` is the sampler of frame t.
+
+    Notes
+    -----
+    The key moves the tile by whole pixels, and frames. It turns each pair of coordinates: the points at the
+    same distance from the square's centre, the larger one of both coordinates', move along their outline by
+    the same part of its length. So neighbours remain neighbours, and no seam is drawn through the square. The
+    area within the outline of a point is jittered in one of equal strata, to which the points of each number
+    of a sample are moved first. Hence **each sample of each pixel is uniform over keys**, to 32 bits: its
+    stratum since the tile moves, its area in the stratum by the jitter, and its place on the outline since it
+    turns. With d = 4 two areas have equal strata together.
+
+    Examples
+    --------
+    >>> tile = np.random.default_rng(1).random((8, 8, 1, 2))
+    >>> sampler = tiled(tile, key=0)
+    >>> print(sampler(3, 5, 0).shape, sampler.at_frame(7)(3, 5, 0, dims=(1,)).shape)
+    (2,) (1,)
+    """
+    known = checks.known_array("points", points, np.floating, "an array of floats")
+    if known.ndim == 4:
+        known = known[:, :, None]
+    if known.ndim != 5 or known.shape[-1] not in (2, 4) or known.size == 0:
+        raise ValueError(
+            "points must have shape (height, width, spp, d) or (height, width, frames, spp, d), d = 2 or 4, "
+            f"got {np.shape(points)}"
+        )
+    if not ((known >= 0) & (known < 1)).all():
+        raise ValueError("points must be in [0, 1), got some that are not")
+    for size in known.shape[:4]:
+        if size & (size - 1) or size > MAX_SPP:
+            raise ValueError(
+                f"points must have powers of two up to {MAX_SPP} as height, width, frames and spp, "
+                f"got {np.shape(points)}"
+            )
+    dims = known.shape[-1] if dims is None else checks.integer("dims", dims, 1, 2**16)
+    spp = known.shape[3] if spp is None else checks.power_of_two("spp", spp, MAX_SPP)
+    words = tile_words(known.astype(np.float64))
+    return of_words(words[:, :, :, :spp], dims, spp, key)
+
+
+def designed(
+    width: int, height: int, spp: int, key: Array | int, dims: int = 2, frames: int | None = None
+) -> Tiled:
+    """Sample with tiles of points that were designed by the gradient of the expected filtered error.
+
+    Parameters
+    ----------
+    width, height : int, in [1, 65536]
+    spp : int, samples of each pixel, a power of two up to 65536
+    key : jax.random.key, or int in [0, 2**32)
+        A new key does not recompile.
+    dims : int, in [1, 65536]
+        Number of coordinates. Up to 2, tiles of two dimensions are used, else of four; further coordinates
+        come from the same tile, moved and turned anew.
+    frames : int, optional
+        For animations: a tile of 32 frames with one sample, designed for filters in space and time. Frames
+        repeat after 32 of them.
+
+    Returns
+    -------
+    Tiled
+        See :func:`tiled` for how the key moves and turns the tile, and for numbers of samples above 16;
+        ``sampler.at_frame(t)`` is the sampler of frame t.
+
+    Notes
+    -----
+    The tiles minimise :func:`analysis.expected_error` over half spaces, after a Gaussian filter of standard
+    deviation 1.5 pixels, plus 0.05 times the mean square of the unfiltered error, on average over turns:
+    :func:`analysis.design_samples` makes them. There is one for 1, 2, 4, 8 and 16 samples each; fewer of them
+    can be rendered, but are not designed. ``_data/README.md`` has measured errors.
+
+    Unlike nets, the points are not stratified along the axes: for products of functions of one coordinate
+    each, and for edges along the axes, samplers with nets in each pixel may be better at many samples.
+
+    References
+    ----------
+    .. [1] I. Georgiev, M. Fajardo, "Blue-noise Dithered Sampling", SIGGRAPH Talks, 2016.
+    .. [2] C. Salaun, I. Georgiev, H.-P. Seidel, G. Singh, "Scalable Multi-Class Sampling via Filtered Sliced
+       Optimal Transport", 2022.
+    .. [3] W. Donnelly, A. Wolfe, J. Buetepage, J. Valdes, "FAST: Filter-Adapted Spatio-Temporal Sampling for
+       Real-Time Rendering", 2024.
+
+    Examples
+    --------
+    >>> sampler = designed(16, 16, 4, key=0)
+    >>> print(sampler(3, 5, 2) == sampler(3 + 32, 5, 2))
+    [ True  True]
+    """
+    checks.image_size(width, height)
+    spp, dims = checks.power_of_two("spp", spp, MAX_SPP), checks.integer("dims", dims, 1, 2**16)
+    name = f"{2 if dims <= 2 else 4}d_{min(spp, 16)}"
+    if frames is not None:
+        checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
+        name = "frames"
+    source = resources.files("qmcjax.samplers") / "_data" / "designed.npz"
+    with source.open("rb") as stream, np.load(stream) as table:
+        words = table[name]
+    return of_words(words, dims, spp, key)

@@ -176,13 +176,19 @@ def design_samples(
 
 
 def _averaged(of: IntegrandClass, nodes: Array) -> IntegrandClass:
-    return of._replace(potential=lambda x: jnp.mean(of.pair(x[..., None, :], nodes), axis=-1))
+    """Return a class with the potential averaged over nodes."""
+
+    def potential(x: Array) -> Array:
+        return jnp.mean(of.pair(x[..., None, :], nodes.reshape((1,) * (x.ndim - 1) + nodes.shape)), axis=-1)
+
+    return of._replace(potential=potential)
 
 
 def turned(points: Array, turns: Array) -> Array:
     """Return points (..., d) with pairs of coordinates turned, by turns of shape (d / 2,)."""
     pairs = points.reshape(*points.shape[:-1], -1, 2)
     radius, place = to_outlines(pairs)
+    turns = turns.reshape((1,) * (place.ndim - 1) + (-1,))
     return from_outlines(radius, place + turns).reshape(points.shape)
 
 
@@ -201,15 +207,14 @@ def _descent(square: Callable[[Array], Array], key: Array, chunks: int) -> tuple
         return jax.tree.unflatten(jax.tree.structure(state), [moved, *moments])
 
     def one(state: Any, step: Array) -> tuple[Any, Array]:
-        points = points_of(state)
+        points, at = points_of(state), step.astype(jnp.float32)
         count = points.shape[-1] // 2
         # A rotation by a quarter changes no distances.
-        turns = jnp.asarray(_TURNS[:count], jnp.float32) * step.astype(jnp.float32) % 1 / 4
+        turns = jnp.asarray(_TURNS[:count], jnp.float32) * at % 1 / 4
         found, gradient = jax.value_and_grad(lambda free: square(turned(free, turns)))(points)
-        moved, *moments = jax.tree.leaves(update(step, gradient, state))
-        part = step / np.float32(steps)
+        moved, *moments = jax.tree.leaves(update(at, gradient, state))
         random = jax.random.normal(jax.random.fold_in(key, step), points.shape, points.dtype)
-        noise = _NOISE * rate(step) * jnp.maximum(0, 1 - 2 * part) * random
+        noise = _NOISE * rate(at) * jnp.maximum(0, 1 - 2 * at / steps) * random
         inside = jnp.clip(moved + noise, _EDGE, 1 - _EDGE)
         return jax.tree.unflatten(jax.tree.structure(state), [inside, *moments]), found
 

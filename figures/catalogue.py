@@ -161,6 +161,10 @@ CATALOGUE = {
         "Optimised orders in 4 and 8 dimensions and in traced scenes",
         timed=True,
     ),
+    "designed-samplers": Entry(
+        "figures.ours.designed_samplers", "Tiles designed by gradients beside other samplers", timed=True
+    ),
+    "designed-time": Entry("figures.ours.designed_time", "Frames of a tile designed for filters in time"),
     "scramblings": Entry("figures.ours.scramblings", "Scramblings of Sobol's sequence: errors and distances"),
     "discrepancy-records": Entry(
         "figures.ours.discrepancy_records", "Star discrepancy of searched sets beside published values"

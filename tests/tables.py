@@ -203,6 +203,7 @@ BY_DEFAULT = {
         "partitioned, hilbert, halton",
         "dither, vectors",
         "ranked",
+        "tiled, boxes",
         "z, tree",
     ),
     "orders": ("hilbert", "scrambled_morton, hash"),
@@ -306,6 +307,10 @@ SAMPLERS = Table(
         "ranked": lambda: samplers.ranked(3, key=3),
         "randomized, contiguous, owen": lambda: samplers.randomized(owen_pass, key=3),
         "optimized": lambda: samplers.optimized(SIDE, SIDE, SPP, key=3, dims=3),
+        "designed": lambda: samplers.designed(SIDE, SIDE, SPP, key=3, dims=3),
+        "tiled, boxes": lambda: samplers.tiled(
+            np.random.default_rng(1).random((8, 4, 2, 2, 2)), 3, dims=3, spp=SPP
+        ).at_frame(1),
         "z, hash": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
         "z, tree": lambda: samplers.z(
             SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)

@@ -36,6 +36,7 @@ RIVALS = {
     "ranked": _candidate("ranked (Heitz)"),
     "z": _candidate("Z, hash"),
     "optimized": _candidate("optimised orders"),
+    "designed": _candidate("designed tiles"),
     "hilbert": _candidate("Hilbert, Owen-Sobol'"),
     "hilbert-halton": _candidate("Hilbert, Halton (2,3)"),
 }

@@ -1,21 +1,17 @@
 """Orders with searched permutations in more dimensions, and in ray-traced scenes: what a filter leaves."""
 
 from collections.abc import Callable, Mapping
-from functools import cache, partial
+from functools import partial
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator, ScalarFormatter
-from numpy.typing import NDArray
 
-import analysis
 from figures._errors import rms
-from figures.shared import diffusion, integrand_classes, traced_sweep
+from figures.shared import diffusion, integrand_classes, integrands_of_dims, traced_sweep
+from figures.shared.integrands_of_dims import CLASSES, COUNT
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.choosing import CANDIDATES
 
@@ -51,11 +47,6 @@ SIZES = {
 PADDED, JOINT = "optimised orders", "optimised order, joint"
 OURS = (JOINT, PADDED)
 
-COUNT = 4
-"""Integrands of a class."""
-
-CLASSES = ("half-spaces", "balls", "bumps")
-
 GOALS = {4: 0.85, 8: 0.92}
 """By dimensions: what filtered errors at 1 and 4 spp should be at most, as parts of the best sampler's."""
 
@@ -80,63 +71,10 @@ def make_sampler(name: str, dims: int, spp: int, key: int) -> samplers.Sampler:
     return CANDIDATES[name].make(dims, SIDE, SIDE, spp, key)
 
 
-class Integrands(NamedTuple):
-    """Half-spaces, balls and bumps of random places in the unit cube, COUNT of each."""
-
-    normal: NDArray[np.float32]
-    offset: NDArray[np.float32]
-    centre: NDArray[np.float32]
-    radius: NDArray[np.float32]
-
-
-@cache
-def integrands(dims: int) -> Integrands:
-    """Return those of a number of dimensions; all meet the cube, and balls have about half of its width."""
-    rng = np.random.default_rng(dims)
-    normal = rng.normal(size=(dims, COUNT))
-    offset = np.sum(rng.random((COUNT, dims)) * normal.T, axis=1)
-    centre = rng.random((2, dims, COUNT))
-    radius = rng.uniform(0.3, 0.8, COUNT) * np.sqrt(dims / 2)
-    return Integrands(*(values.astype(np.float32) for values in (normal, offset, centre, radius)))
-
-
-def values(point: Array) -> Array:
-    """Return the values of all integrands, shape (rows, columns, 3 * COUNT), class by class."""
-    dims = point.shape[-1]
-    of = integrands(dims)
-    along, squares = jnp.zeros(()), [jnp.zeros(()), jnp.zeros(())]
-    for j in range(dims):
-        x = point[..., j, None]
-        along = along + x * of.normal[j][None, None]
-        squares = [
-            square + (x - centre[j][None, None]) ** 2
-            for square, centre in zip(squares, of.centre, strict=True)
-        ]
-    planes = along < of.offset[None, None]
-    balls = squares[0] < (of.radius**2)[None, None]
-    return jnp.concatenate(
-        [planes.astype(point.dtype), balls.astype(point.dtype), jnp.exp(-3 * squares[1])], -1
-    )
-
-
-REFERENCE = 2**18
-"""Points of a scrambled sequence, whose means are taken for the integrals."""
-
-
-@cache
-def moments(dims: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the means of the integrands and their standard deviations."""
-    points = sequences.owen(sequences.sobol(dims), 2**20).points(REFERENCE)
-    found = np.asarray(jax.jit(values)(points[None])[0], np.float64)
-    return found.mean(axis=0), found.std(axis=0)
-
-
 def of_integrands(dims: int, name: str, spp: int, key: int) -> Errors:
     """Return the errors of one sampler by class, in standard deviations of the integrands."""
-    mean, deviation = moments(dims)
-    sampler = make_sampler(name, dims, spp, key)
-    image = analysis.pixel_means(values, sampler, SIDE, SIDE, spp, tuple(range(dims)))
-    return integrand_classes.measures((np.asarray(image, np.float64) - mean) / deviation, CLASSES)
+    found = integrands_of_dims.errors(make_sampler(name, dims, spp, key), SIDE, spp, dims)
+    return integrand_classes.measures(found, CLASSES)
 
 
 def of_scene(scene: Any, exact: diffusion.Reference, name: str, spp: int, key: int) -> Errors:
@@ -196,7 +134,7 @@ NOTE = (
 
 INTEGRANDS = (
     "In {dims} dimensions integrands are the same in all pixels, {count} of each class: random half-spaces "
-    "and balls, and exp(-3 |p - c|^2); the means are geometric over the classes. "
+    "and balls, exp(-3 |p - c|^2), and products of sines; the means are geometric over the classes. "
 )
 
 

@@ -7,6 +7,7 @@ from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLIO
 
 YELLOW = "#F0E442"
 DARK = "#555555"
+RED = "#8B0000"
 
 
 class Style(NamedTuple):
@@ -42,6 +43,7 @@ SAMPLERS: dict[str, Style] = {
     # Optimised for what is left of errors after a filter.
     "dither mask": Style(YELLOW, "X"),
     "ranked (Heitz)": Style(PURPLE, "*"),
+    "designed tiles": Style(RED, "*"),
     # Along Morton's curve.
     "Z0": Style(BLUE, "1", ":"),
     "Z, hash": Style(BLUE, "o"),

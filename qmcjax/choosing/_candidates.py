@@ -77,6 +77,10 @@ CANDIDATES: dict[str, Candidate] = {
     "ranked (Heitz)": Candidate(
         lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4
     ),
+    "designed tiles": Candidate(
+        lambda dims, width, height, spp, key: samplers.designed(width, height, spp, key, dims),
+        powers_of_two=True,
+    ),
     # Along Morton order, with random or optimised permutations.
     "Z0": Candidate(
         lambda dims, width, height, spp, key: samplers.z(

@@ -44,6 +44,7 @@ KEYED = {
     "full_screen, halton": lambda key: samplers.full_screen(sequences.halton(2, "random", key), 8, 8),
     "padded": lambda key: samplers.padded_replications(sequences.hammersley_net(6), 8, 8, key),
     "ranked": lambda key: samplers.ranked(2, key),
+    "designed": lambda key: samplers.designed(8, 8, 4, key, 4),
     "randomized": lambda key: samplers.randomized(KEYED["independent"], key, 2),
     "z, hash": lambda key: samplers.z(8, 8, 4, key, dims=4),
     "z, tree": lambda key: samplers.z(8, 8, 4, key, "tree", dims=4),

@@ -44,6 +44,8 @@ LIMITS = {
     "partitioned, peano, halton, exact": (81, 81, ANY // 81**2),
     "shifted, hilbert, lattice": (*PADDED, ANY),
     "interleaved": (ANY, ANY, SPP),
+    "designed": (ANY, ANY, SPP),
+    "tiled, boxes": (ANY, ANY, SPP),
     "interleaved, positions": (ANY, ANY, SPP),
     **{
         name: (ANY,) * 3

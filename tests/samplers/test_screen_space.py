@@ -324,6 +324,7 @@ AT_8192 = {
     "segments": lambda: (samplers.segments(HUGE, sequences.faure(3), 1), 64),
     "partitioned": lambda: (samplers.partitioned(HUGE, sequences.linear_matrix_scramble(SOBOL, 1)), 64),
     "optimized": lambda: (samplers.optimized(8192, 8192, 1024, 1), 1024),
+    "designed": lambda: (samplers.designed(8192, 8192, 1024, 1), 1024),
     "z": lambda: (samplers.z(8192, 8192, 1024, 1), 1024),
     "z, joint": lambda: (samplers.z(8192, 8192, 1024, 1, sequence=SOBOL), 1024),
 }
@@ -385,6 +386,7 @@ OF_DIMS = {
     "randomized": lambda d: samplers.randomized(contiguous_pass(d), 1),
     "dither": lambda d: samplers.dither(np.zeros((4, 4)), sequences.halton(d)),
     "optimized": lambda d: samplers.optimized(8, 8, 8, 1, dims=d),
+    "tiled": lambda d: samplers.tiled(np.zeros((4, 4, 4, 2)), 1, dims=d, spp=8),
     "z": lambda d: samplers.z(8, 8, 8, 1, dims=d),
     "z, tree": lambda d: samplers.z(8, 8, 8, 1, "tree", dims=d),
     "z, joint": lambda d: samplers.z(8, 8, 8, 1, sequence=sequences.sobol(d)),

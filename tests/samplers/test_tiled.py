@@ -1,0 +1,215 @@
+"""Tiles that the key moves and turns: exact uniformity, boxes, frames, and what the shipped tiles are for."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from refusals import refused
+from scipy.stats import qmc
+from tables import first, points_of
+
+from analysis import expected_error, filtered_error
+from analysis.tables.make_designed_tiles import TILES
+from qmcjax import samplers, sequences
+from qmcjax.samplers._tiled import stratified, stratum_digits, tile_words
+from qmcjax.samplers._turned_squares import coordinate, from_outlines, to_outlines
+
+SHAPES = [(8, 8, 1, 1, 2), (4, 8, 2, 4, 2), (8, 8, 1, 2, 4), (8, 16, 1, 1, 4)]
+
+
+def free(shape, seed=1):
+    return np.random.default_rng(seed).random(shape)
+
+
+def image(sampler, side, spp, dims=None):
+    x, y = first(side)[None, :, None], first(side)[:, None, None]
+    return np.asarray(points_of(sampler, x, y, first(spp), dims or tuple(range(sampler.dims))))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_each_number_of_a_sample_has_one_point_in_each_stratum(shape):
+    words = tile_words(free(shape)).reshape(-1, *shape[3:])
+    digits = stratum_digits(shape)
+    assert sum(digits) == int(np.log2(len(words)))
+    for sample in range(shape[3]):
+        strata = [words[:, sample, 2 * pair] >> (16 - known) for pair, known in enumerate(digits)]
+        assert len({tuple(one) for one in np.stack(strata, axis=-1).tolist()}) == len(words)
+        assert all(
+            (words[:, sample, 2 * pair] << known).max() < 2**16 << known for pair, known in enumerate(digits)
+        )
+
+
+def test_larger_tiles_have_the_same_number_of_points_in_each_of_65536_strata():
+    words = tile_words(free((64, 64, 32, 1, 2)))
+    assert (np.bincount(words[..., 0].ravel(), minlength=2**16) == 2).all()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_points_move_to_the_nearest_strata_and_stay_there(shape):
+    points = free(shape)
+    moved = stratified(points)
+    np.testing.assert_array_equal(tile_words(moved), tile_words(points))
+    assert np.abs(moved - points).mean() < (0.12 if shape[-1] == 2 else 0.25)
+
+
+def test_a_turn_keeps_areas_and_neighbours():
+    """Points uniform in area and place are as many in each cell of the square, for any turn."""
+    area, place = qmc.Sobol(2, rng=1).random(2**18).T
+    for turn in (0.0, 0.1, 0.7):
+        points = from_outlines(np.sqrt(area), place + turn).reshape(-1, 2)
+        counts = np.histogram2d(*points.T, bins=8, range=[(0, 1)] * 2)[0]
+        np.testing.assert_allclose(counts, 2**12, rtol=0.005)
+    points = free((1000, 2))
+    radius, place = to_outlines(points)
+    np.testing.assert_allclose(from_outlines(radius, place), points, atol=1e-15)
+    x, y = points.T
+    np.testing.assert_allclose(from_outlines(radius, place + 0.25), np.stack([1 - y, x], -1), atol=1e-15)
+    near = np.clip(points + 1e-6, 0, 1)
+    turned = [from_outlines(r, p + 0.1) for r, p in ((radius, place), to_outlines(near))]
+    assert np.abs(turned[1] - turned[0]).max() < 4e-6
+
+
+def test_words_are_the_points_rounded_down():
+    rng = np.random.default_rng(2)
+    words = rng.integers(0, 2**32, (2, 4096), dtype=np.uint32)
+    words[:, :4] = [[0, 2**32 - 1, 0, 2**32 - 1], [0, 0, 2**32 - 1, 2**32 - 1]]
+    found = np.stack([np.asarray(coordinate(*map(jnp.asarray, words), axis)) for axis in (0, 1)], axis=-1)
+    exact = from_outlines(np.sqrt(words[0] / 2.0**32), words[1] / 2.0**32)
+    np.testing.assert_allclose(found / 2.0**32, exact, rtol=0, atol=2**-31)
+
+
+@pytest.mark.parametrize(("dims", "spp"), [(2, 1), (4, 1), (4, 8), (6, 1)])
+def test_a_sample_is_uniform_over_keys(dims, spp):
+    """Chi-squared of all pairs of coordinates of one sample of one pixel over 8192 keys, 5 sigma."""
+    tile = np.full((4, 4, 1, 4), 0.9) + 1e-3 * free((4, 4, 1, 4))  # Far from uniform itself.
+
+    @jax.jit
+    def of_key(key):
+        return samplers.tiled(tile, key, dims=dims, spp=spp)(1, 2, spp // 2, dims=tuple(range(dims)))
+
+    points = np.asarray(jax.lax.map(of_key, jax.random.split(jax.random.key(1), 8192), batch_size=1024))
+    side, cell = 8, 8192 / 64
+    low = np.zeros(dims)
+    if spp > 1:
+        # One of eight boxes, halved along the first three dimensions: the same of each number of a sample.
+        low = np.floor(2 * points.min(axis=0)) / 2
+        assert (low[:3] * 2 == [(spp // 2 >> k) & 1 for k in range(3)]).all()
+        points = np.where(np.arange(dims) < 3, 2 * (points - low), points)
+    for i in range(dims):
+        for j in range(i):
+            counts = np.histogram2d(points[:, i], points[:, j], bins=side, range=[(0, 1)] * 2)[0]
+            chi2 = np.square(counts - cell).sum() / cell
+            assert abs(chi2 - 63) < 5 * np.sqrt(2 * 63), (i, j)
+
+
+def test_the_key_moves_the_tile_and_turns_it():
+    """At each key, the tile's outlines at other pixels: areas apart from jitter."""
+    tile = free((8, 8, 1, 2))
+    words = tile_words(tile[:, :, None]).reshape(8, 8, 2)
+    moved = set()
+    for key in range(20):
+        points = image(samplers.tiled(tile, key), 8, 1).astype(np.float64).reshape(8, 8, 2)
+        radius, place = to_outlines(points)
+        strata = np.floor(np.square(radius) * 64 + 1e-4)
+        found = [
+            (down, right)
+            for down in range(8)
+            for right in range(8)
+            if np.array_equal(np.roll(words[..., 0] >> 10, (-down, -right), axis=(0, 1)), strata)
+        ]
+        assert len(found) == 1
+        turn = place - np.roll(words[..., 1], np.negative(found[0]), axis=(0, 1)) / 2**16
+        np.testing.assert_allclose(np.exp(2j * np.pi * turn), np.exp(2j * np.pi * turn[0, 0]), atol=1e-3)
+        moved.add((*found[0], round(float(turn[0, 0] % 1), 3)))
+    assert len(moved) == 20
+
+
+def test_more_samples_than_the_tile_has_are_in_boxes():
+    sampler = samplers.tiled(free((4, 4, 2, 2)), 3, dims=4, spp=16)
+    points = image(sampler, 4, 16)
+    for dims in ((0, 1), (2, 3)):
+        cells = np.floor(points[..., dims] * [4, 2]).astype(int)
+        flat = np.sort(cells[..., 0] * 2 + cells[..., 1], axis=-1)
+        assert (flat == np.repeat(np.arange(8), 2)).all()
+        first_8 = np.sort((cells[..., 0] * 2 + cells[..., 1])[..., :8], axis=-1)
+        assert (first_8 == np.arange(8)).all()
+    # Boxes of further dimensions come in another order in each pixel.
+    assert len({tuple(order) for order in np.floor(points[..., 2] * 4).reshape(16, 16).tolist()}) > 8
+
+
+def test_frames_are_those_of_the_tile():
+    tile = free((4, 4, 8, 1, 2))
+    sampler = samplers.tiled(tile, 5)
+    areas = []
+    for frame in range(9):
+        points = image(sampler.at_frame(frame), 4, 1).astype(np.float64)
+        areas.append(np.floor(np.square(to_outlines(points)[0]) * 128 + 1e-4).ravel())
+    known = tile_words(tile)[..., 0, 0].reshape(16, 8) >> 9
+    assert sorted(np.concatenate(areas[:8])) == list(range(128))
+    assert np.array_equal(areas[0], areas[8])
+    assert {tuple(sorted(frame)) for frame in areas} == {tuple(sorted(frame)) for frame in known.T}
+
+
+@pytest.mark.parametrize("name", [name for name in TILES if name != "frames"])
+def test_shipped_tiles_are_better_than_orders_and_owen(name):
+    """Against classes that they were not designed for, averaged over three keys."""
+    dims, spp = int(name[0]), TILES[name]["spp"]
+    side = min(32, TILES[name]["side"])
+    made = {
+        "designed": lambda key: samplers.designed(side, side, spp, key, dims),
+        "optimized": lambda key: samplers.optimized(side, side, spp, key, dims),
+        "owen": lambda key: samplers.independent(sequences.sobol(dims), key),
+    }
+    errors = {
+        of: [
+            np.sqrt(
+                np.mean(
+                    [expected_error(image(make(key), side, spp), "bumps", sigma) ** 2 for key in range(3)]
+                )
+            )
+            for sigma in (1.5, 0.0)
+        ]
+        for of, make in made.items()
+    }
+    assert errors["designed"][0] < 0.85 * errors["optimized"][0]
+    if spp > 1:
+        assert errors["designed"][1] < 1.03 * errors["owen"][1]
+
+
+def test_frames_are_better_than_new_keys_of_z():
+    """After a moving average over frames, in space and not: of one bump, the mean square over 20 of them."""
+    side = 32
+    sampler = samplers.designed(side, side, 1, 1, frames=32)
+    tiles = {
+        "designed": np.stack([image(sampler.at_frame(t), side, 1)[:, :, 0] for t in range(32)]),
+        "z": np.stack([image(samplers.z(side, side, 1, t), side, 1)[:, :, 0] for t in range(32)]),
+    }
+    rng = np.random.default_rng(3)
+    errors = dict.fromkeys(tiles, 0.0)
+    for _ in range(20):
+        centre = rng.random(2)
+        for name, points in tiles.items():
+            values = np.exp(-8 * np.square(points - centre).sum(axis=-1))
+            averaged = values[-16:].mean(axis=0)
+            exact = np.exp(-8 * np.square(free((200_000, 2), 4) - centre).sum(axis=-1)).mean()
+            errors[name] += filtered_error(averaged, np.full_like(averaged, exact)) ** 2
+    assert errors["designed"] < 0.5 * errors["z"]
+
+
+TILE = free((4, 4, 1, 2))
+
+test_wrong_tiles = refused(
+    (TILE[0], 1, r"^points must have shape \(height, width, spp, d\) or"),
+    (free((4, 4, 1, 3)), 1, r"^points must have shape \(height, width, spp, d\) or"),
+    (TILE + 1, 1, r"^points must be in \[0, 1\), got"),
+    (free((4, 3, 1, 2)), 1, "^points must have powers of two up to 65536 as height, width"),
+    (TILE, "key", "^key must be one jax.random.key"),
+    call=samplers.tiled,
+)
+test_wrong_counts = refused(
+    (8, 8, 3, 1, "^spp must be a power of two, got 3"),
+    (0, 8, 1, 1, "^width must be an integer in"),
+    (8, 8, 1, 1, 0, "^dims must be an integer in"),
+    (8, 8, 1, 1, 2, 0, "^frames must be an integer in"),
+    call=samplers.designed,
+)

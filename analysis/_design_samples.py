@@ -141,7 +141,8 @@ def design_samples(
     prefixes = shape[3].bit_length() if checks.flag("progressive", progressive) else 1
     nodes = sequences.sobol(dims).points(_NODES) + np.float32(0.5 / _NODES)
     classes = tuple(
-        (_averaged(of, nodes), share) for of, share in classes_of(integrands, np.full((1, dims), 0.5), dims)
+        (_averaged(of, nodes), share)
+        for of, share in classes_of(integrands, np.full((1, shape[4]), 0.5), shape[4])
     )
     if filters is None:
         filters = [Filter(1.5), Filter(0.0, weight=_OWN if spp > 1 else 0.0)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import numbers
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,11 +32,10 @@ class Filter(NamedTuple):
 
 def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]:
     """Return the mean autocorrelation of filters on a torus (height, width, frames): the weights of pairs."""
-    if isinstance(filters, Filter) or not isinstance(filters, Sequence):
-        filters = [filters]
-    wanted = "a standard deviation, a Filter, or a sequence of Filter"
-    known = [one if isinstance(one, Filter) else Filter(one) for one in filters]
-    if not known or any(isinstance(one.space, str) for one in known):
+    known = [Filter(filters)] if isinstance(filters, numbers.Real) else filters
+    known = [known] if isinstance(known, Filter) else known
+    if not isinstance(known, list | tuple) or not known or not all(isinstance(one, Filter) for one in known):
+        wanted = "a standard deviation, a Filter, or a list of Filter"
         raise TypeError(f"filters must be {wanted}, got {checks.shown(filters)}")
     weights = [
         _arguments.real("filters.weight", one.weight, "finite and at least 0", lambda w: 0 <= w < math.inf)

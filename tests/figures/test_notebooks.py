@@ -9,7 +9,7 @@ import pytest
 
 NOTEBOOKS = Path(__file__).parents[2] / "figures" / "notebooks"
 
-PICTURES = {"hilbert": 5, "z": 5, "thesis": 5, "explore": 4}
+PICTURES = {"hilbert": 5, "z": 5, "thesis": 5, "explore": 4, "design": 2}
 """How many pictures each has."""
 
 # In a process of its own: kernels leave warnings and sockets behind, which are none of ours.

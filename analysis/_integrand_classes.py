@@ -99,8 +99,37 @@ def boxes(dims: int) -> IntegrandClass:
     return IntegrandClass(pair, lambda x: jnp.prod((1 - x**2) / 2, axis=-1), 3.0**-dims)
 
 
+def _of_parts(dims: int, size: int) -> IntegrandClass:
+    """Return the class of half spaces of a few consecutive coordinates, of one part of all at random."""
+    parts = [slice(first, min(first + size, dims)) for first in range(0, dims, size)]
+    of = [half_spaces(part.stop - part.start) for part in parts]
+
+    def mean(values: list[Array]) -> Array:
+        return sum(values[1:], values[0]) / len(values)
+
+    return IntegrandClass(
+        lambda x, y: mean([each.pair(x[..., p], y[..., p]) for each, p in zip(of, parts, strict=True)]),
+        lambda x: mean([each.potential(x[..., p]) for each, p in zip(of, parts, strict=True)]),
+        sum(each.mean for each in of) / len(of),
+    )
+
+
+@cache
+def half_planes(dims: int) -> IntegrandClass:
+    """Return the class of half planes of one pair of coordinates: (0, 1), (2, 3), ..."""
+    return _of_parts(dims, 2)
+
+
+@cache
+def steps(dims: int) -> IntegrandClass:
+    """Return the class of steps along one coordinate."""
+    return _of_parts(dims, 1)
+
+
 CLASSES: dict[str, Callable[[int], IntegrandClass]] = {
     "half_spaces": half_spaces,
+    "half_planes": half_planes,
+    "steps": steps,
     "bumps": bumps,
     "boxes": boxes,
 }

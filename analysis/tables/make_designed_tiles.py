@@ -32,6 +32,10 @@ _IN_TIME = (
 """One frame, frames in an average that forgets or in a Gaussian, and frames without a filter in space."""
 
 
+_JOINT = {"half_spaces": 1.0, "half_planes": 1.0, "steps": 0.5}
+"""In four dimensions: scenes often depend on the time alone, or on a point on a lens or light."""
+
+
 def _equal(filters: tuple[Filter, ...], shape: tuple[int, ...]) -> list[Filter]:
     """Return filters with weights such that independent samples have equal errors after each of them."""
     return [one._replace(weight=1 / autocorrelation(shape, one)[0, 0, 0]) for one in filters]
@@ -43,11 +47,11 @@ TILES: dict[str, dict[str, Any]] = {
     "2d_4": {"side": 32, "spp": 4, "dims": 2, "steps": 1000},
     "2d_8": {"side": 32, "spp": 8, "dims": 2, "steps": 600},
     "2d_16": {"side": 16, "spp": 16, "dims": 2, "steps": 600},
-    "4d_1": {"side": 64, "spp": 1, "dims": 4, "steps": 1600},
-    "4d_2": {"side": 64, "spp": 2, "dims": 4, "steps": 800},
-    "4d_4": {"side": 32, "spp": 4, "dims": 4, "steps": 1000},
-    "4d_8": {"side": 32, "spp": 8, "dims": 4, "steps": 400},
-    "4d_16": {"side": 16, "spp": 16, "dims": 4, "steps": 600},
+    "4d_1": {"side": 64, "spp": 1, "dims": 4, "steps": 800},
+    "4d_2": {"side": 64, "spp": 2, "dims": 4, "steps": 400},
+    "4d_4": {"side": 32, "spp": 4, "dims": 4, "steps": 600},
+    "4d_8": {"side": 16, "spp": 8, "dims": 4, "steps": 600},
+    "4d_16": {"side": 16, "spp": 16, "dims": 4, "steps": 400},
     "frames": {"side": 32, "spp": 1, "dims": 2, "steps": 400, "frames": 32},
 }
 """Smaller tiles where they serve as well: with more samples, strata of areas are as many."""
@@ -57,6 +61,8 @@ def tile(name: str, folder: Path) -> np.ndarray:
     """Return the words of a tile; a run that was interrupted goes on."""
     how = dict(TILES[name])
     side, frames = how.pop("side"), how.get("frames")
+    if how["dims"] == 4:
+        how["integrands"] = _JOINT
     if frames:
         how["filters"] = _equal(_IN_TIME, (side, side, frames))
     kept = folder / f"{name}.checkpoint"

@@ -54,9 +54,9 @@ def expected_error(
         uniform on the sphere, and an offset uniform over an interval around the cube's centre as long as the
         cube's diagonal; "half_planes", those of one pair of coordinates, (0, 1), (2, 3), ..., and "steps",
         those of one coordinate; "bumps", Gaussians of standard deviation 0.15 whose centres are a Poisson
-        process of one per unit volume, without its mean; "boxes", the indicators of boxes [0, t) with t uniform. Or
-        classes with the weights of their mean squares. Or a kernel k(x, y) = E f(x) f(y), from arrays of
-        points, shape (..., d), to (...): conditionally positive definite; 4096 points average it.
+        process of one per unit volume, without its mean; "boxes", the indicators of boxes [0, t) with t
+        uniform. Or classes with the weights of their mean squares. Or a kernel k(x, y) = E f(x) f(y), from
+        arrays of points, shape (..., d), to (...): conditionally positive definite; 4096 points average it.
     filters : float, Filter or sequence of Filter
         Standard deviation of a Gaussian filter in pixels, as for :func:`filtered_error`, 0 for none; or a
         :class:`Filter` in space and time; or some, of which mean squares are averaged by their weights.

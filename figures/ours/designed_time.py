@@ -108,7 +108,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         bars = axes.bar(across, relative[name], 0.19, color=color, label=name)
         axes.bar_label(bars, fmt="%.2f", fontsize=8, padding=1)
     axes.axhline(1, color="0.5", lw=0.8)
-    axes.set(xticks=range(len(FILTERS)), ylabel="error, of random samples'", ylim=(0, 1.35))
+    axes.set(xticks=range(len(FILTERS)), ylabel="error, of random samples'", ylim=(0, 1.25))
     axes.set_xticklabels(FILTERS)
     axes.legend(ncols=2, frameon=False, fontsize=8, loc="upper left")
     figure.suptitle("One tile of points over space and time serves filters of both", fontsize=11)

@@ -256,8 +256,10 @@ def designed(
     -----
     The tiles minimise :func:`analysis.expected_error` over half spaces, after a Gaussian filter of standard
     deviation 1.5 pixels, plus 0.05 times the mean square of the unfiltered error, on average over turns:
-    :func:`analysis.design_samples` makes them. There is one for 1, 2, 4, 8 and 16 samples each; fewer of them
-    can be rendered, but are not designed. ``_data/README.md`` has measured errors.
+    :func:`analysis.design_samples` makes them. In four dimensions half planes of the pairs of coordinates
+    (0, 1) and (2, 3), and steps along each coordinate, take part: scenes often depend on few of them. There
+    is a tile for 1, 2, 4, 8 and 16 samples each; fewer of them can be rendered, but are not designed. The
+    figure ``designed-samplers`` has measured errors.
 
     Unlike nets, the points are not stratified along the axes: for products of functions of one coordinate
     each, and for edges along the axes, samplers with nets in each pixel may be better at many samples.

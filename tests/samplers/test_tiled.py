@@ -171,7 +171,7 @@ def test_shipped_tiles_are_better_than_orders_and_owen(name):
         ]
         for of, make in made.items()
     }
-    assert errors["designed"][0] < 0.85 * errors["optimized"][0]
+    assert errors["designed"][0] < (0.85 if dims == 2 else 0.9) * errors["optimized"][0]
     if spp > 1:
         assert errors["designed"][1] < 1.03 * errors["owen"][1]
 

@@ -200,7 +200,8 @@ def _descent(square: Callable[[Array], Array], key: Array, chunks: int) -> tuple
     def rate(step: Any) -> Any:
         return _RATE * (0.5 * (1 + jnp.cos(jnp.pi * step / steps)) + 0.01)
 
-    start, update, points_of = optimizers.adam(rate, _FIRST, _SECOND, 1e-10)
+    adam: Any = optimizers.adam(rate, _FIRST, _SECOND, 1e-10)
+    start, update, points_of = adam
 
     def to_strata(state: Any) -> Any:
         points, *moments = jax.tree.leaves(state)

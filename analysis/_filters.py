@@ -32,7 +32,9 @@ class Filter(NamedTuple):
 
 def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]:
     """Return the mean autocorrelation of filters on a torus (height, width, frames): the weights of pairs."""
-    known = [Filter(filters)] if isinstance(filters, numbers.Real) else filters
+    known: Any = filters
+    if isinstance(known, numbers.Real):
+        known = Filter(float(known))
     known = [known] if isinstance(known, Filter) else known
     if not isinstance(known, list | tuple) or not known or not all(isinstance(one, Filter) for one in known):
         wanted = "a standard deviation, a Filter, or a list of Filter"

@@ -72,7 +72,7 @@ def frames_of(name: str, key: int) -> Frames:
         return np.random.default_rng(key).random((FRAMES, SIDE, SIDE, 2))
     if name == "Z, golden shifts":
         first = np.asarray(samplers.z(SIDE, SIDE, 1, key)(x, y, 0), float)
-        return (first + np.arange(FRAMES)[:, None, None, None] * GOLDEN) % 1
+        return (first + np.arange(float(FRAMES))[:, None, None, None] * GOLDEN) % 1
     made: Any = samplers.z if name == "Z, new keys" else samplers.optimized
     each = [made(SIDE, SIDE, 1, FRAMES * key + t)(x, y, 0) for t in range(FRAMES)]
     return np.stack([np.asarray(one, float) for one in each])

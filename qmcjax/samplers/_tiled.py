@@ -223,9 +223,9 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
                 f"got {np.shape(points)}"
             )
     dims = known.shape[-1] if dims is None else checks.integer("dims", dims, 1, 2**16)
-    spp = known.shape[3] if spp is None else checks.power_of_two("spp", spp, MAX_SPP)
+    count = int(known.shape[3]) if spp is None else checks.power_of_two("spp", spp, MAX_SPP)
     words = tile_words(known.astype(np.float64))
-    return of_words(words[:, :, :, :spp], dims, spp, key)
+    return of_words(words[:, :, :, :count], dims, count, key)
 
 
 def designed(

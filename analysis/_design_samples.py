@@ -19,8 +19,7 @@ from analysis._integrand_classes import IntegrandClass
 from qmcjax import sequences
 from qmcjax.core import checkpoints, checks
 from qmcjax.core.checkpoints import Checkpoint
-from qmcjax.samplers._tiled import stratified
-from qmcjax.samplers._turned_squares import from_outlines, to_outlines
+from qmcjax.samplers.turned_tiles import from_outlines, stratified, to_outlines
 
 _OWN = 0.05
 """Weight of each pixel's own error beside the one seen from afar."""

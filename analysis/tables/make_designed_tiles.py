@@ -15,7 +15,7 @@ import numpy as np
 from analysis import Filter, design_samples
 from analysis._filters import autocorrelation
 from qmcjax import progress_bar
-from qmcjax.samplers._tiled import tile_words
+from qmcjax.samplers.turned_tiles import tile_words
 
 KEY = 1
 

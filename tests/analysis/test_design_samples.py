@@ -8,7 +8,7 @@ from refusals import refused
 from analysis import Filter, design_samples, expected_error
 from analysis._design_samples import turned
 from qmcjax import samplers
-from qmcjax.samplers._tiled import stratified
+from qmcjax.samplers.turned_tiles import stratified
 
 
 def error_of(points, key=1, integrands="bumps", filters=1.5):

@@ -83,6 +83,7 @@ OTHERS = {  # searches, comparisons, readers and means: not measures of one arra
     "broken_promises",
     "compare",
     "convergence",
+    "design_samples",
     "mean_spectrum",
     "optimize_points",
     "optimize_scrambling",

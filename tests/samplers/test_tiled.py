@@ -11,8 +11,14 @@ from tables import first, points_of
 from analysis import expected_error, filtered_error
 from analysis.tables.make_designed_tiles import TILES
 from qmcjax import samplers, sequences
-from qmcjax.samplers._tiled import stratified, stratum_digits, tile_words
-from qmcjax.samplers._turned_squares import coordinate, from_outlines, to_outlines
+from qmcjax.samplers.turned_tiles import (
+    coordinate,
+    from_outlines,
+    stratified,
+    stratum_digits,
+    tile_words,
+    to_outlines,
+)
 
 SHAPES = [(8, 8, 1, 1, 2), (4, 8, 2, 4, 2), (8, 8, 1, 2, 4), (8, 16, 1, 1, 4)]
 

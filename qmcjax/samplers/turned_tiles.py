@@ -1,4 +1,4 @@
-"""The square in coordinates in which it turns: maps of the unit square to itself that keep areas.
+"""Tiles in coordinates in which they turn: maps of the unit square to itself that keep areas.
 
 The points at the same distance from the centre, the largest of both coordinates' distances, are the outline
 of a square. A turn moves all of them along their outline by the same part of its length. It is continuous,
@@ -11,10 +11,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import NDArray
 
 from qmcjax.core.bits import high_product
 
 _HALF = np.uint32(2**31)
+
+_DEEPEST = 16
+"""Most digits of a word of a tile."""
 
 
 def to_outlines(points: Any) -> tuple[Any, Any]:
@@ -56,3 +60,44 @@ def coordinate(area: Array, place: Array, axis: int) -> Array:
     one = jnp.where((quarter & np.uint32(1)) == np.uint32(axis), side, inner)
     negative = (quarter == 2) | (quarter == (np.uint32(1), np.uint32(3))[axis])
     return jnp.where(negative, ~one, one)
+
+
+def stratum_digits(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the digits of the strata of each pair's areas, for a tile of this shape."""
+    places = (shape[0] * shape[1] * shape[2]).bit_length() - 1
+    if shape[-1] == 2:
+        return (min(places, _DEEPEST),)
+    return min(places - places // 2, _DEEPEST), min(places // 2, _DEEPEST)
+
+
+def tile_words(points: NDArray[np.float64]) -> NDArray[np.uint16]:
+    """Return areas and places of points (rows, columns, frames, spp, dims), moved to strata.
+
+    For each number of a sample, areas are replaced by their ranks: of the first pair in as many classes as it
+    has strata, then of the second one in each class.
+    """
+    shape = points.shape
+    count = shape[0] * shape[1] * shape[2]
+    digits = stratum_digits(shape)
+    radius, place = to_outlines(points.reshape(count, shape[3], -1, 2))
+    ranks = np.argsort(np.argsort(radius[:, :, 0], axis=0, kind="stable"), axis=0)
+    strata = [ranks * 2 ** digits[0] // count]
+    if len(digits) == 2:
+        order = np.lexsort((radius[:, :, 1], strata[0]), axis=0)
+        within = np.argsort(order, axis=0) % (count // 2 ** digits[0])
+        strata.append(within * 2 ** sum(digits) // count)
+    words = np.empty((*place.shape, 2), np.uint16)
+    for pair, known in enumerate(digits):
+        words[:, :, pair, 0] = strata[pair] << (_DEEPEST - known)
+    words[..., 1] = np.floor(place * 2**_DEEPEST % 2**_DEEPEST)
+    return words.reshape(shape)
+
+
+def stratified(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points (rows, columns, frames, spp, dims) with areas in the centres of their strata."""
+    digits = stratum_digits(points.shape)
+    words = tile_words(points).reshape(*points.shape[:4], -1, 2)
+    areas = (words[..., 0] >> (_DEEPEST - np.array(digits))) + 0.5
+    return from_outlines(
+        np.sqrt(areas / 2.0 ** np.array(digits)), (words[..., 1] + 0.5) / 2**_DEEPEST
+    ).reshape(points.shape)

@@ -217,8 +217,9 @@ def designed(
     is a tile for 1, 2, 4, 8 and 16 samples each; fewer of them can be rendered, but are not designed. The
     figure ``designed-samplers`` has measured errors.
 
-    Unlike nets, the points are not stratified along the axes: for products of functions of one coordinate
-    each, and for edges along the axes, samplers with nets in each pixel may be better at many samples.
+    The design takes neighbours to have the same integrand, and points are not stratified along the axes. In
+    scenes with many edges on the screen, and for smooth functions in four dimensions, samplers with nets in
+    each pixel are better from about four samples on: see :func:`qmcjax.recommend`.
 
     References
     ----------

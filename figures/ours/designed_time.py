@@ -14,7 +14,7 @@ from figures.shared import integrands_of_dims
 from qmcjax import samplers
 from qmcjax.core import student
 
-SIDE, FRAMES = 64, 32
+SIDE, FRAMES = {"draft": 32, "paper": 64}, 32
 KEYS = {"draft": 4, "paper": 16}
 ALPHA = 0.1
 """Part of a new frame in a moving average."""
@@ -62,36 +62,36 @@ NOTE = (
 )
 
 
-def frames_of(name: str, key: int) -> Frames:
+def frames_of(name: str, side: int, key: int) -> Frames:
     """Return the points of all frames, shape (frames, rows, columns, 2)."""
-    y, x = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
+    y, x = np.mgrid[:side, :side].astype(np.uint32)
     if name == "designed tiles":
-        sampler = samplers.designed(SIDE, SIDE, 1, key, frames=FRAMES)
+        sampler = samplers.designed(side, side, 1, key, frames=FRAMES)
         return np.stack([np.asarray(sampler.at_frame(t)(x, y, 0)) for t in range(FRAMES)]).astype(float)
     if name == "random":
-        return np.random.default_rng(key).random((FRAMES, SIDE, SIDE, 2))
+        return np.random.default_rng(key).random((FRAMES, side, side, 2))
     if name == "Z, golden shifts":
-        first = np.asarray(samplers.z(SIDE, SIDE, 1, key)(x, y, 0), float)
+        first = np.asarray(samplers.z(side, side, 1, key)(x, y, 0), float)
         return (first + np.arange(float(FRAMES))[:, None, None, None] * GOLDEN) % 1
     made: Any = samplers.z if name == "Z, new keys" else samplers.optimized
-    each = [made(SIDE, SIDE, 1, FRAMES * key + t)(x, y, 0) for t in range(FRAMES)]
+    each = [made(side, side, 1, FRAMES * key + t)(x, y, 0) for t in range(FRAMES)]
     return np.stack([np.asarray(one, float) for one in each])
 
 
-def errors(name: str, key: int) -> list[float]:
+def errors(name: str, side: int, key: int) -> list[float]:
     """Return RMS errors over all integrands after each filter."""
     mean, deviation = integrands_of_dims.moments(2)
-    points = jnp.asarray(frames_of(name, key).reshape(FRAMES * SIDE, SIDE, 2), jnp.float32)
-    values = np.asarray(integrands_of_dims.values(points), float).reshape(FRAMES, SIDE, SIDE, -1)
+    points = jnp.asarray(frames_of(name, side, key).reshape(FRAMES * side, side, 2), jnp.float32)
+    values = np.asarray(integrands_of_dims.values(points), float).reshape(FRAMES, side, side, -1)
     error = (values - mean) / deviation
     return [float(np.sqrt(np.square(of(error)).mean())) for of in FILTERS.values()]
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure all ways through the frames, and draw bars by filter."""
-    keys, found = range(1, KEYS[quality] + 1), {}
+    side, keys, found = SIDE[quality], range(1, KEYS[quality] + 1), {}
     for name in METHODS:
-        found[name] = np.array([errors(name, key) for key in keys])
+        found[name] = np.array([errors(name, side, key) for key in keys])
         progress(len(found) / len(METHODS))
     white = np.sqrt(np.square(found["random"]).mean(axis=0))
     relative = {name: np.sqrt(np.square(of).mean(axis=0)) / white for name, of in found.items()}
@@ -122,7 +122,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             },
         },
         "note": NOTE.format(
-            side=SIDE,
+            side=side,
             frames=FRAMES,
             keys=len(keys),
             count=integrands_of_dims.COUNT,

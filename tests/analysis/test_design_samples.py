@@ -30,7 +30,7 @@ def test_designed_tiles_have_small_errors_of_other_integrands(spp, dims):
     assert made.points.min() >= 0
     assert made.points.max() < 1
     np.testing.assert_allclose(stratified(made.points[:, :, None])[:, :, 0], made.points, atol=1e-6)
-    assert made.errors[-1] < 0.75 * made.errors[0]
+    assert made.errors[-1] < (0.75 if dims == 2 else 0.85) * made.errors[0]
     assert len(made.errors) == 10
 
 

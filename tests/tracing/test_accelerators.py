@@ -39,6 +39,7 @@ TABLES = {
         "points found by iteration or search": "lloyd(*; net_by_net(*; pmj02(*",
         "orders found by search": "optimized",
         "masks and ranks": "dither, *; ranked",
+        "tiles of points": "designed; tiled, *",
         "the user's counts of samples": "z, plain, counts",
     }.items()
     for pattern in patterns.split("; ")
@@ -49,10 +50,10 @@ FRACTIONS = (
     "van_der_corput(7); van_der_corput(65536); halton[(,]*; faure(10); faure(5, modified); quad_optimized(*; "
     "rotate(halton*; korobov(*; rank1_lattice(1700*; owen(halton*; owen_exact(faure*; digit_scramble(*; "
     "independent, shift; full_screen, halton*; contiguous, raster, halton; segments, hilbert, halton; "
-    "partitioned, *; shifted, hilbert, lattice; dither, numbers"
+    "partitioned, *; shifted, hilbert, lattice; dither, numbers; designed; tiled, *"
 ).split("; ")
-"""Objects, by patterns of their names, whose fractions have a denominator that is no power of 2: what exceeds
-a word is joined in float64, and rounded once."""
+"""Objects, by patterns of their names, whose fractions have a denominator that is no power of 2, or are roots:
+what exceeds a word is joined in float64, and rounded once."""
 
 HIT = "what a ray hit: rows of vertices, materials and lights"
 

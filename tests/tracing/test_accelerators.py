@@ -52,7 +52,7 @@ FRACTIONS = (
     "independent, shift; full_screen, halton*; contiguous, raster, halton; segments, hilbert, halton; "
     "partitioned, *; shifted, hilbert, lattice; dither, numbers; designed; tiled, *"
 ).split("; ")
-"""Objects, by patterns of their names, whose fractions have a denominator that is no power of 2, or are roots:
+"""Objects, by patterns of their names, whose fractions are roots or have a denominator that is no power of 2:
 what exceeds a word is joined in float64, and rounded once."""
 
 HIT = "what a ray hit: rows of vertices, materials and lights"

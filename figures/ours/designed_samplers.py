@@ -201,7 +201,8 @@ def _picture(name: str, side: int) -> dict[str, NDArray]:
         for called in SHOWN
         if CANDIDATES[called].most_dims >= dims
     }
-    return {called: plot.srgb(np.asarray(render(scene, one, side, side, 1))) for called, one in made.items()}
+    images = {called: np.asarray(render(scene, one, side, side, 1)) for called, one in made.items()}
+    return {called: plot.srgb(np.clip(image, 0, 1)) for called, image in images.items()}
 
 
 def _draw(
@@ -216,9 +217,8 @@ def _draw(
         panels.append(Panel(caption, error[:CROP, :CROP, 0], (-spread, spread)))
     for scene, images in pictures.items():
         for name in SHOWN:
-            image = np.clip(images[name], 0, 1)
-            middle = (len(image) - CROP) // 2
-            cut = image[middle : middle + CROP, middle : middle + CROP]
+            middle = (len(images[name]) - CROP) // 2
+            cut = images[name][middle : middle + CROP, middle : middle + CROP]
             panels.append(Panel(f"{scene.replace('_', ' ')}, 1 spp\n{name}", cut))
     height, width = 250, 300
     figure = image_grid(title, panels, len(SHOWN), PANEL, below=2 * height + 190)

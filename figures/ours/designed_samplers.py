@@ -232,7 +232,7 @@ def _draw(
     axes.legend().remove()
     cases = [("filtered", filtered), ("of each pixel", plain)]
     for k, (dims, (what, found)) in enumerate((d, case) for case in cases for d in DIMS):
-        axes = add_axes(figure, 80 + 264 * k, 60, 190, height - 20)
+        axes = add_axes(figure, 98 + 262 * k, 60, 176, height - 20)
         _curves(axes, found, dims, size)
         axes.set_title(f"error {what}, {dims}-D", fontsize=9)
         if k == 0:

@@ -91,7 +91,7 @@ def design_samples(
     steps : int
         In [20, 2**31), rounded up to a multiple of 20; each takes one gradient.
     progress : callable, optional
-        Called with the finished part, in (0, 1], about once per second; see :func:`qmcjax.progress_bar`.
+        Called with the finished part, in (0, 1], after every 20 steps; see :func:`qmcjax.progress_bar`.
     checkpoint : path or Checkpoint, optional
         A file from which an interrupted run goes on, to the same bits.
 
@@ -108,7 +108,7 @@ def design_samples(
     of them is exactly uniform in every pixel. That constraint costs a few percent of the error: free points
     stay away from the faces of the cube.
 
-    A tile of 64 x 64 pixels with one sample takes about 25 seconds on two cores. The time is proportional
+    A tile of 64 x 64 pixels with one sample takes about 20 seconds on two cores. The time is proportional
     to the pixels and to spp**2.
 
     References

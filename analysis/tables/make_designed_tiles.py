@@ -1,6 +1,6 @@
 """Make the tiles of the designed sampler: ``python -m analysis.tables.make_designed_tiles``.
 
-About half an hour on two cores. The same machine makes the same bits again.
+About half an hour on two cores.
 """
 
 from __future__ import annotations

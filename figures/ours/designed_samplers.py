@@ -72,7 +72,7 @@ NOTE = (
     "Errors of pixels by themselves are {plain} of those of Owen-scrambled points in each pixel; at most "
     "{allowed} was asked. More than 16 samples are tiles of 16 in equal boxes. Rendering {side} x {side} "
     "pixels at 4 spp of x y takes {slower:.2f} of the time of Owen-scrambled points in rows. What bounds "
-    "it: uniformity over keys. Tiles of free points have about 5 % (2-D) to 10 % (4-D) smaller errors at "
+    "it: uniformity over keys. Tiles of free points have about 5 % (2-D) to 13 % (4-D) smaller errors at "
     "one sample, since they stay away from the faces of the cube; but their mean is not the integral. "
     "Neighbours have the same integrand here. In scenes with edges on the screen they do not, and the "
     "gain is less, or none: the table of recommend has such scenes."

@@ -57,7 +57,7 @@ NOTE = (
     "after the same filter. Filters in space are Gaussians of 1.5 pixels; the moving average takes "
     "{alpha} of each frame, the Gaussian in time has 1.5 frames. One tile of 32 x 32 pixels and 32 frames"
     " serves all filters, {values}; {goals} were asked, for other integrands. Beside Z with golden shifts"
-    " its errors are {verdicts}. A tile designed for one filter only is better at that one; samplers made"
+    " its errors are {verdicts}. Samplers made"
     " for one frame are better in space alone."
 )
 

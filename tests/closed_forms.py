@@ -3,7 +3,7 @@
 import math
 from fractions import Fraction
 
-from analysis import _l2_kernels as kernels
+from analysis._l2 import kernels
 
 HALF = Fraction(1, 2)
 

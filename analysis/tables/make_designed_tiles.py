@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from analysis import Filter, design_samples
-from analysis._filters import autocorrelation
+from analysis._design.filters import autocorrelation
 from qmcjax import progress_bar
 from qmcjax.samplers.turned_tiles import tile_words
 

@@ -8,7 +8,7 @@ import pytest
 from refusals import refused
 from scipy import stats
 
-import analysis._convergence
+import analysis._comparing.convergence
 import qmcjax as qj
 from analysis import ConvergenceRow, ConvergenceTable, convergence
 from qmcjax import samplers, scenes, sequences
@@ -68,8 +68,8 @@ def rendered(monkeypatch):
         fake = sampler.sampler
         return (reference + sign * size * fake.factor * spp**fake.exponent).view(Pending)
 
-    monkeypatch.setattr(analysis._convergence, "render", render)
-    monkeypatch.setattr(analysis._convergence.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(analysis._comparing.convergence, "render", render)
+    monkeypatch.setattr(analysis._comparing.convergence.time, "perf_counter", lambda: clock[0])
     return calls
 
 

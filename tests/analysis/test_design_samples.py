@@ -6,7 +6,7 @@ import pytest
 from refusals import refused
 
 from analysis import Filter, design_samples, expected_error
-from analysis._design_samples import turned
+from analysis._design.design_samples import turned
 from qmcjax import samplers
 from qmcjax.samplers.turned_tiles import stratified
 

@@ -6,8 +6,8 @@ from refusals import refused
 from scipy.optimize import linprog
 
 import analysis
-from analysis._discrepancy_search import _Ranked
-from analysis._field_lattices import random_lattice, section
+from analysis._searches.discrepancy_search import _Ranked
+from analysis._searches.field_lattices import random_lattice, section
 
 slow = pytest.mark.slow
 

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import _dispersion, dispersion
+from analysis import dispersion
+from analysis._distances import dispersion as _dispersion
 
 ULP = 2.0**-53
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from refusals import refused
 from scipy.spatial import KDTree
 
-from analysis import _closest_pair as closest_pair
 from analysis import min_distance, nearest_distances, nearest_statistics, squared_min_distance
+from analysis._distances import closest_pair
 
 RAW_BITS = 32
 

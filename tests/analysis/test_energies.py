@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from analysis import _energies as energies
 from analysis import min_distance, riesz_energy, soft_min_distance
+from analysis._distances import energies
 
 
 def squares(points, torus):

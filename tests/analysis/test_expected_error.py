@@ -8,7 +8,7 @@ from refusals import refused
 from scipy.special import erf
 
 from analysis import Filter, expected_error, filtered_error
-from analysis._integrand_classes import BUMP, CLASSES
+from analysis._design.integrand_classes import BUMP, CLASSES
 from qmcjax import samplers, sequences
 
 

@@ -15,10 +15,9 @@ from scipy.stats import qmc
 from tables import few, slow
 
 import analysis
-from analysis import _l2_double_double as double_double
-from analysis import _l2_kernels as kernels
-from analysis import _l2_pairs
-from analysis._l2_discrepancy import value_and_gradient
+from analysis._l2 import double_double, kernels
+from analysis._l2 import pairs as _l2_pairs
+from analysis._l2.l2_discrepancy import value_and_gradient
 from qmcjax import sequences
 
 KINDS = list(CLOSED_FORMS)

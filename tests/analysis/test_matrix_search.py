@@ -11,7 +11,7 @@ import pytest
 from refusals import refused
 from tables import again, first
 
-import analysis._matrix_search as module
+import analysis._searches.matrix_search as module
 from analysis import search_matrices, squared_min_distance
 from analysis.tables import SEQUENCES, make_searched
 from qmcjax import samplers, sequences

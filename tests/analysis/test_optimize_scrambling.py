@@ -8,7 +8,7 @@ from refusals import refused
 from tables import some
 
 import analysis
-from analysis._optimize_scrambling import relaxed
+from analysis._searches.optimize_scrambling import relaxed
 from qmcjax import sequences
 
 

@@ -10,10 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tables import slow
 
-from analysis import _star_discrepancy, _star_regions, _star_space, star_discrepancy, star_discrepancy_bounds
-from analysis._critical_grid import critical_grid, local_discrepancy, rounding
-from analysis._star_regions import climb, refine, region_bounds
-from analysis._star_space import space_star_discrepancy
+from analysis import star_discrepancy, star_discrepancy_bounds
+from analysis._star import regions as _star_regions
+from analysis._star import space as _star_space
+from analysis._star import star_discrepancy as _star_discrepancy
+from analysis._star.critical_grid import critical_grid, local_discrepancy, rounding
+from analysis._star.regions import climb, refine, region_bounds
+from analysis._star.space import space_star_discrepancy
 from qmcjax import sequences
 
 BELOW_ONE = [1 - 2.0**-53, 1 - 2.0**-24]

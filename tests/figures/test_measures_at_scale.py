@@ -10,20 +10,13 @@ import pytest
 from closed_forms import CLOSED_FORMS, KERNELS, exact_square, fractions
 
 import analysis
-from analysis import (
-    _l2_discrepancy,
-    _l2_merges,
-    _l2_scalars,
-    _star_bounds,
-    _star_cells,
-    _star_discrepancy,
-    _star_plane_rows,
-)
-from analysis._l2_kernels import STAR
-from analysis._l2_merges import many_points_discrepancy
-from analysis._star_cells import cell_bounds
-from analysis._star_plane import plane_star_discrepancy
-from analysis._star_plane_rows import many_star_discrepancy
+from analysis._l2 import l2_discrepancy, merges, scalars
+from analysis._l2.kernels import STAR
+from analysis._l2.merges import many_points_discrepancy
+from analysis._star import bounds, cells, plane_rows, star_discrepancy
+from analysis._star.cells import cell_bounds
+from analysis._star.plane import plane_star_discrepancy
+from analysis._star.plane_rows import many_star_discrepancy
 from figures.ours import measures_at_scale
 from figures.shared import measure_cost
 from qmcjax import sequences
@@ -51,7 +44,7 @@ def plane_sets(n):
 @pytest.mark.parametrize("n", [1, 2, 7, 64, 100, 1000, 4097])
 def test_compiled_stripes_find_the_same_value_to_the_last_bit(n, monkeypatch):
     for stripe in (16, 3):
-        monkeypatch.setattr(_star_plane_rows, "_STRIPE", stripe)
+        monkeypatch.setattr(plane_rows, "_STRIPE", stripe)
         for name, points in plane_sets(n).items():
             assert many_star_discrepancy(points) == plane_star_discrepancy(points), (name, stripe)
 
@@ -60,24 +53,24 @@ def test_compiled_stripes_find_the_same_value_to_the_last_bit(n, monkeypatch):
 def test_many_points_in_the_plane_take_the_compiled_way(monkeypatch):
     points = sobol(2, 2**12)
     plain = analysis.star_discrepancy(points)
-    monkeypatch.setattr(_star_discrepancy, "_MANY", 2**12)
-    monkeypatch.setattr(_star_discrepancy, "plane_star_discrepancy", pytest.fail)
+    monkeypatch.setattr(star_discrepancy, "_MANY", 2**12)
+    monkeypatch.setattr(star_discrepancy, "plane_star_discrepancy", pytest.fail)
     assert analysis.star_discrepancy(points) == plain
     lower, upper = analysis.star_discrepancy_bounds(points.astype(np.float32))
     assert lower <= plain <= upper < lower + 2**-46
     monkeypatch.undo()
-    monkeypatch.setattr(_star_discrepancy, "_MANY", 2**12)
-    monkeypatch.setattr(_star_discrepancy, "COMPILED", False)
-    monkeypatch.setattr(_star_discrepancy, "many_star_discrepancy", pytest.fail)
+    monkeypatch.setattr(star_discrepancy, "_MANY", 2**12)
+    monkeypatch.setattr(star_discrepancy, "COMPILED", False)
+    monkeypatch.setattr(star_discrepancy, "many_star_discrepancy", pytest.fail)
     assert analysis.star_discrepancy(points) == plain
 
 
 @pytest.mark.parametrize("dims", [1, 2, 3])
-@pytest.mark.parametrize("cells", [30, 400])
-def test_counts_in_cells_bound_the_star_discrepancy(dims, cells, monkeypatch):
+@pytest.mark.parametrize("count", [30, 400])
+def test_counts_in_cells_bound_the_star_discrepancy(dims, count, monkeypatch):
     """Also where points lie on the edges of cells; the bounds are at most the sides of a cell apart."""
-    monkeypatch.setattr(_star_cells, "_CELLS", cells)
-    side = _star_cells._prime(int(cells ** (1 / dims)))
+    monkeypatch.setattr(cells, "_CELLS", count)
+    side = cells._prime(int(count ** (1 / dims)))
     for n in (1, 40):
         for points in (RANDOM.random((n, dims)), RANDOM.integers(0, side, (n, dims)) / side):
             lower, upper = cell_bounds(points)
@@ -89,12 +82,12 @@ def test_counts_in_cells_bound_the_star_discrepancy(dims, cells, monkeypatch):
 
 def test_cells_have_as_many_points_as_there_are(monkeypatch):
     """In blocks of any size: the bounds are those of one block."""
-    monkeypatch.setattr(_star_cells, "_CELLS", 1000)
+    monkeypatch.setattr(cells, "_CELLS", 1000)
     points = RANDOM.random((500, 3))
     whole = cell_bounds(points)
-    monkeypatch.setattr(_star_cells, "_BLOCK", 7)
+    monkeypatch.setattr(cells, "_BLOCK", 7)
     assert cell_bounds(points) == whole
-    monkeypatch.setattr(_star_bounds, "_MANY", 499)
+    monkeypatch.setattr(bounds, "_MANY", 499)
     lower, upper = analysis.star_discrepancy_bounds(points)
     assert (lower, upper) == pytest.approx(whole, abs=1e-14) and lower < whole[0] and upper > whole[1]
 
@@ -144,10 +137,10 @@ def test_merging_finds_what_all_pairs_find(kind, dims, monkeypatch):
     sets = [RANDOM.random((1, dims)), RANDOM.random((299, dims))]
     sets += [RANDOM.integers(0, 5, (299, dims)) / 8, sobol(dims, 299)]
     expected = [float(measure(points)) for points in sets]
-    monkeypatch.setattr(_l2_discrepancy, "_MANY", 1)
-    monkeypatch.setattr(_l2_discrepancy, "_measure", pytest.fail)
+    monkeypatch.setattr(l2_discrepancy, "_MANY", 1)
+    monkeypatch.setattr(l2_discrepancy, "_measure", pytest.fail)
     for parts in (16, 1):
-        monkeypatch.setattr(_l2_merges, "_PARTS", parts)
+        monkeypatch.setattr(merges, "_PARTS", parts)
         found = [measure(points) for points in sets]
         assert [float(value) for value in found] == pytest.approx(expected, rel=1e-12)
         assert all(value.dtype == np.float64 and value.shape == () for value in found)
@@ -161,7 +154,7 @@ def test_merging_is_exact_to_the_last_digits(kind, dims, monkeypatch):
     sets = [RANDOM.random((n, dims)) for n in (1, 2, 3, 31)] + [RANDOM.random((31, dims)) ** 9]
     sets += [RANDOM.integers(0, 4, (31, dims)) / 7, np.repeat(RANDOM.random((11, dims)), 3, axis=0)]
     for parts in (16, 2):
-        monkeypatch.setattr(_l2_merges, "_PARTS", parts)
+        monkeypatch.setattr(merges, "_PARTS", parts)
         for points in sets:
             expected = math.sqrt(exact_square(fractions(points), kind))
             assert many_points_discrepancy(points, KERNELS[kind]) == pytest.approx(expected, rel=1e-15)
@@ -174,10 +167,10 @@ def test_scalars_keep_what_rounding_takes():
     numbers[:, 1::2] = numbers[:, ::2] * RANDOM.random((2**16, 2)) * 2.0**-53
     high, low, exact = 0.0, 0.0, []
     for a, b, c, d in numbers.tolist():
-        high, low = _l2_scalars.add(high, low, *_l2_scalars.multiply(a, b, c, d))
+        high, low = scalars.add(high, low, *scalars.multiply(a, b, c, d))
         exact.append((Fraction(a) + Fraction(b)) * (Fraction(c) + Fraction(d)))
     for a, _, c, _ in numbers[:99].tolist():
-        assert sum(map(Fraction, _l2_scalars.two_product(-a, c))) == -Fraction(a) * Fraction(c)
+        assert sum(map(Fraction, scalars.two_product(-a, c))) == -Fraction(a) * Fraction(c)
     whole = sum(int(product * 2**320) for product in exact)
     assert abs(int(Fraction(high) * 2**320) + int(Fraction(low) * 2**320) - whole) <= whole >> 95
 
@@ -186,7 +179,7 @@ def test_scalars_keep_what_rounding_takes():
 @pytest.mark.parametrize("n", [50, 203])
 def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
     touched = np.zeros(n // 2, int)
-    plain = _l2_merges.sort_space
+    plain = merges.sort_space
 
     def sort(columns, room, start, stop, numbers):
         room[2][:] = np.nan
@@ -194,8 +187,8 @@ def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
         touched[~np.isnan(room[2][0])] += 1
         return found
 
-    monkeypatch.setattr(_l2_merges.os, "sched_getaffinity", lambda process: {0}, raising=False)
-    monkeypatch.setattr(_l2_merges, "sort_space", sort)
+    monkeypatch.setattr(merges.os, "sched_getaffinity", lambda process: {0}, raising=False)
+    monkeypatch.setattr(merges, "sort_space", sort)
     points = RANDOM.random((n, 3))
     many_points_discrepancy(points, STAR)
     assert touched.max() == 1
@@ -205,12 +198,12 @@ def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
 def test_programs_and_few_points_are_not_merged(monkeypatch):
     points = sobol(2, 2**10)
     plain = float(analysis.l2_star_discrepancy(points))
-    monkeypatch.setattr(_l2_discrepancy, "many_points_discrepancy", pytest.fail)
+    monkeypatch.setattr(l2_discrepancy, "many_points_discrepancy", pytest.fail)
     assert float(analysis.l2_star_discrepancy(points)) == plain
-    monkeypatch.setattr(_l2_discrepancy, "_MANY", 1)
+    monkeypatch.setattr(l2_discrepancy, "_MANY", 1)
     assert float(jax.jit(analysis.l2_star_discrepancy)(points)) == pytest.approx(plain, rel=1e-6)
     assert float(analysis.l2_star_discrepancy(points[:, :1])) > 0
-    monkeypatch.setattr(_l2_discrepancy, "COMPILED", False)
+    monkeypatch.setattr(l2_discrepancy, "COMPILED", False)
     assert float(analysis.l2_star_discrepancy(points)) == plain
 
 

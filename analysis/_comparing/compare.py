@@ -1,0 +1,248 @@
+"""Comparison of samplers: perceived errors, their spectra, and run time."""
+
+import inspect
+import statistics
+import time
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis._comparing.comparison import Comparison, ComparisonRow
+from analysis._comparing.promises import broken_promises, said
+from analysis._distances.distance import min_distance, packing_distance
+from analysis._spectra.filtered import filtered_error, low_frequency_power
+from analysis._spectra.perceived import perceived_error
+from analysis._spectra.spectra import error_spectrum, radial_average
+from analysis._star.star_discrepancy import star_discrepancy
+from analysis._structure.nets import t_value
+from qmcjax.core import checks
+from qmcjax.rendering import render
+from qmcjax.samplers import Sampler, as_sampler
+from qmcjax.scenes import as_scene
+
+MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
+    "RMS error": lambda image, reference: float(np.sqrt(np.mean((image - reference) ** 2))),
+    "filtered error": filtered_error,
+    "perceived error": perceived_error,
+    "low-frequency power": lambda image, reference: (
+        low_frequency_power(image, reference) if _has_spectrum(image, reference) else 0.0
+    ),
+}
+"""Measures of an image against its reference: smaller is better."""
+
+_BLOCK = 16
+"""Side in pixels of the square whose points are measured together."""
+
+_MOST_POINTS = 2**14
+
+_TIMED = 3
+"""Renderings whose median is the time of an image."""
+
+
+def compare(
+    samplers: Mapping[str, Any],
+    scenes: Mapping[str, Any],
+    spps: Iterable[int] = (1, 4, 16, 64),
+    *,
+    width: int = 128,
+    height: int = 128,
+    keys: int = 8,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Render scenes with samplers, and measure errors, points and run time.
+
+    Parameters
+    ----------
+    samplers : mapping of names to samplers
+        Each is a sampler, or a function that makes one from those of ``width``, ``height``, ``spp`` and
+        ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once, without confidence
+        intervals.
+    scenes : mapping of names to scenes, with a ``reference(width, height)``
+    spps : iterable of int, different numbers of samples per pixel
+    width, height : int, size of the images in pixels, at least 32
+    keys : int
+        Number of images, with keys 0, 1, ...; fewer than 4 give neither intervals nor ranks.
+    progress : callable, optional, called with the finished fraction in (0, 1]
+
+    Returns
+    -------
+    Comparison
+        Samplers with too few dimensions for a scene, that do not support a number of samples, or that fail,
+        are left out there; ``left_out`` says why. Failures are listed in ``promises`` too.
+
+    Notes
+    -----
+    Measures of points are the star discrepancy and the toroidal minimum distance of those of the first 16 x
+    16 pixels in that square, the distance relative to the largest possible one for this number of points; and
+    the largest t of these pixels' own points as nets, if their number is a power of 2.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, scenes, sequences
+    >>> def owen(key):
+    ...     return samplers.independent(sequences.sobol(2), key)
+    >>> def random(width, height, key):
+    ...     return samplers.independent(sequences.uniform(2, key), key, "shift")
+    >>> made = {"Owen": owen, "random": random}
+    >>> result = compare(made, {"disc": scenes.disc()}, [16], width=32, height=32)
+    >>> result.ranks("disc", 16)
+    {'Owen': (1, 1, 1), 'random': (2, 2, 2)}
+    """
+    width, height = checks.image_size(width, height)
+    for name, size in (("width", width), ("height", height)):
+        # Below, there are no low frequencies.
+        checks.integer(name, size, 32, 2**16)
+    keys = checks.integer("keys", keys, 1, 2**16)
+    spps = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in _list("spps", spps)]
+    if len(set(spps)) < len(spps):
+        raise ValueError(f"spps must be different numbers, got {spps}")
+    for name, value in (("samplers", samplers), ("scenes", scenes)):
+        if not isinstance(value, Mapping):
+            raise TypeError(f"{name} must map names to {name}, got {checks.shown(value)}")
+        if not value:
+            raise ValueError(f"{name} must be one or more, got {value!r}")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    worlds = {name: as_scene(f"scenes[{name!r}]", scene) for name, scene in scenes.items()}
+    for name, scene in worlds.items():
+        if not callable(getattr(scene, "reference", None)):
+            raise TypeError(
+                f"scenes[{name!r}] must have a reference(width, height), got {checks.shown(scene)}"
+            )
+    makers = {name: Maker(name, made, width, height, keys) for name, made in samplers.items()}
+    references = {
+        name: np.asarray(scene.reference(width, height)[0], np.float64) for name, scene in worlds.items()
+    }
+    promises = {name: maker.broken(max(spps)) for name, maker in makers.items()}
+    points: dict[str, dict[int, dict[str, float]]] = {name: {} for name in makers}
+    rows, left_out = [], {}
+    plan = [(name, spp, scene) for name in makers for spp in spps for scene in worlds]
+    for done, (name, spp, scene) in enumerate(plan, start=1):
+        maker, needed = makers[name], len(worlds[scene].needs)
+        try:
+            sampler = maker(spp, 0)
+            sampler.check(width, height, spp)
+        except Exception as error:
+            left_out[scene, name, spp] = said(error)
+        else:
+            try:
+                if sampler.dims < needed:
+                    left_out[scene, name, spp] = f"it has {sampler.dims} dimensions, the scene needs {needed}"
+                else:
+                    rows.append(_row(scene, worlds[scene], maker, spp, references[scene]))
+                if spp not in points[name]:
+                    points[name][spp] = _of_points(sampler, min(width, height, _BLOCK), spp)
+            except Exception as error:
+                if str(error).startswith("scene must"):
+                    raise
+                left_out[scene, name, spp] = why = said(error)
+                promises[name] = promises[name] or [f"rendering {scene} with {spp} samples fails: {why}"]
+        if progress is not None:
+            progress(done / len(plan))
+    places = list(worlds)
+    rows.sort(key=lambda row: places.index(row.scene))
+    return Comparison(tuple(rows), points, promises, left_out, references)
+
+
+class Maker:
+    """The samplers of one method, by numbers of samples and keys."""
+
+    def __init__(self, name: str, made: Any, width: int, height: int, keys: int) -> None:
+        self.name, self._made, self._size = name, made, {"width": width, "height": height}
+        self._parameters: list[str] | None = None
+        if not hasattr(made, "dims") and callable(made) and not isinstance(made, type):
+            self._parameters = list(inspect.signature(made).parameters)
+            known = (*self._size, "spp", "key")
+            unknown = [parameter for parameter in self._parameters if parameter not in known]
+            if unknown:
+                raise TypeError(
+                    f"samplers[{name!r}] must be a function with parameters among {', '.join(known)}, got "
+                    f"{', '.join(unknown)}"
+                )
+        self.keys = keys if "key" in (self._parameters or []) else 1
+
+    def __call__(self, spp: int, key: int) -> Sampler:
+        made = self._made
+        if self._parameters is not None:
+            given = {**self._size, "spp": spp, "key": key}
+            try:
+                made = made(**{parameter: given[parameter] for parameter in self._parameters})
+            except Exception as error:
+                raise ValueError(said(error)) from error
+        return as_sampler(f"samplers[{self.name!r}]", made)
+
+    def broken(self, spp: int) -> list[str]:
+        """Return the promises that samplers with so many samples break."""
+        try:
+            return broken_promises(self(spp, 0), **self._size, spp=spp)
+        except ValueError as error:
+            return [f"it cannot be made for {spp} samples: {error}"]
+
+
+def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> ComparisonRow:
+    height, width = reference.shape[:2]
+    values: dict[str, list[float]] = {measure: [] for measure in MEASURES}
+    powers, alike, sampler = [], True, maker(spp, 0)
+    first = np.asarray(render(scene, sampler, width, height, spp))
+    seconds = []
+    for _ in range(_TIMED):
+        start = time.perf_counter()
+        np.asarray(render(scene, sampler, width, height, spp))  # The same object: another may compile anew.
+        seconds.append(time.perf_counter() - start)
+    for key in range(maker.keys):
+        image = np.asarray(render(scene, maker(spp, key), width, height, spp)) if key else first
+        image = image.astype(np.float64)
+        alike = alike and np.array_equal(image, first)
+        for measure, of in MEASURES.items():
+            values[measure].append(of(image, reference))
+        powers.append(_power(image, reference))
+    return ComparisonRow(
+        name,
+        maker.name,
+        spp,
+        {measure: tuple(each[:1] if alike else each) for measure, each in values.items()},
+        statistics.median(seconds),
+        np.arange(1, 1 + max(width, height) // 2) / max(width, height),
+        np.mean(powers, axis=0),
+        first,
+    )
+
+
+def _has_spectrum(image: NDArray, reference: NDArray) -> bool:
+    return bool(np.ptp(image - reference) > 0)
+
+
+def _power(image: NDArray, reference: NDArray) -> NDArray[np.float64]:
+    if not _has_spectrum(image, reference):
+        return np.zeros(max(image.shape[:2]) // 2)
+    return radial_average(error_spectrum(image, reference))[1]
+
+
+def _of_points(sampler: Sampler, side: int, spp: int) -> dict[str, float]:
+    """Return measures of the points of the first pixels, in their square."""
+    side = min(side, max(1, int((_MOST_POINTS / spp) ** 0.5)))
+    spp = min(spp, _MOST_POINTS)
+    y, x, sample = np.indices((side, side, spp), np.uint32)
+    own = np.asarray(sampler(x, y, sample), np.float64)
+    together = ((own + np.stack([x, y], axis=-1)) / side).reshape(-1, 2)
+    together = np.minimum(together, np.nextafter(1, 0))
+    n = len(together)
+    measured = {"star discrepancy": star_discrepancy(together)}
+    if n > 1:
+        measured["relative minimum distance"] = min_distance(together) / packing_distance(n, 2)
+    if spp > 1 and spp & (spp - 1) == 0:
+        pixels = own[:4, :4].reshape(-1, spp, 2)
+        measured["largest t in a pixel"] = float(max(t_value(each) for each in pixels))
+    return measured
+
+
+def _list(name: str, values: Any) -> list[Any]:
+    try:
+        given = list(values)
+    except TypeError:
+        raise TypeError(f"{name} must be numbers of samples per pixel, got {checks.shown(values)}") from None
+    if not given:
+        raise ValueError(f"{name} must be one or more, got {given}")
+    return given

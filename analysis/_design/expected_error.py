@@ -1,0 +1,188 @@
+"""The error of a filtered image, expected over a class of integrands: a function of the points alone."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jax.core import Tracer
+from numpy.typing import ArrayLike, NDArray
+
+from analysis import _arguments
+from analysis._design.filters import Filter, autocorrelation
+from analysis._design.integrand_classes import CLASSES, IntegrandClass
+from qmcjax import sequences
+from qmcjax.core import checks
+
+_LEAST = 1e-7
+"""Pixels whose weight relative to the pixel's own is below this are not paired."""
+
+_NEGATIVE = 1e-6
+"""Eigenvalues of a kernel below minus this, relative to the largest, are more than rounding."""
+
+_SAMPLES = 256
+"""Points at which a user's kernel is tested."""
+
+_QUADRATURE = 4096
+"""Points at which a user's kernel is averaged over the cube."""
+
+Kernel = Callable[[Array, Array], Array]
+
+
+def expected_error(
+    points: ArrayLike,
+    integrands: str | Mapping[str, float] | Kernel = "half_spaces",
+    filters: float | Filter | Sequence[Filter] = 1.5,
+) -> float:
+    """Return the root mean square error of a filtered image, expected over random integrands.
+
+    Each pixel averages the same integrand over its points; the error of that image is filtered and its square
+    averaged over pixels and integrands, in closed form: no integrand is drawn.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (height, width, spp, d) or (height, width, frames, spp, d)
+        The points of all pixels of a tile, in [0, 1)^d; the screen repeats the tile, and time its frames.
+    integrands : str, mapping or callable
+        A class of integrands on the unit cube: "half_spaces", the indicators of half spaces with a direction
+        uniform on the sphere, and an offset uniform over an interval around the cube's centre as long as the
+        cube's diagonal; "half_planes", those of one pair of coordinates, (0, 1), (2, 3), ..., and "steps",
+        those of one coordinate; "bumps", Gaussians of standard deviation 0.15 whose centres are a Poisson
+        process of one per unit volume, without its mean; "boxes", the indicators of boxes [0, t) with t
+        uniform. Or classes with the weights of their mean squares. Or a kernel k(x, y) = E f(x) f(y), from
+        arrays of points, shape (..., d), to (...): conditionally positive definite; 4096 points average it.
+    filters : float, Filter or sequence of Filter
+        Standard deviation of a Gaussian filter in pixels, as for :func:`filtered_error`, 0 for none; or a
+        :class:`Filter` in space and time; or some, of which mean squares are averaged by their weights.
+
+    Returns
+    -------
+    float
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array of their dtype, differentiable. Pairs
+        that coincide have no part in the gradient. Known points are measured in float64.
+
+    Notes
+    -----
+    With the filter's autocorrelation w and the mean k_ij of the kernel over pairs of points of pixels i and
+    j, the mean square is the mean over i of the sum over j of w(i - j) k_ij, minus twice the mean
+    potential, plus the mean of k [1]_. Pixels with a weight above 1e-7 are paired: O(width height frames
+    spp^2 d) time for each of their offsets, about 100 sigma^2 of them in space. The sum over
+    ``points[:, :, :1]``, ``points[:, :, :2]``, ... is a loss for points good from the first sample on.
+
+    References
+    ----------
+    .. [1] I. Georgiev, M. Fajardo, "Blue-noise dithered sampling", 2016, whose energy weights pairs of pixels
+       and of samples; here the weights are those that make it the error.
+
+    Examples
+    --------
+    >>> centres = np.full((8, 8, 1, 2), 0.5)
+    >>> print(f"{expected_error(centres):.4f}")
+    0.2342
+    """
+    given, shape = tile_of(points)
+    classes = classes_of(integrands, given, shape[-1])
+    pairs = offsets(autocorrelation(shape[:3], filters), _LEAST)
+    if isinstance(given, Tracer):
+        return cast(Any, _arguments.root(mean_square(given.reshape(shape), *pairs, classes)))
+    with jax.enable_x64(True):
+        known = jnp.asarray(given, jnp.float64).reshape(shape)
+        return float(_arguments.root(mean_square(known, *pairs, classes)))
+
+
+def tile_of(points: Any) -> tuple[Any, tuple[int, ...]]:
+    """Return all points as a set, shape (n, d), and their shape (height, width, frames, spp, d)."""
+    array = points if isinstance(points, Tracer) else _arguments.array("points", points, "an array of floats")
+    if array.ndim not in (4, 5) or array.size == 0:
+        raise ValueError(
+            "points must have shape (height, width, spp, d) or (height, width, frames, spp, d), "
+            f"got {array.shape}"
+        )
+    shape = array.shape if array.ndim == 5 else (*array.shape[:2], 1, *array.shape[2:])
+    return _arguments.points(array.reshape(-1, array.shape[-1]), "points", traced=True), shape
+
+
+def classes_of(integrands: Any, points: Any, dims: int) -> tuple[tuple[IntegrandClass, float], ...]:
+    """Return classes with weights of sum 1."""
+    wanted = f"one of {tuple(CLASSES)}, a mapping from these to weights, or a kernel of two arrays"
+    if callable(integrands):
+        try:
+            if isinstance(integrands, type | sequences.Sequence):
+                raise TypeError
+            inspect.signature(integrands).bind(points, points)
+        except (TypeError, ValueError):
+            raise TypeError(f"integrands must be {wanted}, got {checks.shown(integrands)}") from None
+        return ((_of_kernel(cast(Kernel, integrands), points, dims), 1.0),)
+    weighted = {integrands: 1.0} if isinstance(integrands, str) else integrands
+    if not isinstance(weighted, Mapping) or not all(isinstance(name, str) for name in weighted):
+        raise TypeError(f"integrands must be {wanted}, got {checks.shown(integrands)}")
+    if not weighted or not set(weighted) <= set(CLASSES):
+        raise ValueError(f"integrands must be {wanted}, got {checks.shown(integrands)}")
+    known = {name: _arguments.positive(f"integrands[{name!r}]", one) for name, one in weighted.items()}
+    total = sum(known.values())
+    return tuple((CLASSES[name](dims), one / total) for name, one in known.items())
+
+
+def _of_kernel(kernel: Kernel, points: Any, dims: int) -> IntegrandClass:
+    """Return the class of a user's kernel, tested at some of the points if they are known."""
+    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+        nodes = jnp.asarray(sequences.sobol(dims).points(_QUADRATURE, dtype=jnp.float64)) + 0.5 / _QUADRATURE
+        known = nodes if isinstance(points, Tracer) else jnp.asarray(points, jnp.float64)
+        some = known[:: max(1, len(known) // _SAMPLES)]
+        matrix = np.asarray(kernel(some[:, None], some[None]))
+        if matrix.shape != (len(some), len(some)):
+            raise ValueError(
+                f"integrands must map points (..., d) to (...), got {matrix.shape} for {some.shape}"
+            )
+        centred = matrix - matrix.mean(axis=0) - matrix.mean(axis=1, keepdims=True) + matrix.mean()
+        eigenvalues = np.linalg.eigvalsh((centred + centred.T) / 2)
+        if not eigenvalues[0] >= -_NEGATIVE * max(eigenvalues[-1], np.finfo(float).tiny):
+            raise ValueError(
+                "integrands must be a conditionally positive definite kernel, "
+                f"got eigenvalues from {eigenvalues[0]:.3g} to {eigenvalues[-1]:.3g} at {len(some)} points"
+            )
+        mean = float(lax.map(lambda x: jnp.mean(kernel(x[None], nodes)), nodes, batch_size=64).mean())
+
+    def potential(x: Array) -> Array:
+        flat = x.reshape(-1, dims)
+        at = jnp.asarray(nodes, x.dtype)
+        found = lax.map(jax.checkpoint(lambda one: jnp.mean(kernel(one[None], at))), flat, batch_size=64)
+        return found.reshape(x.shape[:-1])
+
+    return IntegrandClass(kernel, potential, mean)
+
+
+def offsets(weights: NDArray[np.float64], least: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Return the offsets of pairs of pixels, shape (m, 3), of opposite ones one, and their weights."""
+    sides = np.indices(weights.shape).reshape(3, -1)
+    numbers = np.arange(weights.size)
+    opposite = np.ravel_multi_index(tuple(-sides % np.array(weights.shape)[:, None]), weights.shape)
+    flat = weights.ravel()
+    taken = (np.abs(flat) > least * flat[0]) & (numbers <= opposite)
+    factors = np.where(numbers < opposite, 2, 1)
+    return sides.T[taken].astype(np.int32), (flat * factors)[taken]
+
+
+@partial(jax.jit, static_argnums=3)
+def mean_square(
+    points: Array, offsets: Array, weights: Array, classes: tuple[tuple[IntegrandClass, float], ...]
+) -> Array:
+    """Return the mean square error; weights that were left out multiply independent points."""
+    weights = weights.astype(points.dtype)
+
+    @jax.checkpoint
+    def pairs(offset: Array) -> Array:
+        other = jnp.roll(points, -offset, axis=(0, 1, 2))
+        kernels = [share * of.pair(points[..., :, None, :], other[..., None, :, :]) for of, share in classes]
+        return jnp.mean(sum(kernels[1:], kernels[0]))
+
+    start = jnp.zeros((), points.dtype)
+    total, _ = lax.scan(lambda before, at: (before + at[1] * pairs(at[0]), None), start, (offsets, weights))
+    potentials = [share * jnp.mean(2 * of.potential(points) - of.mean) for of, share in classes]
+    return total - jnp.sum(weights) * sum(potentials[1:], potentials[0])

@@ -1,0 +1,95 @@
+"""The kernels of the L2 discrepancies: products over the dimensions of one function of two numbers."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import jax.numpy as jnp
+from jax import Array
+
+from analysis._l2.double_double import Wide, add, constant, multiply, two_product
+from qmcjax.core.pytrees import pytree
+
+
+@pytree
+@dataclass(frozen=True)
+class Kernel:
+    """K(x, y) = constant + e(x) + e(y) + distance |x - y| + square (x - y)^2 in one dimension.
+
+    There e(x) = linear x + bend |x - 1/2|. The squared discrepancy is the integral of the product of K
+    over the dimensions, twice over the difference of the uniform measure and the points' [Hickernell,
+    A generalized discrepancy and quadrature error bound, 1998]. With |x - y| for max and min, all
+    discrepancies in use have a kernel of this form.
+
+    The numbers are leaves, so one program serves all kernels. They are multiples of 1/8: sums of them and
+    of their halves and quarters are exact.
+    """
+
+    constant: float
+    linear: float = 0.0
+    bend: float = 0.0
+    distance: float = 0.0
+    square: float = 0.0
+
+    @property
+    def rank(self) -> int:
+        """The number of nonzero factors, the first of (one, two, three)."""
+        return 3 if self.square else 2 if self.bend or self.linear != self.distance else 1
+
+    def mean(self) -> Wide:
+        """Return the integral of K over both arguments."""
+        return self._with_third(self.constant + self.linear + self.bend / 2, self.distance + self.square / 2)
+
+    def own(self, x: Array) -> Array:
+        """Return e(x)."""
+        return self.linear * x + self.bend * jnp.abs(x - 0.5)
+
+    def own_derivative(self, x: Array) -> Array:
+        return self.linear + self.bend * jnp.sign(x - 0.5)
+
+    def average(self, x: Array) -> Wide:
+        """Return the integral of K(x, y) over y.
+
+        |x - y| has the integral x^2 - x + 1/2 and (x - y)^2 has x^2 - x + 1/3.
+        """
+        dyadic = self.constant + self.linear / 2 + self.bend / 4 + self.distance / 2
+        curve = self.distance + self.square
+        return add(self._with_third(dyadic, self.square), self._quadratic(x, -curve, curve))
+
+    def average_derivative(self, x: Array) -> Array:
+        return self.own_derivative(x) + (self.distance + self.square) * (2 * x - 1)
+
+    def factors(self, x: Array, rank: int) -> tuple[list[Wide], list[Wide]]:
+        """Return functions such that K(x, y) = sum_r lower_r(min(x, y)) upper_r(max(x, y))."""
+        zero, one = jnp.zeros_like(x), jnp.ones_like(x)
+        upper = add((self.constant * one, zero), self._quadratic(x, self.distance, self.square))
+        lower = self._quadratic(x, -self.distance, self.square)
+        product = two_product(-2 * self.square * one, x)
+        return [(one, zero), lower, (x, zero)][:rank], [upper, (one, zero), product][:rank]
+
+    def factor_derivatives(self, x: Array, rank: int) -> tuple[list[Array], list[Array]]:
+        """Return the derivatives of the factors."""
+        zero, one = jnp.zeros_like(x), jnp.ones_like(x)
+        fixed, moving = self.own_derivative(x), 2 * self.square * x
+        upper, lower = fixed + self.distance + moving, fixed - self.distance + moving
+        return [zero, lower, one][:rank], [upper, zero, -2 * self.square * one][:rank]
+
+    def _quadratic(self, x: Array, first: Array | float, second: Array | float) -> Wide:
+        one = jnp.ones_like(x)
+        line = two_product((self.linear + first) * one, x)
+        bent = two_product(self.bend * one, jnp.abs(x - 0.5))
+        curve = multiply(two_product(x, x), (second * one, 0 * one))
+        return add(add(line, bent), curve)
+
+    def _with_third(self, whole: Array | float, thirds: Array | float) -> Wide:
+        one = jnp.ones(())
+        return add((whole * one, 0 * one), multiply((thirds * one, 0 * one), constant(Fraction(1, 3))))
+
+
+STAR = Kernel(1.0, linear=-1 / 2, distance=-1 / 2)
+"""1 - max(x, y)."""
+
+CENTERED = Kernel(1.0, bend=1 / 2, distance=-1 / 2)
+SYMMETRIC = Kernel(2.0, distance=-2.0)
+WRAPAROUND = Kernel(3 / 2, distance=-1.0, square=1.0)
+PERIODIC = Kernel(1 / 2, distance=-1.0, square=1.0)
+MIXTURE = Kernel(15 / 8, bend=-1 / 4, distance=-3 / 4, square=1 / 2)

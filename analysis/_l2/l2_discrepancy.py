@@ -1,0 +1,276 @@
+"""The L2 discrepancies: closed forms, exact to rounding errors, and differentiable."""
+
+from fractions import Fraction
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jax.core import Tracer
+from jax.typing import ArrayLike, DTypeLike
+
+from analysis import _arguments
+from analysis._l2.double_double import add, constant, multiply, total
+from analysis._l2.kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, WRAPAROUND, Kernel
+from analysis._l2.merges import many_points_discrepancy
+from analysis._l2.pairs import pair_sum
+from analysis._loops import COMPILED
+
+_POINTS = 2**24
+"""Maximum number of points: beyond, sums over all pairs would not be exact."""
+
+_MANY = 2**16
+"""Numbers of points in the plane or in space from which on they are merged, on processors."""
+
+_DIMS = 256
+"""Maximum number of dimensions: powers of the kernels' means would leave the range of float64."""
+
+
+def l2_star_discrepancy(points: ArrayLike) -> Array:
+    """Return the root of the mean square of the local discrepancy over boxes anchored at the origin.
+
+    It is Warnock's T [1]_: the box [0, q) has its volume minus its share of the points, and q is
+    uniform in [0, 1]^d.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        At least one point in [0, 1)^d; a vector is a set in one dimension. At most 2^24 points and 256
+        dimensions. Computed in float64, whatever the global flag.
+
+    Returns
+    -------
+    float64 Array, shape ()
+        The root, as for all discrepancies here. ``scipy.stats.qmc.discrepancy`` returns the root only for
+        ``"L2-star"``; ``"CD"``, ``"WD"`` and ``"MD"`` are squares.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``) with 64-bit types disabled, the result
+        is rounded to float32, the widest type there.
+
+    Notes
+    -----
+    Memory is O(n d). Time is O(n^2 d), but O(n^(2 - 1/d)) for many points in two and three dimensions and O(n
+    log n) in one. Values of 2^16 points and more take O(n log n) in two and O(n log^2 n) in three dimensions,
+    on all cores and in three times the memory of float64 points, if Numba is installed, JAX computes on
+    processors and does not trace the points. Derivatives are computed together with the value. They do not
+    exist where two points are equal in a coordinate; the result there lies between the one-sided ones.
+
+    The sums of the closed form cancel, for good points all but a part of about n^-2. They are computed
+    in more than float64's precision: the result has a relative error of about 1e-11 or less.
+
+    References
+    ----------
+    .. [1] T. T. Warnock, "Computational investigations of low-discrepancy point sets", 1972.
+
+    Examples
+    --------
+    >>> print(f"{l2_star_discrepancy([[0.5, 0.5]]):.6f}")
+    0.282597
+    """
+    return _discrepancy(points, STAR)
+
+
+def centered_discrepancy(points: ArrayLike) -> Array:
+    """Return the centered L2 discrepancy, over boxes between a point and the nearest corner of the cube.
+
+    The mean square is summed over the projections onto all sets of axes, after Hickernell [1]_.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        As for `l2_star_discrepancy`; its notes apply, too.
+
+    Returns
+    -------
+    float64 Array, shape ()
+        The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"CD"``.
+
+    References
+    ----------
+    .. [1] F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.
+
+    Examples
+    --------
+    >>> print(f"{centered_discrepancy([[0.5]]) ** 2:.6f}")
+    0.083333
+    """
+    return _discrepancy(points, CENTERED)
+
+
+def wraparound_discrepancy(points: ArrayLike) -> Array:
+    """Return the wrap-around L2 discrepancy, over all boxes of the torus and in all projections.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        As for `l2_star_discrepancy`; its notes apply, too.
+
+    Returns
+    -------
+    float64 Array, shape ()
+        The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"WD"``.
+
+    References
+    ----------
+    .. [1] F. J. Hickernell, "Lattice rules: how well do they measure up?", 1998.
+
+    Examples
+    --------
+    >>> print(f"{wraparound_discrepancy([[0.5]]) ** 2:.6f}")
+    0.166667
+    """
+    return _discrepancy(points, WRAPAROUND)
+
+
+def periodic_discrepancy(points: ArrayLike) -> Array:
+    """Return the periodic L2 discrepancy, the root of the mean square over all boxes of the torus.
+
+    Unlike the wrap-around discrepancy it measures the whole space only, not its projections.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        As for `l2_star_discrepancy`; its notes apply, too.
+
+    Returns
+    -------
+    float64 Array, shape ()
+        Divided by n, as the other discrepancies; [1]_ leaves this out.
+
+    References
+    ----------
+    .. [1] A. Hinrichs, R. Kritzinger, F. Pillichshammer, "Extreme and periodic L2 discrepancy of plane point
+       sets", 2021.
+
+    Examples
+    --------
+    >>> print(f"{periodic_discrepancy([[0.5]]) ** 2:.6f}")
+    0.166667
+    """
+    return _discrepancy(points, PERIODIC)
+
+
+def symmetric_discrepancy(points: ArrayLike) -> Array:
+    """Return the symmetric L2 discrepancy, over unions of the orthants at a point that touch even corners.
+
+    The mean square is summed over all projections and multiplied by 4, after Hickernell [1]_.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        As for `l2_star_discrepancy`; its notes apply, too.
+
+    Returns
+    -------
+    float64 Array, shape (), twice the L2 star discrepancy in one dimension
+
+    References
+    ----------
+    .. [1] F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.
+
+    Examples
+    --------
+    >>> print(f"{symmetric_discrepancy([[0.5]]) ** 2:.6f}")
+    0.333333
+    """
+    return _discrepancy(points, SYMMETRIC)
+
+
+def mixture_discrepancy(points: ArrayLike) -> Array:
+    """Return the mixture discrepancy, a mean of centered and wrap-around discrepancy in all projections.
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        As for `l2_star_discrepancy`; its notes apply, too.
+
+    Returns
+    -------
+    float64 Array, shape ()
+        The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"MD"``.
+
+    References
+    ----------
+    .. [1] Y.-D. Zhou, K.-T. Fang, J.-H. Ning, "Mixture discrepancy for quasi-random point sets", 2013.
+
+    Examples
+    --------
+    >>> print(f"{mixture_discrepancy([[0.5]]) ** 2:.6f}")
+    0.125000
+    """
+    return _discrepancy(points, MIXTURE)
+
+
+def _discrepancy(points: ArrayLike, kernel: Kernel) -> Array:
+    given = _arguments.points(points, most_dims=_DIMS, vector=True, traced=True)
+    traced = isinstance(given, Tracer)
+    n, dims = given.shape
+    if n > _POINTS:
+        raise ValueError(f"points must be at most {_POINTS}, got n={n}: measure a part of them")
+    dtype = jax.dtypes.canonicalize_dtype(np.float64) if traced else np.dtype(np.float64)
+    with jax.enable_x64(True):
+        if not traced and n >= _MANY and dims in (2, 3) and COMPILED and jax.default_backend() == "cpu":
+            return jnp.asarray(many_points_discrepancy(given.astype(np.float64, copy=False), kernel))
+        return _measure(given, kernel, _strips(n, dims), dtype)
+
+
+def _strips(n: int, dims: int) -> int:
+    """Return the number of strips per axis: as many cells as points; 1 where that saves nothing."""
+    if dims > 3 or n < 1024:
+        return 1
+    return n // 16 if dims == 1 else round(n ** (1 / dims))
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(1, 2, 3))
+def _measure(points: Array, kernel: Kernel, strips: int, dtype: DTypeLike) -> Array:
+    return _computed(points, kernel, strips, False)[0].astype(dtype)
+
+
+def _forward(points: Array, kernel: Kernel, strips: int, dtype: DTypeLike) -> tuple[Array, Array]:
+    value, gradients = _computed(points, kernel, strips, True)
+    return value.astype(dtype), gradients.astype(points.dtype)
+
+
+def _backward(
+    kernel: Kernel, strips: int, dtype: DTypeLike, gradients: Array, cotangent: Array
+) -> tuple[Array]:
+    with jax.enable_x64(True):
+        return (gradients * cotangent.astype(gradients.dtype),)
+
+
+_measure.defvjp(_forward, _backward)
+
+
+def _computed(points: Array, kernel: Kernel, strips: int, gradient: bool) -> tuple[Array, Array]:
+    """Call the program for this shape; with one strip it is the same for all kernels."""
+    rank = kernel.rank if strips > 1 else 1
+    return value_and_gradient(jnp.asarray(points, jnp.float64), kernel, strips, rank, gradient)
+
+
+@partial(jax.jit, static_argnums=(2, 3, 4))
+def value_and_gradient(
+    points: Array, kernel: Kernel, strips: int, rank: int, gradient: bool
+) -> tuple[Array, Array]:
+    """Return the discrepancy and its derivatives, of shape (0, d) without gradient.
+
+    Its square times n^2 is the sum of K over pairs, minus 2n times the sum of the average of K over points,
+    plus n^2 times the mean of K.
+    """
+    n, dims = points.shape
+    pairs, gradients = pair_sum(points, kernel, strips, rank, gradient)
+    high, low = kernel.average(points.T)
+    one = jnp.ones(())
+    mean, _ = lax.scan(
+        lambda product, _: (multiply(product, kernel.mean()), None), (one, 0 * one), length=dims
+    )
+    ones = jnp.ones(n)
+    averages, before = lax.scan(
+        lambda product, axis: (multiply(product, axis), product[0]), (ones, 0 * ones), (high, low)
+    )
+    once = multiply(total(averages, 2.0**dims * n), constant(Fraction(-2 * n)))
+    square = add(pairs, add(once, multiply(constant(Fraction(n * n)), mean)))
+    root = jnp.sqrt(square[0] + square[1])
+    if gradient:
+        _, after = lax.scan(lambda product, axis: (product * axis, product), ones, high, reverse=True)
+        gradients = gradients - 2 * n * (before * after * kernel.average_derivative(points.T)).T
+    return root / n, gradients / (2 * n * root)

@@ -1,0 +1,1 @@
+"""Searches for points, nets, matrices and scramblings."""

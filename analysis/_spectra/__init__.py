@@ -1,0 +1,1 @@
+"""Spectra of points and of errors, and errors after a filter."""

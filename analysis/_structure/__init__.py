@@ -1,0 +1,1 @@
+"""Structure in integers: curves, neighbours, elementary intervals, nets."""

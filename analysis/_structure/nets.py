@@ -1,0 +1,188 @@
+"""The quality parameter t of nets, by counts of points in elementary intervals or by ranks of matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Any, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from numpy.typing import ArrayLike, NDArray
+
+from analysis import _arguments
+from analysis._callbacks import counted
+from analysis._structure.intervals import cells, fractions
+from analysis._structure.net_matrices import matrix_net
+from qmcjax.core import checks, finite_field
+
+_ONE_INTEGER = jax.ShapeDtypeStruct((), jnp.int32)
+
+
+def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) -> int:
+    """Return the quality parameter t of a net: the smallest t for which it is a (t,m,s)-net.
+
+    The base**m points are a (t,m,s)-net if every elementary interval of volume base**(t - m) contains
+    base**t of them (Definition 4 of [1]_). Smaller is better; t = m holds for any points.
+
+    Parameters
+    ----------
+    points_or_matrices : ArrayLike
+        Without ``m``, an array of two axes holds points, and t is found by counting: shape (n, s), n
+        a power of the base, float32 or float64 in [0, 1), or uint32 fractions of 2**32.
+
+        With ``m``, it holds generator matrices, and t is found from ranks: uint32 of shape (s, 32)
+        with column k of C_j as a word, its first row in bit 31 (the ``matrices`` of a digital
+        sequence in base 2; without ``m`` these would be taken for points). Integers of three axes
+        (s, rows, columns) are always generator matrices, over F_base, with entries modulo the base.
+    base : int, in [2, 65535]; a prime for matrices
+    m : int, optional
+        The net is the first base**m points of the matrices' sequence (any aligned block has the same
+        t), given by their upper left m x m parts. By default the number of columns, for three axes.
+
+    Returns
+    -------
+    int
+        In [0, m]. If JAX traces the points or matrices (``jit``, ``vmap``), an int32 Array.
+
+    Notes
+    -----
+    Counting takes O(n) for each shape of intervals that is examined, ranks at most O(m**2). These are at
+    least the binom(m - t + s - 1, s - 1) shapes of m - t digits, and at most as many as for t = 0. If a
+    shape is filled evenly, so are all coarser ones, so one pass determines t.
+
+    Floats stand for fractions rounded to nearest: an interval [a / b**d, (a + 1) / b**d) begins at the float
+    nearest to a / b**d and ends before the one nearest to (a + 1) / b**d. So every a / b**k with b**k below
+    2**24 in float32, below 2**53 in float64, is counted in the interval of the fraction itself, unlike in
+    plain arithmetic: about half of these floats are just below their fraction. In base 2 the ends are floats
+    and nothing is rounded. uint32 fractions are exact in any base. Pass points with more digits than float32
+    holds in float64 or as words; this is required for more than 2**24 points.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.1.4 and Eq. 5.9.
+    .. [2] H. Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods", 1992, Sect. 4.3.
+
+    Examples
+    --------
+    >>> t_value([[0.0, 0.0], [0.25, 0.5], [0.5, 0.25], [0.75, 0.75]])
+    0
+    >>> from qmcjax import sequences
+    >>> t_value(sequences.sobol(5).matrices, m=20)
+    5
+    """
+    if isinstance(points_or_matrices, Tracer):
+        return counted(lambda known: t_value(known, base, m), _ONE_INTEGER, points_or_matrices)
+    net = _net(points_or_matrices, base, m)
+    return net.m - _strength(net, range(net.dims))
+
+
+def projection_t_values(
+    points_or_matrices: ArrayLike, base: int = 2, m: int | None = None, size: int = 2
+) -> dict[tuple[int, ...], int]:
+    """Return t of the projections of a net onto all pairs of coordinates, all triples, and so on.
+
+    Parameters
+    ----------
+    points_or_matrices, base, m
+        As for :func:`t_value`.
+    size : int, the number of coordinates of a projection, in [1, s]
+
+    Returns
+    -------
+    dict
+        From the coordinates, in increasing order, to t; to int32 Arrays if JAX traces.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> projection_t_values(sequences.sobol(4).matrices, m=10)
+    {(0, 1): 0, (0, 2): 1, (0, 3): 2, (1, 2): 1, (1, 3): 1, (2, 3): 1}
+    """
+    if isinstance(given := points_or_matrices, Tracer):
+        dims = given.shape[0 if m is not None or given.ndim == 3 else -1]
+        size = checks.integer("size", size, 1, dims)
+        outline = {axes: _ONE_INTEGER for axes in combinations(range(dims), size)}
+        return counted(lambda known: projection_t_values(known, base, m, size), outline, given)
+    net = _net(points_or_matrices, base, m)
+    size = checks.integer("size", size, 1, net.dims)
+    return {axes: net.m - _strength(net, axes) for axes in combinations(range(net.dims), size)}
+
+
+class _Net(Protocol):
+    """Input of the search for t; states stand for a choice of leading digits of some coordinates."""
+
+    m: int
+    dims: int
+    root: Any
+
+    def even_digits(self, state: Any, used: int, axis: int, limit: int) -> int:
+        """Return up to how many more digits, of one other coordinate, the intervals are filled evenly."""
+        ...
+
+    def refined(self, state: Any, axis: int, digit: int) -> Any:
+        """Return the state with one more digit of a coordinate; it has all previous digits."""
+        ...
+
+
+def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
+    name = "points_or_matrices"
+    given = _arguments.array(name, points_or_matrices, "an array of points or of matrices")
+    if m is not None or given.ndim == 3:
+        return matrix_net(given, base, m)
+    return _PointNet(fractions(given, name), checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1))
+
+
+def _strength(net: _Net, axes: Sequence[int]) -> int:
+    """Return the largest k for which the net is even for all shapes of k digits of these coordinates.
+
+    The last coordinate of a shape takes all remaining digits. If it cannot take all of them, k is reduced to
+    what it can take. Shapes of the smaller k that come earlier in the search need no second look: each is
+    part of one that was even.
+    """
+    strength = net.m
+
+    def search(state: Any, used: int, first: int) -> None:
+        nonlocal strength
+        for i in range(first, len(axes)):
+            if used >= strength:
+                return
+            strength = used + net.even_digits(state, used, axes[i], strength - used)
+            refined, digit = state, 0
+            while i + 1 < len(axes) and used + digit + 1 < strength:
+                refined = net.refined(refined, axes[i], digit)
+                digit += 1
+                search(refined, used + digit, i + 1)
+
+    search(net.root, 0, 0)
+    return strength
+
+
+class _PointNet:
+    """Points to be counted; a state of the search is the number of the interval of each point."""
+
+    def __init__(self, points: NDArray, base: int):
+        n, self.dims = points.shape
+        self.m = 0
+        while base**self.m < n:
+            self.m += 1
+        if base**self.m != n:
+            raise ValueError(f"points must be a power of base={base} in number, got n={n}")
+        self._base = base
+        self._columns = np.ascontiguousarray(cells(points, n).T)
+        self.root = np.zeros(n, np.int64)
+
+    def even_digits(self, state: NDArray, used: int, axis: int, limit: int) -> int:
+        base = self._base
+        leading = self._columns[axis] // base ** (self.m - limit)
+        counts = np.bincount(state * base**limit + leading, minlength=base ** (used + limit))
+        while (counts != counts[0]).any():
+            counts = counts.reshape(-1, base).sum(axis=1)
+            limit -= 1
+        return limit
+
+    def refined(self, state: NDArray, axis: int, digit: int) -> NDArray:
+        base = self._base
+        return state * base + self._columns[axis] // base ** (self.m - 1 - digit) % base

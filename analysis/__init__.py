@@ -14,6 +14,8 @@ from analysis._design.design_samples import DesignedSamples as DesignedSamples
 from analysis._design.design_samples import design_samples as design_samples
 from analysis._design.expected_error import expected_error as expected_error
 from analysis._design.filters import Filter as Filter
+from analysis._design.minimize import Minimized as Minimized
+from analysis._design.minimize import minimize as minimize
 from analysis._distances.dispersion import dispersion as dispersion
 from analysis._distances.distance import min_distance as min_distance
 from analysis._distances.distance import squared_min_distance as squared_min_distance

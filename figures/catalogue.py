@@ -164,6 +164,9 @@ CATALOGUE = {
     "designed-samplers": Entry(
         "figures.ours.designed_samplers", "Tiles designed by gradients beside other samplers", timed=True
     ),
+    "designed-for-scenes": Entry(
+        "figures.ours.designed_for_scenes", "Points designed for one scene, by its camera and by others"
+    ),
     "designed-time": Entry("figures.ours.designed_time", "Frames of a tile designed for filters in time"),
     "scramblings": Entry("figures.ours.scramblings", "Scramblings of Sobol's sequence: errors and distances"),
     "discrepancy-records": Entry(

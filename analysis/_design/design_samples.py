@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
-from jax.example_libraries import optimizers
+from jax import Array
 from numpy.typing import NDArray
 
-from analysis._design.expected_error import Kernel, classes_of, mean_square, offsets
+from analysis._design import images
+from analysis._design.descent import TOGETHER, descend
+from analysis._design.expected_error import Integrand, Kernel, classes_of, mean_square, offsets
 from analysis._design.filters import Filter, autocorrelation
 from analysis._design.integrand_classes import IntegrandClass
-from qmcjax import sequences
+from qmcjax import samplers, sequences
 from qmcjax.core import checkpoints, checks
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.samplers.turned_tiles import from_outlines, stratified, to_outlines
@@ -30,14 +31,11 @@ _NODES = 256
 _LEAST = 3e-3
 """Pixels with less weight relative to the pixel's own are not paired in the descent."""
 
-_TOGETHER = 20
-"""Steps between two moves to the strata."""
-
 _RATE, _NOISE = 0.1, 0.3
 """Length of the first steps, and of their noise relative to them."""
 
-_FIRST, _SECOND = 0.9, 0.99
-"""Decays of the moments of Adam."""
+_WIDE, _NARROW = 0.2, 0.02
+"""Widths of blurs of known integrands, in the first and last steps."""
 
 _EDGE = 1e-5
 """Distance from the cube's faces at which points stop."""
@@ -63,7 +61,7 @@ def design_samples(
     dims: int = 2,
     frames: int | None = None,
     *,
-    integrands: str | Mapping[str, float] | Kernel = "half_spaces",
+    integrands: str | Mapping[str, float] | Kernel | Sequence[Integrand] = "half_spaces",
     filters: float | Filter | Sequence[Filter] | None = None,
     progressive: bool = False,
     steps: int = 800,
@@ -84,7 +82,9 @@ def design_samples(
     integrands, filters
         The error, as for :func:`expected_error`; by default, after a Gaussian filter of 1.5 pixels, with 0.05
         of the mean square error of unfiltered pixels if they have more than one sample. For animations see
-        :class:`Filter`.
+        :class:`Filter`. Of known integrands jumps count, too: derivatives are those of integrands blurred by
+        Gaussians of 0.2 at first, and of 0.02 at the end. With scenes among them the tile is their image, and
+        is neither turned in the design nor to be moved: see the notes.
     progressive : bool
         Whether the first 1, 2, 4, ... samples of all pixels are to have small errors, too, all equally
         important relative to independent samples.
@@ -108,6 +108,10 @@ def design_samples(
     of them is exactly uniform in every pixel. That constraint costs a few percent of the error: free points
     stay away from the faces of the cube.
 
+    A tile for scenes has the size of their image, whose pixels it knows: ``samplers.function(lambda x, y,
+    sample: points[y, x, sample], dims)`` draws just its points, without a key. What it gains it gains for
+    that camera.
+
     A tile of 64 x 64 pixels with one sample takes about 20 seconds on two cores. The time is proportional
     to the pixels and to spp**2.
 
@@ -129,50 +133,82 @@ def design_samples(
         checks.power_of_two("width", width, 1024),
         1 if frames is None else checks.power_of_two("frames", frames, 1024),
         checks.power_of_two("spp", spp, 256),
-        checks.power_of_two("dims", dims, 4),
+        checks.integer("dims", dims, 2, 2**16),
     )
-    if dims == 1:
-        raise ValueError("dims must be 2 or 4, got 1")
+    of_scenes = isinstance(integrands, list | tuple) and any(map(images.is_scene, integrands))
+    if dims not in (2, 4) and not of_scenes:
+        raise ValueError(f"dims must be 2 or 4, got {dims}")
     key = checks.prng_key("key", key)
-    chunks = -(-checks.integer("steps", steps, _TOGETHER, 2**31 - 1) // _TOGETHER)
+    chunks = -(-checks.integer("steps", steps, TOGETHER, 2**31 - 1) // TOGETHER)
     if progress is not None and not callable(progress):
         raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
     prefixes = shape[3].bit_length() if checks.flag("progressive", progressive) else 1
-    nodes = sequences.sobol(dims).points(_NODES) + np.float32(0.5 / _NODES)
-    classes = tuple(
-        (_averaged(of, nodes), share)
-        for of, share in classes_of(integrands, np.full((1, shape[4]), 0.5), shape[4])
-    )
     if filters is None:
         filters = [Filter(1.5), Filter(0.0, weight=_OWN if spp > 1 else 0.0)]
-    near, weights = offsets(autocorrelation(shape[:3], filters), _LEAST)
+    weights = autocorrelation(shape[:3], filters)
+    counts = [shape[3] >> k for k in range(prefixes)]
+    if isinstance(integrands, list | tuple):
+        known = images.rendered(integrands, shape)
 
-    def square(points: Array) -> Array:
-        counts = [shape[3] >> k for k in range(prefixes)]
-        known = jnp.asarray(weights, points.dtype)
-        parts = [count * mean_square(points[:, :, :, :count], near, known, classes) for count in counts]
+        def square(points: Array, step: Array) -> Array:
+            width = _WIDE * (_NARROW / _WIDE) ** (step / (chunks * TOGETHER)).astype(points.dtype)
+            keys = jax.random.split(jax.random.fold_in(key, -1 - step), len(known))
+            soft = [images.blurred(one, at, width) for one, at in zip(known, keys, strict=True)]
+            return images.mean_square(points, soft, weights)
+
+    else:
+        nodes = sequences.sobol(dims).points(_NODES) + np.float32(0.5 / _NODES)
+        classes = tuple(
+            (_averaged(of, nodes), share)
+            for of, share in classes_of(integrands, np.full((1, shape[4]), 0.5), shape[4])
+        )
+        near, paired = offsets(weights, _LEAST)
+
+        def square(points: Array, step: Array) -> Array:
+            return mean_square(points, near, jnp.asarray(paired, points.dtype), classes)
+
+    def loss(points: Array, step: Array) -> Array:
+        if not of_scenes:
+            # A rotation by a quarter changes no distances.
+            angles = jnp.asarray(_TURNS[: dims // 2], points.dtype) * step.astype(points.dtype) % 1 / 4
+            points = turned(points, angles)
+        parts = [count * square(points[:, :, :, :count], step) for count in counts]
         return sum(parts[1:], parts[0]) / (prefixes * shape[3])
 
-    begin, advance = _descent(square, key, chunks)
-    state, squares, kept = None, [], None
+    kept = None
     if checkpoint is not None:
-        made_of = {"integrands": integrands, "near": near, "weights": weights, "prefixes": prefixes}
+        made_of = {"integrands": integrands, "weights": weights, "prefixes": prefixes}
         kept = checkpoints.begin(checkpoint, key=key, shape=np.array(shape), steps=chunks, **made_of)
-        squares = list(kept.state.get("squares", []))
-    state = begin(jax.random.uniform(key, shape, jnp.float32))
-    if squares and kept is not None:
-        leaves = [jnp.asarray(kept.state[f"state_{k}"]) for k in range(3)]
-        state = jax.tree.unflatten(jax.tree.structure(state), leaves)
-    for chunk in range(len(squares), chunks):
-        state, mean = advance(state, chunk)
-        squares.append(float(mean))
-        if kept is not None and kept.due(last=chunk == chunks - 1):
-            leaves = jax.tree.leaves(state)
-            kept.write(squares=np.array(squares), **{f"state_{k}": leaf for k, leaf in enumerate(leaves)})
-        if progress is not None:
-            progress((chunk + 1) / chunks)
-    tile = np.asarray(jax.tree.leaves(state)[0], np.float64)
+    free, squares = descend(
+        loss,
+        _of_class(shape, key) if of_scenes else jax.random.uniform(key, shape, jnp.float32),
+        key,
+        chunks,
+        _RATE,
+        _NOISE,
+        lambda points: jnp.clip(points, _EDGE, 1 - _EDGE),
+        settle=(lambda points: points) if of_scenes else _to_strata,
+        progress=progress,
+        kept=kept,
+    )
+    tile = np.asarray(free, np.float64)
     return DesignedSamples(tile[:, :, 0] if frames is None else tile, np.sqrt(np.maximum(squares, 0)))
+
+
+def _to_strata(points: Array) -> Array:
+    return jnp.asarray(stratified(np.asarray(points, np.float64)), jnp.float32)
+
+
+def _of_class(shape: tuple[int, ...], key: Array) -> Array:
+    """Return points of the sampler that is designed for half spaces."""
+    height, width, frames, spp, dims = shape
+    sampler = samplers.designed(width, height, spp, key, dims)
+    y, x, _, sample = np.indices(shape[:4], np.uint32)
+    of_frames = [
+        sampler.at_frame(t)(x[:, :, t], y[:, :, t], sample[:, :, t], tuple(range(dims)))
+        for t in range(frames)
+    ]
+    return jnp.stack(of_frames, axis=2)
 
 
 def _averaged(of: IntegrandClass, nodes: Array) -> IntegrandClass:
@@ -190,42 +226,3 @@ def turned(points: Array, turns: Array) -> Array:
     radius, place = to_outlines(pairs)
     turns = turns.reshape((1,) * (place.ndim - 1) + (-1,))
     return from_outlines(radius, place + turns).reshape(points.shape)
-
-
-def _descent(square: Callable[[Array], Array], key: Array, chunks: int) -> tuple[Any, Any]:
-    """Return a function from points to the state of Adam, and one that takes the steps of a chunk."""
-    steps = chunks * _TOGETHER
-
-    def rate(step: Any) -> Any:
-        return _RATE * (0.5 * (1 + jnp.cos(jnp.pi * step / steps)) + 0.01)
-
-    adam: Any = optimizers.adam(rate, _FIRST, _SECOND, 1e-10)
-    start, update, points_of = adam
-
-    def to_strata(state: Any) -> Any:
-        points, *moments = jax.tree.leaves(state)
-        moved = jnp.asarray(stratified(np.asarray(points, np.float64)), jnp.float32)
-        return jax.tree.unflatten(jax.tree.structure(state), [moved, *moments])
-
-    def one(state: Any, step: Array) -> tuple[Any, Array]:
-        points, at = points_of(state), step.astype(jnp.float32)
-        count = points.shape[-1] // 2
-        # A rotation by a quarter changes no distances.
-        turns = jnp.asarray(_TURNS[:count], jnp.float32) * at % 1 / 4
-        found, gradient = jax.value_and_grad(lambda free: square(turned(free, turns)))(points)
-        moved, *moments = jax.tree.leaves(update(at, gradient, state))
-        random = jax.random.normal(jax.random.fold_in(key, step), points.shape, points.dtype)
-        noise = _NOISE * rate(at) * jnp.maximum(0, 1 - 2 * at / steps) * random
-        inside = jnp.clip(moved + noise, _EDGE, 1 - _EDGE)
-        return jax.tree.unflatten(jax.tree.structure(state), [inside, *moments]), found
-
-    @jax.jit
-    def some(state: Any, first: Array) -> tuple[Any, Array]:
-        state, squares = lax.scan(one, state, first + jnp.arange(_TOGETHER, dtype=jnp.int32))
-        return state, jnp.mean(squares)
-
-    def advance(state: Any, chunk: int) -> tuple[Any, Array]:
-        state, mean = some(state, jnp.int32(chunk * _TOGETHER))
-        return to_strata(state), mean
-
-    return lambda points: to_strata(start(points)), advance

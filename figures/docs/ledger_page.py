@@ -37,7 +37,7 @@ def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
         _row(
             (
                 claim.place,
-                claim.claim,
+                "\n".join([claim.claim, *([f"“{claim.sentence}”"] if claim.sentence else [])]),
                 verdict,
                 "\n".join(
                     [measured, *(f"{case}: {'yes' if held else 'no'}" for case, held in cases.items())]
@@ -61,18 +61,21 @@ class Ledger(SphinxDirective):
         """Return counts, a link to the gallery if it is there, and the tables."""
         folder = Path(self.env.app.outdir).parent
         findings = _found(folder)
-        counts = Counter(finding.verdict for finding in findings)
+        ours = [finding for finding in findings if finding.claim.question]
+        theirs = [finding for finding in findings if not finding.claim.question]
+        counts = Counter(finding.verdict for finding in theirs)
         parts = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
-        shown: list[nodes.Node] = [nodes.paragraph(text=f"{len(findings)} claims: {parts}.")]
+        shown: list[nodes.Node] = [nodes.paragraph(text=f"{len(theirs)} claims: {parts}.")]
         if (folder / "index.html").is_file():
             address = f"{'../' * (self.env.docname.count('/') + 1)}index.html"
             link = nodes.reference("", "The gallery", refuri=address)
             shown.append(nodes.paragraph("", "", link, nodes.Text(" has the pictures.")))
         for paper, title in ledger.PAPERS.items():
-            of = [finding for finding in findings if finding.claim.paper == paper]
+            of = [finding for finding in theirs if finding.claim.paper == paper]
             if of:
-                section = nodes.section("", nodes.title(text=title), _table(of), ids=[paper])
-                shown.append(section)
+                shown.append(nodes.section("", nodes.title(text=title), _table(of), ids=[paper]))
+        title = "Our own questions, which no sentence of the papers answers"
+        shown.append(nodes.section("", nodes.title(text=title), _table(ours), ids=["questions"]))
         self.env.note_dependency(str(folder / "numbers.json"))
         return shown
 

@@ -1,7 +1,8 @@
 """Claims of the papers, one file a paper, and what figures found about them.
 
 A figure computes whether a claim is true, false, or true in some cases, from what it measures, and keeps that
-in the part ``claims`` of its numbers. Here is which sentence of which paper it is about.
+in the part ``claims`` of its numbers. Here is which sentence of which paper it is about. What no sentence of
+a paper says is a question of our own, and its answer never counts for or against the paper.
 """
 
 import tomllib
@@ -20,7 +21,7 @@ PAPERS = {
 
 
 class Claim(NamedTuple):
-    """A sentence or a number of a paper that can be tested."""
+    """A sentence or a number of a paper that can be tested, or a question of our own about one."""
 
     paper: str
     place: str
@@ -39,6 +40,12 @@ class Claim(NamedTuple):
     """Whether it is about run time, so that the machine decides."""
     why: str | None = None
     """Why it came out otherwise, or in some cases only; or why it is not tested."""
+    sentence: str | None = None
+    """The first and the last words of the paper's own sentence, caption or row, joined by `` ... ``."""
+    question: str | None = None
+    """``ours``, in place of a sentence, if the paper does not say it."""
+    criterion: str | None = None
+    """In words, what the figure takes for reproduced."""
 
 
 class Finding(NamedTuple):
@@ -46,10 +53,11 @@ class Finding(NamedTuple):
 
     claim: Claim
     verdict: str
-    """reproduced, differs, depends (on the case), or untested; missing where the figure was not made."""
+    """reproduced, differs, depends (on the case), by-test or untested; missing where the figure was not made.
+    Questions of our own that have an answer are all ours."""
     measured: str
     cases: Mapping[str, bool]
-    """Which cases hold, of claims that have some."""
+    """Which cases hold, of claims that have some, and of all questions of our own."""
 
 
 @cache
@@ -75,6 +83,8 @@ def findings(entries: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
 
 def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     if claim.test is not None:
+        if claim.question is not None:
+            return Finding(claim, "ours", claim.measured or "", _answer(not claim.contrary))
         return Finding(claim, "differs" if claim.contrary else "by-test", claim.measured or "", {})
     if claim.figure is None or claim.key is None:
         return Finding(claim, "untested", "", {})
@@ -83,7 +93,13 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     if found is None:
         return Finding(claim, "missing", "", {})
     measured = (claim.measured or "").format_map(_readable(numbers))
+    if claim.question is not None:
+        return Finding(claim, "ours", measured, _answer(found))
     return Finding(claim, verdict(found), measured, {} if isinstance(found, bool) else found)
+
+
+def _answer(found: bool | Mapping[str, bool]) -> Mapping[str, bool]:
+    return {"holds": found} if isinstance(found, bool) else found
 
 
 class _Dict(dict[str, Any]):

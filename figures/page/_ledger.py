@@ -1,4 +1,4 @@
-"""The ledger: what the papers claim, counted, and as a table to sort and filter."""
+"""The ledger: what the papers claim, counted, and as a table to sort and filter; then our own questions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,8 +11,9 @@ NAMES = {"hilbert": "Hilbert paper", "z": "Z paper", "thesis": "Thesis"}
 SECTION = """
 <section id="ledger" aria-labelledby="ledger-title">
 <h2 id="ledger-title">What the papers claim, and what came out</h2>
-<p class="lead">$total of three papers, in our words. Every verdict is computed from the numbers of a
-figure, or by a test that has to pass; none is typed. $rest</p>
+<p class="lead">$total of three papers, in our words, with the first and last words of each sentence.
+Every verdict is computed from the numbers of a figure, or by a test that has to pass; none is typed.
+$rest</p>
 <div class="bar" role="img" aria-label="$spoken">$bar</div>
 <div class="controls">
 <div class="chips" role="group" aria-label="Show verdicts">$chips</div>
@@ -26,7 +27,19 @@ figure, or by a test that has to pass; none is typed. $rest</p>
 <tbody>$rows</tbody>
 </table>
 </div>
+$questions
 </section>
+"""
+
+QUESTIONS = """
+<h3 id="questions">Our own questions</h3>
+<p>No sentence of the papers says these: their answers count neither for nor against a paper.</p>
+<div class="scroll ledger" tabindex="0" role="region" aria-label="Our own questions">
+<table>
+<thead><tr>$heads</tr></thead>
+<tbody>$rows</tbody>
+</table>
+</div>
 """
 
 CHIP = """
@@ -48,10 +61,15 @@ COLUMNS = ("Paper", "Place", "Claim", "Measured", "Verdict", "Why", "Shown by")
 
 def section(findings: Sequence[ledger.Finding]) -> Markup:
     """Return counts and table of what came out, and how many claims wait for their figures."""
-    made = [finding for finding in findings if finding.verdict != "missing"]
-    rest = len(findings) - len(made)
+    made = [finding for finding in findings if finding.verdict not in ("missing", "ours")]
+    ours = [finding for finding in findings if finding.verdict == "ours"]
+    rest = len(findings) - len(made) - len(ours)
     counted = _verdicts.counts(finding.verdict for finding in made)
-    every = {verdict: counted.get(verdict, 0) for verdict in _verdicts.VERDICTS if verdict != "missing"}
+    every = {
+        verdict: counted.get(verdict, 0)
+        for verdict in _verdicts.VERDICTS
+        if verdict not in ("missing", "ours")
+    }
     return fill(
         SECTION,
         total=f"{len(made)} claims",
@@ -77,6 +95,17 @@ def section(findings: Sequence[ledger.Finding]) -> Markup:
             for column in COLUMNS
         ),
         rows=join(_row(order, finding) for order, finding in enumerate(made)),
+        questions=_questions(ours),
+    )
+
+
+def _questions(ours: Sequence[ledger.Finding]) -> Markup:
+    if not ours:
+        return Markup("")
+    return fill(
+        QUESTIONS,
+        heads=join(fill('<th scope="col">$column</th>', column=column) for column in COLUMNS),
+        rows=join(_row(order, finding) for order, finding in enumerate(ours)),
     )
 
 
@@ -88,7 +117,7 @@ def _row(order: int, finding: ledger.Finding) -> Markup:
         paper=claim.paper,
         name=NAMES.get(claim.paper, claim.paper),
         place=claim.place,
-        claim=claim.claim,
+        claim=_claim(claim),
         measured=_measured(finding),
         verdict=finding.verdict,
         rank=list(_verdicts.VERDICTS).index(finding.verdict),
@@ -96,6 +125,17 @@ def _row(order: int, finding: ledger.Finding) -> Markup:
         why=claim.why or "",
         shown=_shown(claim),
     )
+
+
+def _claim(claim: ledger.Claim) -> Markup:
+    """Return a claim in our words, the paper's own below it, and what is taken for reproduced."""
+    small = {
+        "“$text”": (claim.sentence or "").replace(" ... ", " … "),
+        "Criterion: $text": claim.criterion or "",
+    }
+    added = [fill(f"<small>{words}</small>", text=text) for words, text in small.items() if text]
+    whole = "<div>$claim $added</div>" if added else "$claim"
+    return fill(whole, claim=claim.claim, added=join(added))
 
 
 def _measured(finding: ledger.Finding) -> Markup:

@@ -14,6 +14,7 @@ VERDICTS = {
     "by-test": ("☑", "is shown by a test, which did not run here"),
     "untested": ("–", "has no test, and says why"),
     "missing": ("○", "its figure is not in this folder"),
+    "ours": ("?", "answers a question of our own, that no sentence of a paper says"),
 }
 """Signs and meanings, in the order in which they are counted: a verdict is never told by its colour alone."""
 

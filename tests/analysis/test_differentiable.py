@@ -85,6 +85,7 @@ OTHERS = {  # searches, comparisons, readers and means: not measures of one arra
     "convergence",
     "design_samples",
     "mean_spectrum",
+    "minimize",
     "optimize_points",
     "optimize_scrambling",
     "pixel_means",

@@ -1,0 +1,259 @@
+"""Sentences of the papers that no figure shows: small computations, and numbers that contradict others."""
+
+import inspect
+from itertools import permutations
+from math import comb
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import analysis
+from qmcjax import orders, samplers, sequences
+
+
+def grid(side):
+    """Return columns and rows of all pixels, uint32 (side, side)."""
+    y, x = np.mgrid[:side, :side].astype(np.uint32)
+    return jnp.asarray(x), jnp.asarray(y)
+
+
+def spectrum(image):
+    """Return the power of an image without its mean, over the mean power: sorted, largest first."""
+    power = np.abs(np.fft.fft2(image - image.mean())).ravel()[1:] ** 2
+    return np.sort(power / power.mean())[::-1]
+
+
+# Hilbert paper
+
+
+def test_permutations_improve_the_halton_sequence():
+    """Sect. 3.1: Zaremba's permutation improves upon none, and Faure's upon Zaremba's; bases 17 and 19."""
+    for n in (200, 500):
+        found = [
+            float(analysis.l2_star_discrepancy(sequences.halton(8, permutation).points(n)[:, 6:]))
+            for permutation in ("faure", "zaremba", None)
+        ]
+        assert found[0] < 0.5 * found[1]
+        assert found[1] < 0.95 * found[2]
+
+
+def test_low_discrepancy_is_preserved_along_the_hilbert_curve():
+    """Sect. 3: in two dimensions it is at most the root of that in one; along the raster it is near 1."""
+    hilbert, raster = orders.hilbert(4096, 4096), orders.raster(4096, 4096)
+
+    def along(order, fractions):
+        place = jnp.asarray((fractions * 4**12).astype(np.uint32))
+        points = np.stack([np.asarray(c, np.float64) + 0.5 for c in order.pixel(place)], axis=-1) / 4096
+        return float(analysis.star_discrepancy(points))
+
+    for n in (10, 50, 200, 800):
+        fractions = np.asarray(sequences.van_der_corput(2).points(n)[:, 0], np.float64)
+        rank = np.arange(n)
+        on_line = max(np.max((rank + 1) / n - np.sort(fractions)), np.max(np.sort(fractions) - rank / n))
+        assert on_line < along(hilbert, fractions) < np.sqrt(on_line)
+        assert along(raster, fractions) > 0.9
+
+
+def test_scrambling_the_index_suffices_along_the_morton_curve():
+    """Sect. 3.1: the stripes of phi_2 stay if the values are scrambled, and go if the index is."""
+    x, y = grid(32)
+    phi = sequences.van_der_corput(2)
+    scrambled = sequences.owen(phi, 3)
+    upper = {
+        name: np.asarray(seq(order.position(x, y))[..., 0]) >= 0.5
+        for name, order, seq in (
+            ("none", orders.morton(32, 32), phi),
+            ("values", orders.morton(32, 32), scrambled),
+            ("index", orders.scrambled_morton(32, 32, key=3), phi),
+        )
+    }
+    for name, expected in (("none", 32), ("values", 32), ("index", 0)):
+        columns = upper[name].mean(axis=0)
+        assert np.count_nonzero((columns == 0) | (columns == 1)) == expected, name
+    blocks = upper["index"].reshape(16, 2, 16, 2).sum(axis=(1, 3))
+    assert np.all(blocks == 2), "of each quadrant's four pixels, half are above 1/2"
+
+
+def test_repeated_randomisation_averages_out_artifacts():
+    """Sect. 4.2: stripes and all fall with the root of the number of passes."""
+    x, y = grid(16)
+    order = orders.hilbert(16, 16)
+    passes = samplers.randomized(
+        lambda key: samplers.contiguous(order, sequences.owen(sequences.van_der_corput(2), key), 1), key=2
+    )
+    images = np.stack(
+        [np.asarray(passes.of_pass(k)(x, y, jnp.uint32(0), dims=(0,)))[..., 0] for k in range(128)]
+    )
+    for image in images[:4]:
+        assert spectrum(image)[:2].sum() > 20, "a checkerboard: white noise has 10 in its strongest waves"
+    for count in (16, 128):
+        error = images[:count].mean(axis=0) - 0.5
+        assert np.sqrt(np.mean(error**2) * 12 * count) < 2
+
+
+def test_long_integers_are_for_the_chinese_remainder_theorem_only():
+    """Sect. 5, of 1920 x 1080 pixels, in 2**11 x 3**7: its products need more than 32 bits, the curve 22."""
+    columns, rows = 2**11, 3**7
+    multiples = rows * pow(rows, -1, columns), columns * pow(columns, -1, rows)
+    column, row = 1919, 1079
+    index = (column * multiples[0] + row * multiples[1]) % (columns * rows)
+    assert (index % columns, index % rows) == (column, row)
+    assert column * multiples[0] > 2**32
+    order = orders.hilbert(1920, 1080)
+    assert order.length == 4**11
+    assert order.position(jnp.uint32(column), jnp.uint32(row)).dtype == jnp.uint32
+
+
+def test_two_indices_of_32_bits_suffice_for_shifts():
+    """Sect. 5: one along the curve and one of the sample, though together they count 2**64."""
+    order, shifts, lattice = orders.hilbert(65536, 65536), sequences.halton(2), sequences.lattice(2)
+    sampler = samplers.shifted(order, shifts, lattice)
+    x, y, sample = (jnp.asarray(np.array(n, np.uint32)) for n in ([0, 65535], [65535, 0], [2**32 - 1, 2**31]))
+    position = order.position(x, y)
+    assert int(position.max()) == 2**32 - 1
+    exact = (
+        np.asarray(lattice(sample, dtype=jnp.float64), np.float64)
+        + np.asarray(shifts(position, dtype=jnp.float64), np.float64)
+    ) % 1
+    assert np.asarray(sampler(x, y, sample, dims=(0, 1))) == pytest.approx(exact, abs=1e-6)
+
+
+def test_indices_along_the_hilbert_curve_need_neither_tables_nor_memory():
+    """Sect. 5: the program has no arrays and looks nothing up, for any size of the image."""
+    for side in (64, 4096):
+        order = orders.hilbert(side, side)
+        assert jax.tree.leaves(order) == []
+        program = jax.make_jaxpr(order.position)(*(jnp.zeros(4, jnp.uint32),) * 2)
+        assert all(np.size(constant) == 1 for constant in program.consts)
+        assert "gather" not in str(program) and "dynamic_slice" not in str(program)
+
+
+# Z paper
+
+
+def errors(sampler, dims, side=64):
+    """Return the errors of the product of coordinates that no pixel's position has, at one sample."""
+    points = np.asarray(sampler(*grid(side), jnp.uint32(0), dims=tuple(range(2, 2 + dims))))
+    return (2 * points).prod(axis=-1) - 1
+
+
+def global_sobol(side=64):
+    return samplers.full_screen(sequences.sobol(14), side, side)
+
+
+def test_darker_spectra_of_global_sobol_have_as_much_power():
+    """Fig. 1: they appear darker, by the median, since the same energy is in spikes."""
+    ours = samplers.independent(sequences.sobol(14), 1, "xor")
+    for dims in (2, 4):
+        spikes, white = errors(global_sobol(), dims), errors(ours, dims)
+        assert np.mean(spikes**2) == pytest.approx(np.mean(white**2), rel=0.15)
+        assert np.median(spectrum(spikes)) < 0.3 < 0.6 < np.median(spectrum(white))
+        assert spectrum(spikes)[:40].sum() > 3 * spectrum(white)[:40].sum()
+
+
+def test_aliasing_is_more_evident_in_few_dimensions():
+    """Sect. 5.1, of simple integrators: the share of the strongest 1 % falls with the dimension."""
+    shares = [spectrum(errors(global_sobol(), dims))[:40].sum() / 4095 for dims in (2, 4, 8, 12)]
+    assert shares[0] > 1.3 * shares[1] > 1.3**2 * shares[2] > 1.3**2 * shares[3]
+
+
+ORDERS = list(permutations(range(4)))
+
+
+def z_point(x, y, sample, log_side, log_spp, dim):
+    """Return a sample of Z_hash: Eq. 2, 5, 8 and 16, and the first two coordinates of the Sobol' sequence."""
+    code = sum((x >> j & 1) << 2 * j | (y >> j & 1) << (2 * j + 1) for j in range(log_side))
+    code, digits, index = code << log_spp | sample, log_side + log_spp // 2, 0
+    for j in reversed(range(digits)):
+        prefix = code >> (2 * j + 2)
+        word = (prefix ^ 0x55555555 * dim) * 0x9E3779B9 % 2**32
+        index = 4 * index + ORDERS[word * 24 >> 32][code >> 2 * j & 3]
+    point, column = [0, 0], [2**31, 2**31]
+    while index:
+        if index & 1:
+            point = [a ^ b for a, b in zip(point, column, strict=True)]
+        column = [column[0] >> 1, column[1] ^ column[1] >> 1]
+        index >>= 1
+    return point
+
+
+def test_a_z_sampler_has_less_than_a_hundred_lines():
+    """Sect. 5.6: that above has some 20, and gives each pixel and each aligned block a (0,m,2)-net."""
+    assert len(inspect.getsource(z_point).splitlines()) < 25
+    points = np.array(
+        [[[z_point(x, y, i, 3, 2, 1) for i in range(4)] for x in range(8)] for y in range(8)], np.uint32
+    )
+    for k in range(4):
+        blocks = points.reshape(8 >> k, 2**k, 8 >> k, 2**k, 4, 2).swapaxes(1, 2)
+        m = 2 * k + 2
+        for block in blocks.reshape(-1, 2**m, 2):
+            for i in range(m + 1):
+                cells = (block[:, 0] >> np.uint32(1) >> np.uint32(31 - i)) * 2 ** (m - i)
+                cells += block[:, 1] >> np.uint32(1) >> np.uint32(31 - m + i)
+                assert len(np.unique(cells)) == 2**m
+
+
+def test_samples_of_siblings_differ_by_sixteenths_at_8():
+    """Appendix A prints eighths. They are odd multiples of 1/16, of any two samples, in both axes."""
+    sampler = samplers.z(8, 8, 8, key=1)
+    x, y = grid(8)
+    sample = jnp.arange(8, dtype=jnp.uint32)
+    points = np.asarray(sampler(x[..., None], y[..., None], sample, dims=(0, 1)), np.float64)
+    words = (points[..., 0] * 2**9).astype(int)
+    block = np.array([int(format(word, "09b")[::-1], 2) for word in words[..., 0].ravel()]) // 8
+    of_place = points.reshape(64, 8, 2)[np.argsort(block)].reshape(32, 2, 8, 2)
+    apart = 16 * (of_place[:, 0, :, None] - of_place[:, 1, None])
+    assert np.all(np.round(apart) % 2 == 1) and np.all(apart == np.round(apart))
+
+
+TABLE_1 = {
+    1: (0.2, 0.5), 2: (0.5, 0.5), 4: (0.8, 0.5), 8: (1.0, 0.8), 16: (1.8, 1.2), 32: (3.5, 2.0),
+    64: (6.5, 4.0), 128: (12.5, 7.5), 256: (25.5, 15.0), 512: (51.5, 28.5), 1024: (105.5, 57.5),
+    2048: (213.5, 113.5), 4096: (418.5, 230.5), 8192: (837.5, 461.5),
+}  # fmt: skip
+"""Seconds of Sobol' and Z in print, by samples per pixel."""
+
+
+def test_table_1_of_the_z_paper_at_one_sample():
+    """Z is slower than Sobol' there, and as fast at 2: it outperforms Sobol' from 4 on."""
+    assert [spp for spp, (sobol, z) in TABLE_1.items() if z > sobol] == [1]
+    assert [spp for spp, (sobol, z) in TABLE_1.items() if z == sobol] == [2]
+
+
+# Thesis
+
+
+def test_c_7_by_equation_4_3():
+    """C_7 = 429, of 8 leaves; 132, in print, is C_6."""
+    catalan = [comb(2 * n, n) // (n + 1) for n in range(9)]
+    assert (catalan[6], catalan[7]) == (132, 429)
+
+
+def test_reductions_of_table_4_2():
+    """All are those of the printed areas, but for Sponza: 9.80 percent, not 9.77."""
+    before = (154307, 842865, 8412.97, 8281.78, 398678, 3.94301e8)
+    after = (139191, 731707, 7309.09, 6843.93, 344896, 3.90666e8)
+    printed = (9.77, 13.19, 13.12, 17.36, 13.49, 0.92)
+    found = [100 * (1 - b / a) for a, b in zip(before, after, strict=True)]
+    assert round(found[0], 2) == 9.80
+    assert [abs(a - b) < 0.005 for a, b in zip(found, printed, strict=True)] == [False] + [True] * 5
+
+
+@pytest.mark.parametrize("seq", [sequences.lattice(3), sequences.sobol(3)], ids=["lattice", "Sobol'"])
+def test_deterministic_samplers_need_a_rotation(seq):
+    """Sect. 6.2: the same samples in all pixels correlate errors of neighbours, which show from afar."""
+    side, spp = 64, 4
+    x, y = grid(side)
+    place = (np.asarray(x) + 0.5 * np.asarray(y)) / (1.5 * side)
+    sample = jnp.arange(spp, dtype=jnp.uint32)
+    rotated = samplers.independent(seq, 1, "shift")(x[..., None], y[..., None], sample, dims=(2,))[..., 0]
+    same = np.asarray(seq(sample)[:, 2]) + 0.5 / spp
+    found = {}
+    for name, times in (("rotated", np.asarray(rotated)), ("same", same)):
+        edge = (times < place[..., None]).mean(axis=-1)
+        neighbours = np.corrcoef((edge - place)[:, :-1].ravel(), (edge - place)[:, 1:].ravel())[0, 1]
+        found[name] = neighbours, analysis.perceived_error(edge, place, distance=16000)
+    assert abs(found["rotated"][0]) < 0.1 and found["same"][0] > 0.7
+    assert found["same"][1] > 2 * found["rotated"][1]

@@ -52,6 +52,8 @@ TILES: dict[str, dict[str, Any]] = {
     "4d_4": {"side": 32, "spp": 4, "dims": 4, "steps": 600},
     "4d_8": {"side": 16, "spp": 8, "dims": 4, "steps": 600},
     "4d_16": {"side": 16, "spp": 16, "dims": 4, "steps": 400},
+    "2d_progressive": {"side": 32, "spp": 16, "dims": 2, "steps": 400, "progressive": True},
+    "4d_progressive": {"side": 16, "spp": 16, "dims": 4, "steps": 400, "progressive": True},
     "frames": {"side": 32, "spp": 1, "dims": 2, "steps": 400, "frames": 32},
 }
 """Smaller tiles where they serve as well: with more samples, strata of areas are as many."""

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
@@ -97,10 +97,10 @@ class Tiled(Sampler):
         size = self.tile.shape[-1]
         copy, inside = divmod(dim, size)
         pair, axis = divmod(inside, 2)
-        area, turn = (
-            self.tile.at[(*place, 2 * pair + k)].get(mode="promise_in_bounds").astype(jnp.uint32) << 16
-            for k in range(2)
-        )
+        # Area and place are halves of one word, which is looked up once.
+        halves = self.tile.reshape(*self.tile.shape[:-1], -1, 2)
+        both = lax.bitcast_convert_type(halves, jnp.uint32).at[(*place, pair)].get(mode="promise_in_bounds")
+        area, turn = both << 16, both & np.uint32(0xFFFF0000)
         # Jitter of each sample, frame and pair of coordinates fills the digits below the stratum's.
         number = hash_word(sample ^ (self.frame << 16)) + np.uint32(dim // 2)
         jitter = hash_pair(number ^ self.seeds[_JITTER + 1, 0], state[2] ^ self.seeds[_JITTER + 1, 1])

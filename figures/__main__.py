@@ -26,6 +26,7 @@ COMMANDS = {
     "compare": "figures.arena",
     "compilations": "figures.commands.compilations",
     "gpu": "figures.commands.gpu",
+    "keep": "figures.commands.keep",
     "plan": "figures.commands.planning",
 }
 """Commands beside the figures, by the modules whose ``main`` they are."""

@@ -20,6 +20,10 @@ PAPERS = {
 """The names of the files, and of the papers."""
 
 
+Found = bool | str
+"""Whether a statement holds, or ``undecided``."""
+
+
 class Claim(NamedTuple):
     """A sentence or a number of a paper that can be tested, or a question of our own about one."""
 
@@ -53,10 +57,10 @@ class Finding(NamedTuple):
 
     claim: Claim
     verdict: str
-    """reproduced, differs, depends (on the case), by-test or untested; missing where the figure was not made.
+    """reproduced, differs, depends (on the case), undecided, by-test or untested; missing without its figure.
     Questions of our own that have an answer are all ours."""
     measured: str
-    cases: Mapping[str, bool]
+    cases: Mapping[str, Found]
     """Which cases hold, of claims that have some, and of all questions of our own."""
 
 
@@ -95,11 +99,11 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     measured = (claim.measured or "").format_map(_readable(numbers))
     if claim.question is not None:
         return Finding(claim, "ours", measured, _answer(found))
-    return Finding(claim, verdict(found), measured, {} if isinstance(found, bool) else found)
+    return Finding(claim, verdict(found), measured, {} if isinstance(found, bool | str) else found)
 
 
-def _answer(found: bool | Mapping[str, bool]) -> Mapping[str, bool]:
-    return {"holds": found} if isinstance(found, bool) else found
+def _answer(found: Found | Mapping[str, Found]) -> Mapping[str, Found]:
+    return {"holds": found} if isinstance(found, bool | str) else found
 
 
 class _Dict(dict[str, Any]):
@@ -127,7 +131,11 @@ def _readable(value: Any) -> Any:
     return _List(map(_readable, value)) if isinstance(value, list) else value
 
 
-def verdict(found: bool | Mapping[str, bool]) -> str:
-    """Return the verdict about a claim that holds or not, or does so case by case."""
-    held = [found] if isinstance(found, bool) else list(found.values())
-    return "reproduced" if all(held) else "depends" if any(held) else "differs"
+def verdict(found: Found | Mapping[str, Found]) -> str:
+    """Return the verdict about a claim that holds, does not or is undecided, or does so case by case."""
+    held = set([found] if isinstance(found, bool | str) else found.values())
+    if held == {True}:
+        return "reproduced"
+    if held == {False}:
+        return "differs"
+    return "depends" if held >= {True, False} else "undecided"

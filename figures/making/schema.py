@@ -4,8 +4,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-Claims = Mapping[str, bool | Mapping[str, bool]]
-"""Which sentences of a paper hold, each one or case by case."""
+UNDECIDED = "undecided"
+
+Claims = Mapping[str, bool | str | Mapping[str, bool | str]]
+"""Which sentences of a paper hold, each one or case by case: true, false or undecided."""
 
 PARTS = {
     "measured": "what was measured",
@@ -29,9 +31,9 @@ def check_numbers(numbers: dict[str, Any]) -> None:
         raise ValueError(f"numbers['claims'] must be a dict, got {claims!r}")
     for key, found in claims.items():
         cases = list(found.values()) if isinstance(found, dict) else [found]
-        if not cases or not all(isinstance(case, bool) for case in cases):
+        if not cases or not all(isinstance(case, bool) or case == UNDECIDED for case in cases):
             raise ValueError(
-                f"numbers['claims'][{key!r}] must be a bool or a dict with bools for values, got {found!r}"
+                f"numbers['claims'][{key!r}] must be a bool, {UNDECIDED!r}, or a dict of these, got {found!r}"
             )
 
 

@@ -7,12 +7,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from figures.catalogue import CATALOGUE, NO_DRAFT
-from figures.ledger import PAPERS, claims, findings
+from figures.ledger import PAPERS, claims, findings, kept
 from figures.ledger._ledger import verdict
 from figures.making import store
+from figures.making.schema import UNDECIDED
+from figures.shared import judged
 
 ROOT = Path(__file__).parents[2]
 TABLE = json.loads((Path(__file__).parents[1] / "claims.json").read_text(encoding="utf-8"))
@@ -21,8 +24,8 @@ MADE = [claim for claim in claims() if claim.figure is not None]
 
 
 def booleans(value):
-    """Return all that is true or false in a figure's numbers, without the rest; None if nothing is."""
-    if isinstance(value, bool):
+    """Return all that is true, false or undecided in a figure's numbers; None if nothing is."""
+    if isinstance(value, bool) or value == UNDECIDED:
         return value
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     found = {str(key): booleans(inner) for key, inner in items}
@@ -42,6 +45,7 @@ def without_times(figure, found):
 def test_booleans_are_seen_wherever_they_stand():
     numbers = {"measured": {"a": True, "b": [1, {"c": False}], "d": {"e": 1}}, "printed": "true", "count": 1}
     assert booleans(numbers) == {"measured": {"a": True, "b": {"1": {"c": False}}}}
+    assert booleans({"claims": {"a": UNDECIDED}}) == {"claims": {"a": UNDECIDED}}
     assert TABLE.keys() <= CATALOGUE.keys() - NO_DRAFT.keys()
 
 
@@ -49,6 +53,31 @@ def test_verdicts():
     assert [verdict(found) for found in (True, False)] == ["reproduced", "differs"]
     cases = ({"a": True, "b": True}, {"a": False}, {"a": False, "b": True})
     assert [verdict(found) for found in cases] == ["reproduced", "differs", "depends"]
+    open_ones = (UNDECIDED, {"a": UNDECIDED, "b": True}, {"a": False, "b": UNDECIDED})
+    assert [verdict(found) for found in open_ones] == ["undecided"] * 3
+    assert verdict({"a": True, "b": False, "c": UNDECIDED}) == "depends"
+
+
+def test_judgements_are_by_intervals():
+    """Of means of 16 values: true, false, or neither where the interval contains the limit."""
+    values = 1 + 0.1 * np.random.default_rng(1).normal(size=16)
+    assert [judged.below(values, limit) for limit in (1.2, 0.8, 1.0)] == [True, False, UNDECIDED]
+    assert judged.below([1, 1, 1], 2) == UNDECIDED, "three values are too few"
+    errors = np.exp(np.random.default_rng(2).normal(size=16))
+    assert judged.smaller(errors, 1.1 * errors) is True
+    assert judged.smaller(errors, 1.1 * errors, 0.8) is False
+    assert judged.smaller(errors, errors[::-1]) == UNDECIDED
+
+
+def test_what_is_kept_is_what_verdicts_need():
+    entry = {"quality": "paper", "date": "d", "machine": "m", "seconds": 1.0, "title": "t"}
+    numbers = {"claims": {"k": True}, "note": "n", "measured": {"a": 1}}
+    name = MADE[0].figure
+    found = kept({name: entry | {"numbers": numbers}, "other": entry | {"numbers": numbers}})
+    assert found.keys() == {name}
+    assert found[name]["numbers"] == {"claims": {"k": True}, "measured": {"a": 1}}
+    assert "title" not in found[name]
+    assert not kept({name: entry | {"numbers": numbers, "quality": "draft"}})
 
 
 def test_entries_are_whole_and_unique():
@@ -75,7 +104,7 @@ def test_what_differs_says_why():
     rest = {"measured": Anything(), "printed": Anything()}
     found = findings({name: {"numbers": of | rest} for name, of in TABLE.items()})
     for claim, result, _, _ in found:
-        if result in ("differs", "depends", "untested", "missing"):
+        if result in ("differs", "depends", "undecided", "untested", "missing"):
             assert claim.why, (result, claim)
 
 

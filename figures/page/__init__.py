@@ -1,4 +1,4 @@
-"""The page beside the figures, ``index.html``: claims and verdicts, all pictures, and images side by side."""
+"""The pages beside the figures, from ``index.html`` on: samplers, verdicts, pictures, images side by side."""
 
 from figures.page._html import Markup as Markup
 from figures.page._html import fill as fill
@@ -6,4 +6,7 @@ from figures.page._html import join as join
 from figures.page._html import quantity as quantity
 from figures.page._html import static as static
 from figures.page._images import viewer as viewer
+from figures.page._places import href as href
+from figures.page._verdicts import assess as assess
+from figures.page._write import FILES as FILES
 from figures.page._write import write as write

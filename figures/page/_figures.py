@@ -1,25 +1,27 @@
-"""The figures by paper: each with its verdicts, its picture, what it was made with and what it found."""
+"""The figures of a paper: each with its picture, below it the claims, how it was made and what it found."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures import ledger
-from figures.catalogue import NO_DRAFT, OURS, PAPERS, Entry
+from figures.catalogue import NO_DRAFT
 from figures.page import _images, _verdicts
-from figures.page._html import Markup, fill, join, png_size, quantity, script_safe
-from figures.page._ledger import cases
+from figures.page._html import Markup, fill, join, png_size, quantity
+from figures.page._ledger import measured, said
+from figures.page._places import PARTS
 
-PARTS = PAPERS | {"own": "Measurements of our own"}
+SLIDER = "spp-slider"
+"""The figure whose images follow a slider."""
 
 PART = """
-<section id="part-$part" class="part" aria-labelledby="part-$part-title">
-<h2 id="part-$part-title">$title</h2>
+<section class="part">
+<h1>$title</h1>
 <p class="verdicts">$summary</p>
 <ol class="contents">$contents</ol>
-$figures
 </section>
+$first
+<div class="figures">$figures</div>
 """
 
 CONTENT = (
@@ -27,149 +29,119 @@ CONTENT = (
 )
 
 FIGURE = """
-<article class="figure" id="$name" aria-labelledby="$name-title">
+<article class="figure" id="$name">
 <header><p class="id"><a href="#$name">$name</a> $badges</p>
-<h3 id="$name-title">$title</h3>
-<p class="verdicts">$summary</p></header>
-$claims
+<h3>$title</h3></header>
 $picture
 $images
-<p class="note">$note</p>
-<dl class="facts">$facts</dl>
-<details class="numbers"><summary>All numbers</summary>$table
-<script type="application/json">$numbers</script><div class="tree"></div></details>
+$claims
+$made
 </article>
 """
 
-CLAIM = """
-<li>$badge<div><b>$claim</b> <small>$place</small>
-<span class="more"><span class="measured">$measured</span> $cases</span>
-<span class="more why">$why</span></div></li>
+CLAIMS = """
+<details class="claims"><summary>$count <span class="verdicts">$summary</span></summary>
+<ul>$items</ul></details>
+"""
+
+CLAIM = (
+    '<li><b class="verdict $verdict">$word</b><b>$claim</b> <em>$place$draft</em><p>$measured</p>$said</li>'
+)
+
+MADE = """
+<details class="numbers"><summary>How it was made, and all numbers</summary>$table</details>
 """
 
 PICTURE = """
-<figure class="picture zoomable wide">
-<div class="scroll" tabindex="0" role="region" aria-label="Picture of $name, to scroll">
-<img class="whole" src="$name.webp" width="$width" height="$height" alt="$alt" loading="lazy"></div>
-<figcaption><span class="zoom"></span> <a href="$file">$file</a>, $width x $height pixels</figcaption>
+<figure class="picture wide" style="--width:${width}px">
+<a class="scroll enlarge" href="$file"><img class="whole" src="$name.webp" width="$width" \
+height="$height" alt="$alt" loading="lazy"></a>
 </figure>
 """
 
 DAMAGED = """
-<article class="figure" id="$name"><header><p class="id">$name $badges</p><h3>$title</h3></header>
-<p class="warning">Its entry in numbers.json cannot be read ($error).
-<code>python -m figures $name</code> makes it anew.</p></article>
+<p class="warning">Its entry in numbers.json cannot be read ($error). <code>$command</code> makes it anew.</p>
 """
 
-MISSING = """
-<section id="missing" aria-labelledby="missing-title"><h2 id="missing-title">Not in this folder</h2>
-$groups</section>
-"""
-
-GROUP = """
-<p class="lead">$lead</p>
-<table class="plain"><tbody>$rows</tbody></table>
-"""
-
-ROW = """
-<tr><td class="id">$name</td><td>$title</td><td><code>$command</code> $why</td></tr>
+NOT_MADE = """
+<p class="note">Not in this folder: <code>$command</code> makes it$why.</p>
 """
 
 
 class Shown(NamedTuple):
-    """A figure that is in the folder."""
+    """A figure, whether it is in the folder or not."""
 
     name: str
     title: str
-    entry: Mapping[str, Any]
+    entry: Mapping[str, Any] | None
     findings: Sequence[ledger.Finding]
+    drafts: _verdicts.Drafts
     our_scene: bool
     failed: bool
     """Whether the last run could not make it anew."""
 
 
-def part_of(name: str) -> str:
-    """Return where a figure belongs."""
-    paper = name.partition("-")[0]
-    return paper if paper in PARTS else "own"
+def part(
+    folder: Path, name: str, figures: Sequence[Shown], counted: Mapping[str, int], first: Markup | str = ""
+) -> Markup:
+    """Return the content of the page of a paper with counts of its verdicts, or of our own figures."""
+    return fill(
+        PART,
+        title=PARTS[name],
+        summary=_verdicts.summary(counted, name),
+        contents=join(_content(figure) for figure in figures),
+        first=first,
+        figures=join(_figure(folder, figure) for figure in figures),
+    )
 
 
-def parts(folder: Path, figures: Sequence[Shown]) -> Markup:
-    """Return the sections of all papers."""
-    found = []
-    for part, title in PARTS.items():
-        chosen = [figure for figure in figures if part_of(figure.name) == part]
-        if not chosen:
-            continue
-        found.append(
-            fill(
-                PART,
-                part=part,
-                title=title,
-                summary=_verdicts.summary(
-                    _verdicts.counts(verdict for figure in chosen for verdict in _counted(figure))
-                ),
-                contents=join(_content(figure) for figure in chosen),
-                figures=join(_figure(folder, figure) for figure in chosen),
-            )
-        )
-    return join(found)
-
-
-def _counted(figure: Shown) -> list[str]:
-    return [finding.verdict for finding in figure.findings]
+def _counted(figure: Shown) -> dict[str, int]:
+    return _verdicts.counts(finding.verdict for finding in figure.findings)
 
 
 def _content(figure: Shown) -> Markup:
-    counted = _verdicts.counts(_counted(figure))
+    mark = '<i class="$verdict">$sign$count</i>'
     marks = join(
-        fill(
-            '<i class="$verdict" title="$count $verdict">$sign$count</i>',
-            verdict=verdict,
-            sign=_verdicts.VERDICTS[verdict][0],
-            count=count,
-        )
-        for verdict, count in counted.items()
+        fill(mark, verdict=verdict, sign=_verdicts.VERDICTS[verdict][0], count=count)
+        for verdict, count in _counted(figure).items()
     )
     return fill(CONTENT, name=figure.name, title=figure.title, marks=marks)
 
 
 def _figure(folder: Path, figure: Shown) -> Markup:
-    try:
-        return _whole(folder, figure)
-    except _verdicts.UNREADABLE as error:
-        return fill(
-            DAMAGED, name=figure.name, title=figure.title, badges=_badges(figure), error=type(error).__name__
-        )
-
-
-def _whole(folder: Path, figure: Shown) -> Markup:
-    numbers = figure.entry["numbers"]
-    rest = {key: value for key, value in numbers.items() if key not in ("table", "note")}
-    table = Markup("")
-    if "table" in numbers:
-        rows = quantity(len(numbers["table"]), "row")
-        table = fill('<p><a href="$name.csv" download>$name.csv</a>, $rows</p>', name=figure.name, rows=rows)
+    name = figure.name
+    shown = {"images": "", "made": ""}
+    if figure.entry is None:
+        shown["picture"] = not_made(name)
+    else:
+        try:
+            shown |= _whole(folder, figure, figure.entry)
+        except _verdicts.UNREADABLE as error:
+            shown["picture"] = fill(DAMAGED, command=command(name), error=type(error).__name__)
     return fill(
-        FIGURE,
-        name=figure.name,
-        title=figure.title,
-        badges=_badges(figure),
-        summary=_verdicts.summary(_verdicts.counts(_counted(figure))),
-        claims=_claims(figure.findings),
-        note=numbers.get("note", ""),
-        picture=picture(folder, figure),
-        images=_images.viewer(folder, figure.name, figure.title, figure.entry.get("images")),
-        facts=_facts(figure),
-        table=table,
-        numbers=script_safe(json.dumps(rest, ensure_ascii=False)),
+        FIGURE, name=name, title=figure.title, badges=_badges(figure), claims=_claims(figure), **shown
     )
 
 
+def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, Markup]:
+    name, title, images = figure.name, figure.title, entry.get("images")
+    details(name, entry)  # Or raise.
+    table = Markup("")
+    if "table" in entry["numbers"]:
+        rows = quantity(len(entry["numbers"]["table"]), "row")
+        table = fill('<p><a href="$name.csv" download>$name.csv</a>, $rows</p>', name=name, rows=rows)
+    return {
+        "picture": _images.wall(folder, name, title, images) if name == SLIDER else picture(folder, figure),
+        "images": _images.viewer(folder, name, title, images),
+        "made": fill(MADE, table=table),
+    }
+
+
 def _badges(figure: Shown) -> Markup:
+    draft = figure.entry is not None and figure.entry.get("quality") == "draft"
     told = [
         ("our scene", "A stand-in: the paper's own scene was not to be had", figure.our_scene),
-        ("draft", "Computed small and quickly", figure.entry.get("quality") == "draft"),
+        ("draft", "Computed small and quickly", draft),
         ("not up to date", "It failed when it was last made", figure.failed),
     ]
     return join(
@@ -179,45 +151,47 @@ def _badges(figure: Shown) -> Markup:
     )
 
 
-def _claims(findings: Sequence[ledger.Finding]) -> Markup:
-    items = join(
+def _claims(figure: Shown) -> Markup:
+    if not figure.findings:
+        return Markup("")
+    items = (
         fill(
             CLAIM,
-            badge=_verdicts.badge(finding.verdict),
+            verdict=finding.verdict,
+            word=_verdicts.word(finding.verdict),
             claim=finding.claim.claim,
             place=finding.claim.place,
-            measured=finding.measured,
-            cases=cases(finding.cases),
-            why=finding.claim.why or "",
+            draft=f"; this draft: {draft}" if draft else "",
+            measured=measured(finding),
+            said=join(said(finding.claim)),
         )
-        for finding in findings
+        for finding in figure.findings
+        for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
     )
-    return fill('<ul class="claims">$items</ul>', items=items) if items else Markup("")
+    count = quantity(len(figure.findings), "claim")
+    return fill(CLAIMS, count=count, summary=_verdicts.summary(_counted(figure)), items=join(items))
 
 
 def picture(folder: Path, figure: Shown) -> Markup:
-    """Return a figure's picture at whole zoom, or that it is not there."""
+    """Return a figure's picture, which fits the page until it is enlarged, or that it is not there."""
     file = f"{figure.name}.png"
     size = png_size(folder / file)
     if size is None or not (folder / f"{figure.name}.webp").is_file():
         return fill('<p class="warning">$file is missing.</p>', file=file)
-    return fill(PICTURE, name=figure.name, file=file, width=size[0], height=size[1], alt=described(figure))
+    return fill(PICTURE, name=figure.name, file=file, width=size[0], height=size[1], alt=figure.title)
 
 
-def described(figure: Shown) -> str:
-    """Return title and verdicts, the alternative text of a picture."""
-    counted = _verdicts.counts(_counted(figure))
-    verdicts = ", ".join(f"{count} {verdict}" for verdict, count in counted.items())
-    return f"{figure.title}. {'Claims: ' + verdicts if verdicts else 'No claims'}."
+def details(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how a figure was made, its note, and its numbers but for tables, which have files of their own.
 
-
-def _facts(figure: Shown) -> Markup:
-    entry = figure.entry
+    Raises
+    ------
+    KeyError, TypeError, ValueError, IndexError, AttributeError
+        If the entry is damaged.
+    """
+    numbers = entry["numbers"]
     facts = {
-        "Command": fill(
-            '<code>$command</code> <button type="button" class="copy">copy</button>',
-            command=command(figure.name, entry["quality"]),
-        ),
+        "Command": command(name, entry["quality"]),
         "Quality": entry["quality"],
         "Time": f"{entry['seconds']:,.1f} s",
     }
@@ -227,7 +201,7 @@ def _facts(figure: Shown) -> Markup:
         facts["Images"] = f"{images['width']} x {images['height']} pixels" + (
             f" at {', '.join(map(str, counts))} samples per pixel" if counts else ""
         )
-    facts |= {name: value for name, value in _settings(entry["numbers"].get("measured")).items()}
+    facts |= _settings(numbers.get("measured"))
     if "machine" in entry:
         machine = entry["machine"]
         device = machine.get("device", "cpu")
@@ -238,10 +212,8 @@ def _facts(figure: Shown) -> Markup:
         )
     if "date" in entry:
         facts["Made"] = entry["date"]
-    return join(
-        fill("<div><dt>$name</dt><dd>$value</dd></div>", name=name, value=value)
-        for name, value in facts.items()
-    )
+    rest = {key: value for key, value in numbers.items() if key not in ("table", "note")}
+    return {"facts": facts, "note": numbers.get("note", ""), "numbers": rest}
 
 
 SETTINGS = {"spp": "Samples per pixel", "side": "Side", "keys": "Keys", "filter": "Filter"}
@@ -264,25 +236,7 @@ def command(name: str, quality: str = "draft") -> str:
     return f"python -m figures {name}" + (" --quality paper" if quality == "paper" else "")
 
 
-LEADS = {
-    "papers": "$count of the papers. <code>python -m figures</code> makes them all.",
-    "own": "$count of our own. <code>python -m figures --all</code> makes them, too.",
-    "no draft": "$count that a draft would not show. <code>--quality paper</code> makes them.",
-}
-
-
-def missing(names: Sequence[str], catalogue: Mapping[str, Entry]) -> Markup:
-    """Return what is not there, and what makes it."""
-    groups: dict[str, list[str]] = {lead: [] for lead in LEADS}
-    for name in names:
-        groups["no draft" if name in NO_DRAFT else "own" if name in OURS else "papers"].append(name)
-    found = join(_group(LEADS[lead], chosen, catalogue) for lead, chosen in groups.items() if chosen)
-    return fill(MISSING, groups=found) if names else Markup("")
-
-
-def _group(lead: str, names: Sequence[str], catalogue: Mapping[str, Entry]) -> Markup:
-    rows = (
-        fill(ROW, name=name, title=catalogue[name].title, command=command(name), why=NO_DRAFT.get(name, ""))
-        for name in names
-    )
-    return fill(GROUP, lead=fill(lead, count=quantity(len(names), "figure")), rows=join(rows))
+def not_made(name: str) -> Markup:
+    """Return what makes a figure that is not there."""
+    why = f"; a draft would not show it: {NO_DRAFT[name]}" if name in NO_DRAFT else ""
+    return fill(NOT_MADE, command=command(name), why=why)

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from figures.catalogue import Entry
-from figures.page._figures import Shown, command, picture
+from figures.page._figures import Shown, not_made, picture
 from figures.page._html import Markup, fill, join
+from figures.page._places import href
 
 STEPS = (
     (
@@ -42,36 +42,27 @@ STEPS = (
 )
 
 SECTION = """
-<section id="start" aria-labelledby="start-title"><h2 id="start-title">New here? Five pictures</h2>
+<section id="start" aria-labelledby="start-title"><h2 id="start-title">Five pictures</h2>
 <ol class="tour">$steps</ol></section>
 """
 
 STEP = """
-<li><h3>$title</h3><p>$text <a href="#$name">$name</a></p>$picture</li>
-"""
-
-NOT_MADE = """
-<p class="note"><code>$command</code> makes it.</p>
+<li><h3>$title</h3><p>$text <a href="$place">$name</a></p>$picture</li>
 """
 
 
-def section(folder: Path, figures: Mapping[str, Shown], catalogue: Mapping[str, Entry]) -> Markup:
+def section(folder: Path, figures: Mapping[str, Shown]) -> Markup:
     """Return the five pictures; nothing for another catalogue, which has none of them."""
-    steps = [step for step in STEPS if step[0] in catalogue]
-    if not steps:
-        return Markup("")
-    return fill(
-        SECTION,
-        steps=join(
-            fill(
-                STEP,
-                name=name,
-                title=title,
-                text=text,
-                picture=picture(folder, figures[name])
-                if name in figures
-                else fill(NOT_MADE, command=command(name)),
-            )
-            for name, title, text in steps
-        ),
-    )
+    steps = [
+        fill(
+            STEP,
+            name=name,
+            place=href(name),
+            title=title,
+            text=text,
+            picture=not_made(name) if figures[name].entry is None else picture(folder, figures[name]),
+        )
+        for name, title, text in STEPS
+        if name in figures
+    ]
+    return fill(SECTION, steps=join(steps)) if steps else Markup("")

@@ -1,34 +1,42 @@
-"""Write the page: whatever is in the folder is shown, and what is not is listed."""
+"""Write the pages: what is in the folder is shown, and what is not says which command makes it."""
 
+import json
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
-from figures.catalogue import OURS, Entry
+from figures import ledger
+from figures.catalogue import Entry
 from figures.making import store
 from figures.page import _figures, _images, _ledger, _picker, _tour, _verdicts
-from figures.page._figures import Shown
+from figures.page._figures import SLIDER, Shown
 from figures.page._html import Markup, fill, join, quantity, static
+from figures.page._places import PAGES, PARTS, href, order, part_of
 
 PAGE = "index.html"
 
-SCRIPTS = ("theme.js", "ledger.js", "zoom.js", "viewer.js", "wall.js", "tree.js")
+SCRIPTS = ("theme.js", "ledger.js", "zoom.js", "viewer.js", "wall.js", "numbers.js")
 
-SLIDER = "spp-slider"
+FILES = (*(f"{name}.html" for name in PAGES), "page.css", "page.js", "page-numbers.js")
+"""What is written; the first is where one begins."""
+
+THREE = ("random", "Z", "Hilbert, Owen")
+"""The samplers of the first screen."""
 
 HERO = "thesis-6.1"
-"""The picture that a visitor sees first."""
+"""The picture of the first screen while the slider's images are not there."""
 
-WALL = """
-<section id="samples" aria-labelledby="samples-title">
-<h2 id="samples-title">One scene, all samplers, more samples</h2>
-<p class="lead">Which sampler is ahead at one sample, which one at 256, and where in the image?
-<a href="#$name">$name</a> has two of them side by side.</p>$wall<p class="note">$note</p></section>
+PAPER = """
+<div><h3><a href="$paper.html">$title</a></h3>$bar<p class="verdicts">$summary</p></div>
+"""
+
+INDEX = """
+<h3><a href="$page.html">$title</a></h3><ol class="index">$items</ol>
 """
 
 
 def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] = ()) -> Path:
-    """Write ``index.html`` about an output folder.
+    """Write ``index.html`` and the pages that it leads to about an output folder.
 
     Parameters
     ----------
@@ -42,7 +50,7 @@ def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] 
     Returns
     -------
     Path
-        The page.
+        The page on which one begins.
 
     Raises
     ------
@@ -54,89 +62,156 @@ def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] 
     except (FileNotFoundError, ValueError):
         known = {}
     entries = {name: entry for name, entry in known.items() if name in catalogue}
-    path = folder / PAGE
-    store.write(path, page(folder, catalogue, entries, failed).encode())
-    return path
+    for name, text in reversed(files(folder, catalogue, entries, failed).items()):
+        store.write(folder / name, text.encode())
+    return folder / PAGE
 
 
-def page(
+def files(
     folder: Path,
     catalogue: Mapping[str, Entry],
     entries: Mapping[str, Mapping[str, Any]],
     failed: Collection[str] = (),
-) -> Markup:
-    """Return the page as HTML."""
+) -> dict[str, str]:
+    """Return the pages and what they load, by names of files."""
     assessed = _verdicts.assess(entries)
     figures = {
         name: Shown(
             name,
             entry.title,
-            entries[name],
+            entries.get(name),
             [finding for finding in assessed.findings if finding.claim.figure == name],
+            assessed.drafts,
             entry.our_scene,
             name in failed,
         )
         for name, entry in catalogue.items()
-        if name in entries
     }
-    missing = [name for name in catalogue if name not in entries]
+    parts = {part: [figure for figure in figures.values() if part_of(figure.name) == part] for part in PARTS}
+    for part in parts.keys() - {"ours"}:
+        parts[part].sort(key=lambda figure: order(figure.name))
+    counts = {paper: _verdicts.of_paper(assessed.findings, paper) for paper in ledger.PAPERS}
+    first = {"ours": _picker.section(entries)}
+    mains = {
+        "index": _front(folder, figures, parts, counts, assessed, failed),
+        "ledger": _ledger.section(assessed.findings, assessed.drafts),
+        **{
+            part: _figures.part(folder, part, of, counts.get(part, {}), first.get(part, ""))
+            for part, of in parts.items()
+        },
+        "sampler": Markup(static("sampler.html")),
+    }
+    shown = [_page(folder, name, mains[name]) for name in PAGES]
+    scripts = "\n".join(static(name) for name in SCRIPTS)
+    return dict(zip(FILES, [*shown, static("style.css"), scripts, _numbers(entries)], strict=True))
+
+
+def _page(folder: Path, name: str, main: Markup) -> Markup:
+    docs = "docs/index.html" if (folder / "docs" / PAGE).is_file() else "sampler.html#documentation"
+    link = '<a href="$address"$current>$words</a>'
+    places = {f"{page}.html": words for page, words in PAGES.items()} | {docs: "Documentation"}
+    nav = join(
+        fill(
+            link,
+            address=address,
+            words=words,
+            current=Markup(' aria-current="page"' * (PAGES[name] == words)),
+        )
+        for address, words in places.items()
+    )
+    return fill(static("page.html"), title=PAGES[name], nav=nav, main=main)
+
+
+def _numbers(entries: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the script that a page loads when numbers are unfolded: pages from disk cannot read JSON."""
+    found = {}
+    for name, entry in entries.items():
+        try:
+            found[name] = _figures.details(name, entry)
+        except _verdicts.UNREADABLE:
+            continue
+    return f"window.figureNumbers = {json.dumps(found, ensure_ascii=False)};\n"
+
+
+def _front(
+    folder: Path,
+    figures: Mapping[str, Shown],
+    parts: Mapping[str, list[Shown]],
+    counts: Mapping[str, Mapping[str, int]],
+    assessed: _verdicts.Assessed,
+    failed: Collection[str],
+) -> Markup:
+    """Return what a visitor sees first: samplers, their use, what the papers claim, and where all is."""
     return fill(
-        static("page.html"),
-        style=Markup(static("style.css")),
-        script=Markup("\n".join(static(name) for name in SCRIPTS)),
-        state=_state(figures, catalogue),
-        dates=_dates(entries),
+        static("front.html"),
+        hero=_hero(folder, figures),
         told=_told(failed, assessed.outdated),
-        nav=_nav(figures, catalogue),
-        hero=_figures.picture(folder, figures[HERO]) if HERO in figures else Markup(""),
-        ledger=_ledger.section(assessed.findings),
-        tour=_tour.section(folder, figures, catalogue),
-        wall=_wall(folder, figures.get(SLIDER)),
-        picker=_picker.section(entries),
-        parts=_figures.parts(folder, list(figures.values())),
-        missing=_figures.missing(missing, catalogue),
+        papers=join(
+            fill(
+                PAPER,
+                paper=paper,
+                title=PARTS[paper],
+                bar=_verdicts.bar(counted),
+                summary=_verdicts.summary(counted, paper),
+            )
+            for paper, counted in counts.items()
+        ),
+        drafts=_drafts(assessed.drafts),
+        tour=_tour.section(folder, figures),
+        state=_state(figures),
+        index=join(
+            fill(
+                INDEX,
+                page=part,
+                title=PARTS[part],
+                items=join(
+                    fill('<li><a href="$place">$title</a></li>', place=href(each.name), title=each.title)
+                    for each in of
+                ),
+            )
+            for part, of in parts.items()
+        ),
     )
 
 
-def _state(figures: Collection[str], catalogue: Collection[str]) -> str:
-    """Return how many figures there are of the papers, and of our own."""
-    of_papers = [name for name in catalogue if name not in OURS]
-    ours = len(figures) - sum(name in figures for name in of_papers)
-    state = f"{len(figures) - ours} of {quantity(len(of_papers), 'figure')} of the papers"
-    return state + (f" and {ours} of our own" if ours else "") + " are here"
+def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
+    """Return three samplers at as many samples as a slider says; without these images, a picture."""
+    slider, hero = figures.get(SLIDER), figures.get(HERO)
+    if slider and slider.entry:
+        try:
+            images = slider.entry["images"]
+            reference, *items = images["items"]
+            chosen = [item for name in THREE for item in items if item["name"] == name]
+            if chosen:
+                shown = images | {"items": [reference, *chosen]}
+                return _images.wall(folder, SLIDER, slider.title, shown)
+        except _verdicts.UNREADABLE:
+            pass
+    return _figures.picture(folder, hero) if hero and hero.entry else Markup("")
 
 
-def _nav(figures: Collection[str], catalogue: Collection[str]) -> Markup:
-    """Return links to the sections that are there."""
-    made = {_figures.part_of(name) for name in figures}
-    tour = any(name in catalogue for name, _, _ in _tour.STEPS)
-    places = ({"New here?": "start"} if tour else {}) | {"Claims": "ledger", "Pick": "pick"}
-    places |= {
-        short: f"part-{part}"
-        for short, part in {"Hilbert": "hilbert", "Z": "z", "Thesis": "thesis", "Own": "own"}.items()
-        if part in made
-    }
-    return join(
-        fill('<a href="#$place">$short</a>', place=place, short=short) for short, place in places.items()
-    )
-
-
-def _wall(folder: Path, slider: Shown | None) -> Markup:
-    if slider is None:
-        return Markup("")
-    try:
-        numbers, images = slider.entry["numbers"], slider.entry["images"]
-        wall = _images.wall(folder, slider.name, slider.title, images)
-        return fill(WALL, name=slider.name, note=numbers["note"], wall=wall)
-    except _verdicts.UNREADABLE:
-        return Markup("")
-
-
-def _dates(entries: Mapping[str, Mapping[str, Any]]) -> str:
-    dates = sorted(str(entry["date"]) for entry in entries.values() if "date" in entry)
-    if not dates:
+def _drafts(drafts: _verdicts.Drafts) -> str:
+    said = list(drafts.values())
+    if not said:
         return ""
-    return f", made on {dates[0]}" if dates[0] == dates[-1] else f", made from {dates[0]} to {dates[-1]}"
+    agree, contradict, small = (said.count(word) for word in ("agrees", "contradicts", "too small"))
+    return (
+        "Verdicts are of paper quality. Of this folder's drafts, "
+        f"{agree} agree, {contradict} contradict and {small} are too small to tell."
+    )
+
+
+def _state(figures: Mapping[str, Shown]) -> str:
+    """Return how many figures there are of the papers, and of our own, and since when."""
+    made = [figure.name for figure in figures.values() if figure.entry is not None]
+    of_papers = [name for name in figures if part_of(name) != "ours"]
+    ours = sum(part_of(name) == "ours" for name in made)
+    state = f"{len(made) - ours} of {quantity(len(of_papers), 'figure')} of the papers"
+    dates = sorted(
+        str(each.entry["date"]) for each in figures.values() if each.entry and "date" in each.entry
+    )
+    when = f", made {' to '.join(dict.fromkeys((dates[0], dates[-1])))}" if dates else ""
+    return state + (f" and {ours} of our own" if ours else "") + f" are here{when}."
 
 
 def _told(failed: Collection[str], outdated: Collection[str]) -> Markup:

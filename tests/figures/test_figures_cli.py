@@ -20,6 +20,7 @@ import pytest
 from refusals import refused
 
 from figures import __main__ as command_line
+from figures import page
 from figures.__main__ import main
 from figures.catalogue import CATALOGUE, NO_DRAFT, OURS, Entry
 from figures.making import figures, store, updating, worker
@@ -110,7 +111,8 @@ class Project:
         return names
 
     def files(self):
-        return sorted(path.name for path in self.out.iterdir())
+        """Return what is in the output folder, but for the pages to which the first one leads."""
+        return sorted(path.name for path in self.out.iterdir() if path.name not in page.FILES[1:])
 
 
 def wait_for(condition, seconds=30.0):

@@ -1,5 +1,6 @@
-"""The page beside the figures, of numbers that are made up: what is told, escaped, missing or damaged."""
+"""The pages beside the figures, of numbers that are made up: what is told, escaped, missing or damaged."""
 
+import itertools
 import json
 import re
 import struct
@@ -7,10 +8,11 @@ from html.parser import HTMLParser
 
 import pytest
 
-from figures import page
-from figures.catalogue import CATALOGUE, NO_DRAFT, OURS, Entry
+from figures import ledger, page
+from figures.catalogue import CATALOGUE, NO_DRAFT, Entry
 from figures.ledger import Claim, _ledger
-from figures.page import _write
+from figures.page import _places, _write
+from figures.page._verdicts import VERDICTS
 
 VOID = {"meta", "link", "img", "input", "br"}
 NASTY = "a < b && c > \"d\" 'e' </script><script>alert(1)</script> ${x} $name \u2028"
@@ -79,6 +81,7 @@ FOUND = {"true": True, "false": False, "cases": {"4 spp": True, "<16>": False}}
 def folder(tmp_path, monkeypatch):
     """Return a folder with one figure that has claims and images, and one without."""
     monkeypatch.setattr(_ledger, "claims", lambda: CLAIMS)
+    monkeypatch.setattr(ledger, "stored", dict)
     files = {"file": "i.png", "difference": "d.png", "spectrum": "s.png", "rms": 0.1, "scale": 0.5}
     items = [{"name": "reference", "file": "r.png"}, {"name": NASTY, "spp": 4} | files]
     images = {"width": 4, "height": 3, "transfer": "t", "items": items}
@@ -90,75 +93,161 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-def written(folder, catalogue=TITLES, failed=()):
+def written(folder, name="index", catalogue=TITLES, failed=()):
     page.write(folder, catalogue, failed)
-    return (folder / "index.html").read_text(encoding="utf-8")
+    return (folder / f"{name}.html").read_text(encoding="utf-8")
+
+
+def numbers(folder):
+    """Return what the script has that a page loads when numbers are unfolded."""
+    text = (folder / "page-numbers.js").read_text(encoding="utf-8")
+    return json.loads(text.removeprefix("window.figureNumbers = ").removesuffix(";\n"))
 
 
 def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
-    text = written(folder)
+    text = written(folder, "z")
     parsed = Parsed(text)
-    assert len(parsed.all("script")) == text.count("<script"), "none that a text brought in"
-    assert not [each for each in parsed.all("script") if each["text"] == "alert(1)"]
-    assert [each["text"] for each in parsed.all("h3")] == ["Noise & <spectra>", "Our own"]
-    assert [each["text"] for each in parsed.all("p", "note")] == [NASTY] * 2
-    assert "x < y & z" in [each["text"] for each in parsed.all("td")]
-    assert "<i>64</i>" in [each["text"].strip() for each in parsed.all("td")]
+    assert len(parsed.all("script")) == text.count("<script") == 2, "none that a text brought in"
+    assert [each["text"] for each in parsed.all("h3")] == ["Order", "Noise & <spectra>"]
+    claims = next(each["text"] for each in parsed.elements if each["tag"] == "li" and "x < y" in each["text"])
+    for part in ("✓ reproduced", "x < y & z", "<i>64</i>", "5 > 4"):
+        assert part in claims
     trees = [json.loads(each["text"]) for each in parsed.all("script") if each.get("type")]
-    assert {NASTY} == {tree["measured"]["a"][1]["b"] for tree in trees if "measured" in tree}
-    assert [tree["items"][1]["name"] for tree in trees if "items" in tree] == [NASTY]
-    facts = next(each["text"] for each in parsed.all("dl", "facts"))
-    for fact in ("python -m figures z-9", "1.5 s", "Abacus, 2 cores, JAX 9.9", "2020-02-02", "Side64"):
-        assert fact in facts
-    assert "4 x 3 pixels at 4 samples per pixel" in facts
+    assert [tree["items"][1]["name"] for tree in trees] == [NASTY]
+    of = numbers(folder)
+    assert (
+        {NASTY}
+        == {of[name]["note"] for name in of}
+        == {of[name]["numbers"]["measured"]["a"][1]["b"] for name in of}
+    )
+    assert of["z-9"]["facts"] == {
+        "Command": "python -m figures z-9",
+        "Quality": "draft",
+        "Time": "1.5 s",
+        "Images": "4 x 3 pixels at 4 samples per pixel",
+        "Side": "64",
+        "Machine": "Abacus, 2 cores, JAX 9.9",
+        "Made": "2020-02-02",
+    }
+    assert "table" not in of["own"]["numbers"]
 
 
-def test_links_images_and_names_of_places_hold(folder):
+def test_links_between_pages_images_and_names_of_places_hold(folder):
     """All lead somewhere, all pictures say in words what they are, and no place has two names."""
-    parsed = Parsed(written(folder))
-    places = [each["id"] for each in parsed.elements if "id" in each]
-    assert len(places) == len(set(places))
+    pages = {f"{name}.html": Parsed(written(folder, name)) for name in _places.PAGES}
     (folder / "own.csv").touch()
-    for link in parsed.all("a"):
-        target = link["href"]
-        inside = target.startswith("#")
-        assert target == "#z-2" or (target[1:] in places if inside else (folder / target).is_file()), target
-    pictures = parsed.all("img")
-    assert [each["alt"] for each in pictures] == [
-        "Noise & <spectra>. Claims: 1 reproduced, 1 differs, 1 depends.",
-        "Our own. No claims.",
-    ]
+    places = {
+        file: [each["id"] for each in parsed.elements if "id" in each] for file, parsed in pages.items()
+    }
+    for file, parsed in pages.items():
+        assert len(places[file]) == len(set(places[file]))
+        for link in parsed.all("a"):
+            target, _, place = link["href"].partition("#")
+            target = target or file
+            if target == "ledger.html" and place != "questions":
+                assert set(place.split(",")) <= {"", "top", *VERDICTS, *ledger.PAPERS}, link["href"]
+            elif target in pages:
+                optional = {"pick": "ours.html", "spp-slider": "ours.html"}
+                assert not place or place in places[target] or optional.get(place) == target, link["href"]
+            else:
+                assert (folder / target).is_file() or target == "docs/index.html", link["href"]
+        assert {f"{name}.html" for name in _places.PAGES} <= {link["href"] for link in parsed.all("a")}
+    pictures = [each for parsed in pages.values() for each in parsed.all("img")]
+    assert [each["alt"] for each in pictures] == ["Noise & <spectra>", "Our own"]
     assert {(each["width"], each["height"]) for each in pictures} == {("4", "3")}
 
 
+def test_documentation_is_linked_where_it_is(folder):
+    def links():
+        return [link["href"] for link in Parsed(written(folder)).all("a") if link["text"] == "Documentation"]
+
+    assert links() == ["sampler.html#documentation"]
+    (folder / "docs").mkdir()
+    (folder / "docs" / "index.html").touch()
+    assert links() == ["docs/index.html"]
+
+
 def test_counts_are_those_of_the_rows(folder):
-    parsed = Parsed(written(folder))
+    """What differs comes first; each count is a link to those claims."""
+    parsed = Parsed(written(folder, "ledger"))
     rows = [each["data-verdict"] for each in parsed.all("tr") if "data-verdict" in each]
-    assert rows == ["reproduced", "differs", "depends", "by-test", "untested"]
-    assert "1 more are of figures that are not in this folder" in parsed.all("section")[1]["text"]
+    assert rows == ["differs", "reproduced", "depends", "by-test", "untested"]
+    assert "1 more are of figures that are not in this folder" in parsed.all("section")[0]["text"]
     bar = next(each for each in parsed.all("div", "bar"))["aria-label"]
     assert bar == "1 reproduced, 1 differs, 1 depends, 1 by-test, 1 untested"
-    chips = [" ".join(each["text"].split()) for each in parsed.all("button", "chip")]
-    assert chips == ["✓ 1 reproduced", "✗ 1 differs", "◐ 1 depends", "☑ 1 by-test", "– 1 untested"]
+    chips = [(" ".join(each["text"].split()), each["href"]) for each in parsed.all("a", "chip")]
+    signs = {"reproduced": "✓", "differs": "✗", "depends": "◐", "by-test": "☑", "untested": "–"}
+    assert chips == [(f"{sign} 1 {verdict}", f"#{verdict}") for verdict, sign in signs.items()]
     cases = [each["text"] for each in parsed.all("span", "case")]
-    assert cases == ["✓ 4 spp", "✗ <16>"] * 2, "in the ledger and under the figure"
-    shown = next(each for each in parsed.all("code") if "title" in each)
-    assert (shown["text"], shown["title"]) == ("test_a.py", "tests/test_a.py::test_b")
+    assert cases == ["✓ 4 spp", "✗ <16>"]
+    assert [each["text"] for each in Parsed(written(folder, "z")).all("span", "case")] == cases
+    assert "tests/test_a.py::test_b" in [each["text"] for each in parsed.all("code")]
+
+    front = Parsed(written(folder))
+    bars = [each["aria-label"] for each in front.all("div", "bar")]
+    assert bars == ["no claims", "1 reproduced, 1 differs, 1 depends", "1 by-test, 1 untested"]
+    counts = {each["href"]: each["text"] for each in front.all("a", "verdict")}
+    assert counts["ledger.html#z,differs"] == "✗ 1 differs" and len(counts) == 5
+
+
+STORED = {"z-9": {"numbers": {"measured": {"side": 256}, "claims": FOUND | {"false": True, "cases": True}}}}
+
+
+def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder, monkeypatch):
+    monkeypatch.setattr(ledger, "stored", lambda: STORED)
+    entries = json.loads((folder / "numbers.json").read_text())
+    assessed = page.assess(entries)
+    assert [each.verdict for each in assessed.findings[:4]] == ["reproduced"] * 3 + ["missing"]
+    assert assessed.findings[0].measured == "<i>256</i>"
+    drafts = {"true": "agrees", "false": "contradicts", "cases": "too small"}
+    assert assessed.drafts == {("z-9", key): said for key, said in drafts.items()}
+    claims = [each["text"] for each in Parsed(written(folder, "z")).all("em")]
+    assert claims == ["Fig. 2", *(f"Fig. 1; this draft: {said}" for said in drafts.values())]
+    small = [each["text"] for each in Parsed(written(folder, "ledger")).all("small")]
+    assert [each for each in small if "draft" in each] == ["this draft: contradicts", "this draft: too small"]
+    told = "1 agree, 1 contradict and 1 are too small"
+    assert told in Parsed(written(folder)).all("main")[0]["text"]
+
+    assert not page.assess({}).drafts, "without figures the stored verdicts are there"
+    assert [each.verdict for each in page.assess({}).findings] == [each.verdict for each in assessed.findings]
+    entries["z-9"]["quality"] = "paper"
+    own = page.assess(entries)
+    assert [each.verdict for each in own.findings[:3]] == ["reproduced", "differs", "depends"]
+    assert not own.drafts
+    monkeypatch.setattr(ledger, "stored", lambda: {"z-9": {"numbers": {"claims": {"true": 7}}}})
+    assert page.assess({}).findings[0].verdict == "missing", "of another version"
+
+
+def test_figures_are_in_the_order_of_their_numbers(folder):
+    for part in ("hilbert", "z", "thesis"):
+        names = [each["id"] for each in Parsed(written(folder, part, CATALOGUE)).all("article")]
+        assert sorted(names) == sorted(name for name in CATALOGUE if name.startswith(f"{part}-"))
+        if part == "thesis":
+            assert names.index("thesis-3.9") + 1 == names.index("thesis-3.11")
+            assert names.index("thesis-3.11") < names.index("thesis-4.1") < names.index("thesis-table-4.1")
+            assert names.index("thesis-table-4.1") < names.index("thesis-5.2") < names.index("thesis-5.11")
+        if part == "z":
+            assert names[0] == "z-1" and names[-2:] == ["z-12", "z-table-1"]
 
 
 def test_what_is_not_there_and_what_stands_in_are_told(folder):
-    parsed = Parsed(written(folder, failed=["own"]))
-    missing = next(each for each in parsed.all("section") if each.get("id") == "missing")
-    assert "1 figure of the papers" in missing["text"] and "python -m figures z-2" in missing["text"]
-    badges = [each["text"] for each in parsed.all("span", "badge")]
-    assert badges == ["our scene", "draft", "draft", "not up to date"]
-    assert "Failed in the last run: own." in [each["text"] for each in parsed.all("p", "warning")]
-    assert "The benchmark is not in this folder" in parsed.all("main")[0]["text"]
+    parsed = Parsed(written(folder, "z", failed=["own"]))
+    assert "Not in this folder: python -m figures z-2 makes it." in parsed.all("article")[0]["text"]
+    assert [each["text"] for each in parsed.all("span", "badge")] == ["our scene", "draft"]
+    ours = Parsed((folder / "ours.html").read_text(encoding="utf-8"))
+    assert [each["text"] for each in ours.all("span", "badge")] == ["draft", "not up to date"]
+    assert "The benchmark is not in this folder" in ours.all("main")[0]["text"]
+    front = Parsed((folder / "index.html").read_text(encoding="utf-8"))
+    assert "Failed in the last run: own." in [each["text"] for each in front.all("p", "warning")]
 
     (folder / "own.png").unlink()
     (folder / "z-9.d.png").unlink()
-    warnings = [each["text"] for each in Parsed(written(folder)).all("p", "warning")]
-    assert "own.png is missing." in warnings and "Images are missing: z-9.d.png" in warnings
+    assert [each["text"] for each in Parsed(written(folder, "z")).all("p", "warning")] == [
+        "Images are missing: z-9.d.png"
+    ]
+    assert "own.png is missing." in [
+        each["text"] for each in Parsed(written(folder, "ours")).all("p", "warning")
+    ]
 
 
 @pytest.mark.parametrize(
@@ -178,10 +267,12 @@ def test_old_and_damaged_entries_stop_nothing(folder, damage):
     """The other figure is whole, and claims that cannot be read are left out."""
     entries = json.loads((folder / "numbers.json").read_text())
     (folder / "numbers.json").write_text(json.dumps(entries | {"z-9": damage}))
-    parsed = Parsed(written(folder))
-    assert [each["id"] for each in parsed.all("article")] == ["z-9", "own"]
-    assert len([each for each in parsed.all("tr") if "data-verdict" in each]) == len(CLAIMS) - 4
-    assert parsed.all("p", "warning")
+    parsed = Parsed(written(folder, "z"))
+    assert [each["id"] for each in parsed.all("article")] == ["z-2", "z-9"]
+    assert parsed.all("p", "warning") or Parsed(written(folder)).all("p", "warning")
+    rows = [each for each in Parsed(written(folder, "ledger")).all("tr") if "data-verdict" in each]
+    assert len(rows) == len(CLAIMS) - 4
+    assert "Our own" in written(folder, "ours") and "own" in numbers(folder)
 
 
 @pytest.mark.parametrize("text", [None, "", "[]", '{"z-9": 1}'])
@@ -189,7 +280,7 @@ def test_a_folder_without_numbers_has_a_page(folder, text):
     (folder / "numbers.json").unlink()
     if text is not None:
         (folder / "numbers.json").write_text(text)
-    assert "3 figures of the papers" in Parsed(written(folder)).all("main")[0]["text"]
+    assert "0 of 2 figures of the papers are here" in Parsed(written(folder)).all("main")[0]["text"]
 
 
 def row(scene, sampler, spp, error):
@@ -204,39 +295,56 @@ def test_the_sampler_of_least_error_is_picked_with_its_margin(folder):
     rows += [row("ball", "C", 4, 0.2), row("new & other", "B", 16, 0.3)]
     catalogue = TITLES | {"benchmark": Entry("m", "Benchmark")}
     (folder / "numbers.json").write_text(json.dumps({"benchmark": entry(table=rows)}))
-    parsed = Parsed(written(folder, catalogue))
+    parsed = Parsed(written(folder, "ours", catalogue))
     table = next(each for each in parsed.elements if each.get("class") == "pick")
     cells = [re.sub(r"\s+", " ", each["text"].partition("ranks")[0]).strip() for each in parsed.all("td")]
-    cells = cells[2 * 7 :][:6]  # Behind those of claims that need no figure.
     assert cells == ["A 1.50 × the error: B", "–", "A B 2.00 × the error: C", "–", "–", "B no other measured"]
     assert "New & othernew & other" in table["text"]
 
 
 def test_what_was_not_made_is_no_failure(folder):
-    """The page says which command adds our own figures, and which quality those without a draft."""
+    """The pages say which command makes it, and in which quality if it has no draft."""
     (folder / "numbers.json").write_text("{}")
-    parsed = Parsed(written(folder, CATALOGUE))
-    assert not parsed.all("p", "warning") and "missing" not in parsed.all("main")[0]["text"]
-    papers, ours = CATALOGUE.keys() - OURS, OURS - NO_DRAFT.keys()
-    first, *_, of_papers, own, no_draft = [each["text"] for each in parsed.all("p", "lead")]
-    assert f"0 of {len(papers)} figures of the papers are here" in first
-    assert of_papers.startswith(
-        f"{len(papers - NO_DRAFT.keys())} figures of the papers. python -m figures makes"
-    )
-    assert own == f"{len(ours)} figures of our own. python -m figures --all makes them, too."
-    assert no_draft.startswith(f"{len(NO_DRAFT)} figures that a draft would not show. --quality paper makes")
-    commands = [each["text"] for each in parsed.all("code")]
-    assert "python -m figures benchmark --quality paper" in commands and "python -m figures edges" in commands
+    papers = [name for name in CATALOGUE if _places.part_of(name) != "ours"]
+    assert f"0 of {len(papers)} figures of the papers are here." in written(folder, "index", CATALOGUE)
+    for name in _places.PAGES:
+        assert not Parsed(written(folder, name, CATALOGUE)).all("p", "warning")
+    texts = [written(folder, part, CATALOGUE) for part in _places.PARTS]
+    for name in CATALOGUE:
+        why = f" --quality paper</code> makes it; a draft would not show it: {NO_DRAFT.get(name)}."
+        told = f"python -m figures {name}" + (why if name in NO_DRAFT else "</code> makes it.")
+        assert sum(told in text for text in texts) == 1
 
 
-def test_a_page_of_all_figures_is_light(folder):
-    """One megabyte holds them all, where each has numbers of some kilobytes."""
-    numbers = {f"key {k}": k / 7 for k in range(200)}
-    (folder / "numbers.json").write_text(json.dumps({name: entry(measured=numbers) for name in CATALOGUE}))
-    text = written(folder, CATALOGUE)
-    assert len([each for each in Parsed(text).all("article")]) == len(CATALOGUE)
-    assert len(text) < 1e6
+def test_pages_of_all_figures_are_light(folder, monkeypatch):
+    """Each is below 150 kB of HTML, with all claims and a fifth of their verdicts for the worse."""
+    monkeypatch.undo()
+    others = itertools.cycle(["differs", "undecided", "depends", *["reproduced"] * 7])
+    found = [
+        ledger.Finding(claim, "by-test" if claim.test else next(others), claim.measured or "", {})
+        for claim in ledger.claims()
+    ]
+    monkeypatch.setattr(ledger, "findings", lambda entries: found)
+    measured = {f"key {k}": k / 7 for k in range(200)}
+    (folder / "numbers.json").write_text(json.dumps({name: entry(measured=measured) for name in CATALOGUE}))
+    for name in CATALOGUE:
+        png(folder / f"{name}.png")
+        png(folder / f"{name}.webp")
+    articles = sum(len(Parsed(written(folder, part, CATALOGUE)).all("article")) for part in _places.PARTS)
+    assert articles == len(CATALOGUE)
+    sizes = {name: (folder / f"{name}.html").stat().st_size for name in _places.PAGES}
+    assert max(sizes.values()) < 150e3, sizes
 
 
 def test_figures_of_the_tour_and_the_slider_exist():
-    assert {step[0] for step in page._tour.STEPS} | {_write.SLIDER} <= CATALOGUE.keys()
+    assert {step[0] for step in page._tour.STEPS} | {_write.SLIDER, _write.HERO} <= CATALOGUE.keys()
+
+
+def test_what_a_visitor_copies_runs(folder):
+    """In the order in which it stands on the front page and on that for samplers."""
+    names = {}
+    for name in ("index", "sampler"):
+        parsed = Parsed(written(folder, name))
+        for code in [each["text"] for each in parsed.all("pre") if "python -m" not in each["text"]]:
+            exec(code, names)
+    assert names["image"].shape == (64, 64)

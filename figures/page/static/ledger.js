@@ -1,42 +1,57 @@
-// Sort the table of claims by a column, and show those of some verdicts, a paper, or with some words.
+// Sort the table of claims by a column, and show those of one verdict, a paper, or with some words.
 {
   const table = document.getElementById("ledger-table");
-  const body = table.tBodies[0];
-  const rows = [...body.rows];
-  const chips = [...document.querySelectorAll(".chip")];
-  const paper = document.getElementById("ledger-paper");
-  const search = document.getElementById("ledger-search");
-  const shown = document.getElementById("ledger-shown");
+  const filtered = (body) => {
+    const rows = [...body.rows];
+    const chips = [...document.querySelectorAll(".chip")];
+    const verdicts = chips.map((chip) => chip.dataset.verdict);
+    const paper = document.getElementById("ledger-paper");
+    const search = document.getElementById("ledger-search");
+    const shown = document.getElementById("ledger-shown");
+    let verdict = "";
 
-  const filter = () => {
-    const verdicts = new Set(chips.filter((c) => c.getAttribute("aria-pressed") === "true").map((c) => c.dataset.verdict));
-    const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-    for (const row of rows) {
-      const text = row.textContent.toLowerCase();
-      row.hidden = !verdicts.has(row.dataset.verdict) || (paper.value && row.dataset.paper !== paper.value)
-        || !words.every((word) => text.includes(word));
-    }
-    const count = rows.filter((row) => !row.hidden).length;
-    shown.textContent = count === rows.length ? `${count} claims` : `${count} of ${rows.length} claims`;
-  };
-  for (const chip of chips) {
-    chip.addEventListener("click", () => {
-      chip.setAttribute("aria-pressed", chip.getAttribute("aria-pressed") !== "true");
+    const filter = () => {
+      const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
+      for (const row of rows) {
+        const text = row.textContent.toLowerCase();
+        row.hidden = Boolean((verdict && row.dataset.verdict !== verdict)
+          || (paper.value && !row.cells[0].textContent.startsWith(`${paper.selectedOptions[0].text},`))
+          || !words.every((word) => text.includes(word)));
+      }
+      for (const chip of chips) chip.setAttribute("aria-current", chip.dataset.verdict === verdict);
+      const count = rows.filter((row) => !row.hidden).length;
+      shown.textContent = count === rows.length ? `${count} claims` : `${count} of ${rows.length} claims`;
+    };
+    // The address says what is shown: ledger.html#z,differs is what differs from the Z paper.
+    const read = () => {
+      const asked = location.hash.slice(1).split(",");
+      verdict = verdicts.find((each) => asked.includes(each)) ?? "";
+      paper.value = [...paper.options].map((option) => option.value).find((each) => each && asked.includes(each)) ?? "";
       filter();
-    });
-  }
-  paper.addEventListener("change", filter);
-  search.addEventListener("input", filter);
+    };
+    const go = (chosen) => { location.hash = [paper.value, chosen].filter(Boolean).join(",") || "all"; };
+    for (const chip of chips) {
+      chip.addEventListener("click", (event) => {
+        event.preventDefault();
+        go(chip.dataset.verdict === verdict ? "" : chip.dataset.verdict);
+      });
+    }
+    paper.addEventListener("change", () => go(verdict));
+    search.addEventListener("input", filter);
+    addEventListener("hashchange", read);
+    read();
 
-  const value = (row, column) => row.cells[column].dataset.sort ?? row.cells[column].textContent.trim();
-  const compare = new Intl.Collator("en", { numeric: true }).compare;
-  [...table.tHead.rows[0].cells].forEach((head, column, heads) => {
-    head.firstChild.addEventListener("click", () => {
-      const down = head.getAttribute("aria-sort") === "ascending";
-      for (const other of heads) other.setAttribute("aria-sort", "none");
-      head.setAttribute("aria-sort", down ? "descending" : "ascending");
-      rows.sort((a, b) => (down ? -1 : 1) * compare(value(a, column), value(b, column)));
-      body.append(...rows);
+    const value = (row, column) => (column === 2 ? verdicts.indexOf(row.dataset.verdict) : row.cells[column].textContent.trim());
+    const compare = new Intl.Collator("en", { numeric: true }).compare;
+    [...table.tHead.rows[0].cells].forEach((head, column, heads) => {
+      head.firstChild.addEventListener("click", () => {
+        const down = head.getAttribute("aria-sort") === "ascending";
+        for (const other of heads) other.setAttribute("aria-sort", "none");
+        head.setAttribute("aria-sort", down ? "descending" : "ascending");
+        rows.sort((a, b) => (down ? -1 : 1) * compare(value(a, column), value(b, column)));
+        body.append(...rows);
+      });
     });
-  });
+  };
+  if (table) filtered(table.tBodies[0]);
 }

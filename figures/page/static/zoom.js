@@ -16,37 +16,32 @@ const layouts = [];
     for (const layout of layouts) layout();
   });
 }
-for (const figure of document.querySelectorAll(".zoomable")) {
-  const image = figure.querySelector("img");
-  const [width, height] = [image.width, image.height];
-  let zoom = Math.max(1, Math.round(pixels.ratio()));
-  const box = figure.querySelector(".zoom");
-  const button = (sign, name, step) => {
-    const made = document.createElement("button");
-    Object.assign(made, { type: "button", textContent: sign });
-    made.setAttribute("aria-label", name);
-    made.addEventListener("click", () => { zoom = Math.min(16, Math.max(1, zoom + step)); layout(); });
-    return made;
-  };
-  const told = document.createElement("output");
-  box.append(button("−", "Smaller", -1), told, button("+", "Larger", 1));
+// A picture fits the page; a click shows it as it is, and another one as it was.
+for (const link of document.querySelectorAll(".enlarge")) {
+  const image = link.firstElementChild;
+  const [width, height] = [image.getAttribute("width"), image.getAttribute("height")];
+  let full = false;
   const layout = () => {
-    image.style.width = pixels.css(width, zoom);
-    image.style.height = pixels.css(height, zoom);
-    figure.style.setProperty("--width", `calc(${image.style.width} + 2px)`);
-    told.textContent = `${zoom} ×`;
+    const zoom = Math.max(1, Math.round(pixels.ratio()));
+    image.style.width = full ? pixels.css(width, zoom) : "";
+    image.style.height = full ? pixels.css(height, zoom) : "";
+    link.classList.toggle("full", full);
+    link.title = full ? "Fit the page" : "Full size";
   };
-  layouts.push(layout);
-  layout();
-}
-for (const button of document.querySelectorAll(".copy")) {
-  button.addEventListener("click", async () => {
-    const code = button.previousElementSibling;
-    try {
-      await navigator.clipboard.writeText(code.textContent);
-      button.textContent = "copied";
-    } catch { // not allowed for pages from disk in some browsers: it is selected instead
-      getSelection().selectAllChildren(code);
-    }
+  link.addEventListener("click", (event) => {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) return; // another tab gets the file
+    event.preventDefault();
+    full = !full;
+    layout();
   });
+  layouts.push(layout);
+}
+// Who comes for a figure from another page wants to see its claims.
+{
+  const unfold = () => {
+    const claims = document.getElementById(decodeURIComponent(location.hash.slice(1)))?.querySelector(".claims");
+    if (claims) claims.open = true;
+  };
+  addEventListener("hashchange", unfold);
+  unfold();
 }

@@ -1,4 +1,4 @@
-// The numbers of a figure as a folding tree, made when it is first opened.
+// How a figure was made, and its numbers as a folding tree. They are in a script that is read when first unfolded.
 for (const box of document.querySelectorAll(".numbers")) {
   const leaf = (key, text) => element("p", {}, element("span", { className: "key" }, key), ` ${text}`);
   const simple = (value) => value === null || typeof value !== "object";
@@ -10,8 +10,15 @@ for (const box of document.querySelectorAll(".numbers")) {
     made.addEventListener("toggle", () => made.append(...entries.map(([k, v]) => node(k, v))), { once: true });
     return made;
   };
+  const show = () => {
+    const { facts, note, numbers } = window.figureNumbers[box.closest("article").id];
+    box.append(element("p", { className: "note" }, note),
+      element("dl", { className: "facts" }, ...Object.entries(facts).map(([name, value]) =>
+        element("div", {}, element("dt", {}, name), element("dd", {}, value)))),
+      element("div", { className: "tree" }, ...Object.entries(numbers).map(([key, value]) => node(key, value))));
+  };
   box.addEventListener("toggle", () => {
-    const numbers = JSON.parse(box.querySelector("script").textContent);
-    box.querySelector(".tree").append(...Object.entries(numbers).map(([key, value]) => node(key, value)));
+    if (window.figureNumbers) show();
+    else document.head.append(element("script", { src: "page-numbers.js", onload: show }));
   }, { once: true });
 }

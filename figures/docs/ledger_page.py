@@ -1,8 +1,9 @@
-"""``.. ledger::``: what the papers claim and what came out, and where the pictures are.
+"""``.. ledger::``: what the papers claim and what came out; ``.. gallery::``: pictures, if there are any.
 
-Verdicts are those of the figures in the folder above the documentation, if there are any.
+Verdicts are those that are stored in paper quality, else those of the figures in the folder above.
 """
 
+import html
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,19 +13,22 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from figures import ledger
+from figures import ledger, page
+from figures.catalogue import CATALOGUE, FIRST
 from figures.making import store
 
 _HEADS = ("Place", "Claim", "Verdict", "Measured", "Why", "Shown by")
+_HELD = {True: "yes", False: "no"}
 _WIDTHS = (8, 28, 11, 19, 22, 12)
 
 
 def _found(folder: Path) -> list[ledger.Finding]:
-    """Return what came out, by figures in a folder; by none if they are those of another version."""
+    """Return what came out, as the page in a folder says; without figures, as it is stored."""
     try:
-        return ledger.findings(store.read_numbers(folder))
-    except (OSError, KeyError, TypeError, ValueError, IndexError, AttributeError):
-        return ledger.findings({})
+        entries = store.read_numbers(folder)
+    except (OSError, ValueError):
+        entries = {}
+    return page.assess(entries).findings
 
 
 def _row(texts: Sequence[str]) -> nodes.row:
@@ -39,9 +43,7 @@ def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
                 claim.place,
                 "\n".join([claim.claim, *([f"“{claim.sentence}”"] if claim.sentence else [])]),
                 verdict,
-                "\n".join(
-                    [measured, *(f"{case}: {'yes' if held else 'no'}" for case, held in cases.items())]
-                ),
+                "\n".join([measured, *(f"{case}: {_HELD.get(held, held)}" for case, held in cases.items())]),
                 claim.why or "",
                 claim.figure or claim.test or "",
             )
@@ -52,6 +54,28 @@ def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
     widths = [nodes.colspec(colwidth=width) for width in _WIDTHS]
     group = nodes.tgroup("", *widths, head, body, cols=len(_HEADS))
     return nodes.table("", group, classes=["ledger", "colwidths-given"])
+
+
+def _up(directive: SphinxDirective) -> str:
+    """Return the address of the folder above the documentation, as seen from a document."""
+    return "../" * (directive.env.docname.count("/") + 1)
+
+
+class Gallery(SphinxDirective):
+    """Thumbnails of the pictures that a reader wants first, with links to the pages that have them."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return those that are in the folder."""
+        folder, up = Path(self.env.app.outdir).parent, _up(self)
+        names = [name for name in FIRST if name in CATALOGUE and (folder / f"{name}.webp").is_file()]
+        links = [
+            f'<a href="{up}{page.href(name)}"><img src="{up}{name}.webp" alt="" loading="lazy">{title}</a>'
+            for name in names
+            for title in [html.escape(CATALOGUE[name].title)]
+        ]
+        self.env.note_dependency(str(folder / "numbers.json"))
+        text = f'<div class="gallery">{"".join(links)}</div>'
+        return [nodes.raw("", text, format="html")] if links else []
 
 
 class Ledger(SphinxDirective):
@@ -66,10 +90,9 @@ class Ledger(SphinxDirective):
         counts = Counter(finding.verdict for finding in theirs)
         parts = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
         shown: list[nodes.Node] = [nodes.paragraph(text=f"{len(theirs)} claims: {parts}.")]
-        if (folder / "index.html").is_file():
-            address = f"{'../' * (self.env.docname.count('/') + 1)}index.html"
-            link = nodes.reference("", "The gallery", refuri=address)
-            shown.append(nodes.paragraph("", "", link, nodes.Text(" has the pictures.")))
+        if (folder / "ledger.html").is_file():
+            link = nodes.reference("", "A table to filter", refuri=f"{_up(self)}ledger.html")
+            shown.append(nodes.paragraph("", "", link, nodes.Text(" leads to the pictures.")))
         for paper, title in ledger.PAPERS.items():
             of = [finding for finding in theirs if finding.claim.paper == paper]
             if of:
@@ -81,6 +104,7 @@ class Ledger(SphinxDirective):
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the directive."""
+    """Register the directives."""
+    app.add_directive("gallery", Gallery)
     app.add_directive("ledger", Ledger)
     return {"parallel_read_safe": True}

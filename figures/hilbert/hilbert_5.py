@@ -13,7 +13,7 @@ from figures.shared import diffusion, scene_images
 from figures.shared.image_sheets import Row, image_sheet
 from qmcjax import orders, samplers, scenes, sequences
 
-SIDE = {"draft": 64, "paper": 256}
+SIDE = {"draft": 32, "paper": 256}
 BOUNCES = {"draft": 2, "paper": 6}
 REFERENCE_SPP = {"draft": 512, "paper": 16384}
 COUNTS = (1, 4, 16, 64)
@@ -37,6 +37,7 @@ NOTE = (
     "noise of the global sequence is less uniform is not found in this scene, at 64 x 64 nor at 128 x 128 "
     "pixels: at one sample its errors are diffused, too, to about half of white noise at low frequencies, "
     "like those along the curve (figure screen-space-1 has 0.05 to 0.14 for it, on simple integrands). "
+    "Drafts, of 32 x 32 pixels, are too small to tell. "
     "Aligned blocks of 2**a x 3**b pixels have points of one sequence with a common stride, "
     "which are as uniform as contiguous ones in the other bases. Smooth are the half of the pixels "
     "where the reference's relative gradient is least. " + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED

@@ -127,10 +127,10 @@ def _drawn(picture: Any) -> tuple[bytes, bytes]:
     from PIL import Image
 
     buffer, png, webp = io.BytesIO(), io.BytesIO(), io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    picture.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 0})
     with Image.open(buffer) as image:
         pixels = image.convert("RGB")  # None is transparent.
-    pixels.save(png, format="png", optimize=True, dpi=(DPI, DPI))
+    pixels.save(png, format="png", dpi=(DPI, DPI))  # optimize=True: 8 times the time for 2 % less.
     pixels.save(webp, format="webp", lossless=True)
     return png.getvalue(), webp.getvalue()
 

@@ -33,7 +33,7 @@ FULL = tuple(f"{net}, full screen" for net in NETS)
 OTHERS = ("random", "jittered grid", "Lloyd relaxation", "rank-1 lattice")
 
 SIDE = {"draft": 64, "paper": 256}
-REPLICATE = {"draft": 64, "paper": 128}
+REPLICATE = {"draft": 32, "paper": 128}
 """Samples in each replicate of an estimated reference."""
 
 

@@ -18,7 +18,7 @@ from qmcjax.core.pytrees import jit
 POINTS = 2**14
 """In one call of a scene."""
 
-SAMPLES = 2**16
+SAMPLES = 2**14
 """In one call of a sampler, whose steps are compiled one by one, for each size."""
 
 

@@ -26,7 +26,7 @@ MOST = {"draft": 16, "paper": 64}
 """Lines."""
 EVEN = {"draft": 8, "paper": 16}
 """Lines without the redistribution."""
-REFERENCE_SPP = {"draft": 1024, "paper": 4096}
+REFERENCE_SPP = {"draft": 512, "paper": 4096}
 SAMPLED = {"draft": 64, "paper": 1024}
 """Most samples of the lens whose error is measured."""
 REPLICATES = 8

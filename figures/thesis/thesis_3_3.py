@@ -26,7 +26,7 @@ class Size(NamedTuple):
     """Samples a pixel of what stands for the truth."""
 
 
-SIZES = {"draft": Size(48, 16, 32), "paper": Size(96, 64, 1024)}
+SIZES = {"draft": Size(32, 16, 32), "paper": Size(96, 64, 1024)}
 LEVELS = 3
 CHECKS = 4
 CONTRAST = 0.1

@@ -19,7 +19,7 @@ from qmcjax.core import student
 
 SIDE = {"draft": 128, "paper": 256}
 BOUNCES = {"draft": 2, "paper": 6}
-REFERENCE_SPP = {"draft": 256, "paper": 8192}
+REFERENCE_SPP = {"draft": 128, "paper": 8192}
 
 KEY = 1
 TILE = 64

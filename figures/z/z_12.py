@@ -13,7 +13,7 @@ from figures.making.schema import Claims
 from figures.shared import diffusion, padded_samplers, scene_images
 from qmcjax import orders, samplers, scenes, sequences
 
-SIDE = 64
+SIDE = {"draft": 32, "paper": 64}
 SPP = 2
 """Of the insets."""
 LARGEST = {"draft": 6, "paper": 10}
@@ -83,7 +83,7 @@ def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render insets with all variants, and measure their errors over the number of samples."""
-    side, scene = SIDE, scenes.occluder()
+    side, scene = SIDE[quality], scenes.occluder()
     exact = diffusion.reference(scene, side, REFERENCE_SPP[quality])
     progress(0.3)
     counts = [2**k for k in range(LARGEST[quality] + 1)]

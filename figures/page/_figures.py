@@ -161,7 +161,7 @@ def _claims(figure: Shown) -> Markup:
             word=_verdicts.word(finding.verdict),
             claim=finding.claim.claim,
             place=finding.claim.place,
-            draft=f"; this draft: {draft}" if draft else "",
+            draft="" if draft in (None, "alone") else f"; this draft: {draft}",
             measured=measured(finding),
             said=join(said(finding.claim)),
         )

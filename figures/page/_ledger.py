@@ -101,6 +101,7 @@ def _row(finding: ledger.Finding, drafts: Drafts) -> Markup:
     """
     claim = finding.claim
     draft = drafts.get((claim.figure, claim.key), "agrees")
+    told = {"agrees": "", "alone": "draft"}.get(draft, f"this draft: {draft}")
     lines = {"reproduced": 0, "depends": 0, "by-test": 1}.get(finding.verdict, 2)
     return fill(
         ROW,
@@ -109,7 +110,7 @@ def _row(finding: ledger.Finding, drafts: Drafts) -> Markup:
         place=claim.place,
         claim=join([fill("$claim", claim=claim.claim), *said(claim)[:lines]]),
         word=_verdicts.word(finding.verdict),
-        draft=Markup("") if draft == "agrees" else fill("<small>this draft: $draft</small>", draft=draft),
+        draft=fill("<small>$told</small>", told=told) if told else Markup(""),
         measured=measured(finding) if lines else cases(finding.cases) if finding.verdict == "depends" else "",
         shown=_shown(claim),
     )
@@ -132,7 +133,7 @@ def measured(finding: ledger.Finding) -> Markup:
 
 def cases(held: Mapping[str, bool | str]) -> Markup:
     """Return in which cases a claim holds."""
-    verdicts = {True: "reproduced", False: "differs"}
+    verdicts: dict[bool | str, str] = {True: "reproduced", False: "differs"}
     return join(
         fill('<span class="case $verdict">$sign $case</span>', case=case, verdict=verdict, sign=sign)
         for case, holds in held.items()

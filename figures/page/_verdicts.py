@@ -24,7 +24,7 @@ UNREADABLE = (KeyError, TypeError, ValueError, IndexError, AttributeError)
 """What entries raise that were made by an older version, or edited."""
 
 Drafts = Mapping[tuple[str | None, str | None], str]
-"""By figure and key of a claim that was decided in paper quality: what the folder's draft says about that."""
+"""By figure and key of a claim: whether a draft agrees with the verdict in paper quality, or is alone."""
 
 
 class Assessed(NamedTuple):
@@ -45,12 +45,11 @@ def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
     drafts: dict[tuple[str | None, str | None], str] = {}
     for found, kept in zip(here, ledger.findings(stored), strict=True):
         claim = found.claim
-        paper = readable.get(claim.figure or "", {}).get("quality") == "paper"
-        if found.verdict == "missing" or kept.verdict == "missing" or paper or claim.figure is None:
-            findings.append(kept if found.verdict == "missing" else found)
-            continue
-        findings.append(kept)
-        if claim.question is None:
+        draft = readable.get(claim.figure or "", {}).get("quality") == "draft" and found.verdict != "missing"
+        findings.append(
+            kept if found.verdict == "missing" or (draft and kept.verdict != "missing") else found
+        )
+        if draft and claim.question is None:
             drafts[claim.figure, claim.key] = _compared(found.verdict, kept.verdict)
     missing = {finding.claim.figure for finding in here if finding.verdict == "missing"}
     return Assessed(findings, drafts, [name for name in entries if name in missing])
@@ -58,8 +57,8 @@ def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
 
 def _compared(draft: str, paper: str) -> str:
     """Return what a draft's verdict says about that in paper quality."""
-    if draft == paper:
-        return "agrees"
+    if paper in ("missing", draft):
+        return "alone" if paper == "missing" else "agrees"
     return "contradicts" if {draft, paper} == {"reproduced", "differs"} else "too small"
 
 

@@ -182,8 +182,8 @@ def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
 def _drafts(drafts: _verdicts.Drafts) -> str:
     said = list(drafts.values())
     alone, agree, contradict, small = map(said.count, ("alone", "agrees", "contradicts", "too small"))
-    beside = f"{agree} drafts agree with paper quality, {contradict} contradict it, {small} are too small. "
-    return beside * (len(said) > alone) + f"{alone} verdicts are of drafts only." * (alone > 0)
+    beside = f"Drafts here: {agree} agree with paper quality, {contradict} contradict it, {small} are too small. "
+    return beside * (len(said) > alone) + f"By drafts only: {alone}." * (alone > 0)
 
 
 def _state(figures: Mapping[str, Shown]) -> str:

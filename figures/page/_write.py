@@ -182,7 +182,7 @@ def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
 def _drafts(drafts: _verdicts.Drafts) -> str:
     said = list(drafts.values())
     alone, agree, contradict, small = map(said.count, ("alone", "agrees", "contradicts", "too small"))
-    beside = f"Drafts here: {agree} agree with paper quality, {contradict} contradict it, {small} are too small. "
+    beside = f"Drafts: {agree} agree with paper quality, {contradict} contradict it, {small} are too small. "
     return beside * (len(said) > alone) + f"By drafts only: {alone}." * (alone > 0)
 
 

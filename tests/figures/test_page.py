@@ -205,7 +205,7 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     assert claims == ["Fig. 2", *(f"Fig. 1; this draft: {said}" for said in drafts.values())]
     small = [each["text"] for each in Parsed(written(folder, "ledger")).all("small")]
     assert [each for each in small if "draft" in each] == ["this draft: contradicts", "this draft: too small"]
-    told = "Drafts here: 1 agree with paper quality, 1 contradict it, 1 are too small."
+    told = "Drafts: 1 agree with paper quality, 1 contradict it, 1 are too small."
     assert told in Parsed(written(folder)).all("main")[0]["text"]
 
     assert not page.assess({}).drafts, "without figures the stored verdicts are there"

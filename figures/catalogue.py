@@ -138,15 +138,12 @@ CATALOGUE = {
     ),
     "scenes-sheet": Entry("figures.ours.scenes_sheet", "Every scene with its exact image"),
     "skipping": Entry("figures.ours.skipping", "Constant pixels need no samples", timed=True),
-    "passes": Entry("figures.ours.passes", "Adaptive passes until each pixel's error is small"),
-    "edges": Entry("figures.ours.edges", "Boundary-sampled derivatives"),
     "stability": Entry("figures.ours.stability", "Float32 limits of points, sums and images"),
     "ray-stability": Entry("figures.ours.ray_stability", "Float32 limits of ray tracing"),
     "measures": Entry("figures.ours.measures", "Every measure of every sequence"),
     "generators": Entry(
         "figures.ours.generators", "Generators of points: t, projections, discrepancy, convergence"
     ),
-    "roofline": Entry("figures.ours.roofline", "Roofline on an H100"),
     "scaling": Entry("figures.ours.scaling", "Time and memory of larger images", timed=True),
     "measures-at-scale": Entry(
         "figures.ours.measures_at_scale", "Measures of points: time, memory, peers and gradients", timed=True
@@ -156,11 +153,6 @@ CATALOGUE = {
         "Optimised orders beside the samplers of the papers",
         timed=True,
     ),
-    "optimized-dimensions": Entry(
-        "figures.ours.optimized_dimensions",
-        "Optimised orders in 4 and 8 dimensions and in traced scenes",
-        timed=True,
-    ),
     "designed-samplers": Entry(
         "figures.ours.designed_samplers", "Tiles designed by gradients beside other samplers", timed=True
     ),
@@ -168,20 +160,13 @@ CATALOGUE = {
         "figures.ours.designed_for_scenes", "Points designed for one scene, by its camera and by others"
     ),
     "designed-time": Entry("figures.ours.designed_time", "Frames of a tile designed for filters in time"),
-    "scramblings": Entry("figures.ours.scramblings", "Scramblings of Sobol's sequence: errors and distances"),
     "discrepancy-records": Entry(
         "figures.ours.discrepancy_records", "Star discrepancy of searched sets beside published values"
     ),
-    "optimized-points": Entry("figures.ours.optimized_points", "Points before and after gradient descent"),
     "intervals": Entry(
         "figures.ours.intervals", "Coverage of confidence intervals, and samplers told apart", long=True
     ),
     "chooser": Entry("figures.ours.chooser", "Which sampler to choose, by scene and samples per pixel"),
-    "optimized-scrambling": Entry(
-        "figures.ours.optimized_scrambling",
-        "Scramblings of nets optimised by gradients, beside annealing",
-        timed=True,
-    ),
     "hilbert-1": Entry(
         "figures.hilbert.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"
     ),
@@ -240,8 +225,18 @@ PAPERS = {
 
 OURS = frozenset(name for name in CATALOGUE if name.partition("-")[0] not in PAPERS)
 
-FIRST = ("thesis-6.1", "hilbert-1", "thesis-6.5", "hilbert-5", "thesis-6.2", "z-3", "z-9", "z-1")
-"""Of the papers' figures, those that a reader wants first: images and curves."""
+FIRST = (
+    "thesis-6.1",
+    "spp-slider",
+    "hilbert-1",
+    "thesis-6.5",
+    "hilbert-5",
+    "thesis-6.2",
+    "z-3",
+    "z-9",
+    "z-1",
+)
+"""What a reader wants first: images, the slider of the page's first screen, and curves."""
 
 LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 """Those that take longest; their scenes are then compiled."""
@@ -251,7 +246,6 @@ NO_DRAFT = {
     "generators": "it has two points a line",
     "measures-at-scale": "its counts are too small to have a slope",
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
-    "optimized-dimensions": "it has one scene at one count",
     "path-speed": "its images are too small to outweigh the calls",
     "ray-speed": "it has one mesh, and too few rays to outweigh the calls",
     "scaling": "it has two points a line",

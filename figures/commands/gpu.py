@@ -113,8 +113,7 @@ def main(argv: Sequence[str]) -> int:
     if not found:
         print(
             f"no GPU: JAX {jax.__version__} sees only {jax.devices()[0].device_kind} devices here. Nothing "
-            "was measured (pip install 'jax[cuda12]' for one of NVIDIA's; python -m figures roofline tells "
-            "what an H100 could do at most).",
+            "was measured (pip install 'jax[cuda12]' for one of NVIDIA's).",
             file=sys.stderr,
         )
         return 1

@@ -45,7 +45,7 @@ class Claim(NamedTuple):
     why: str | None = None
     """Why it came out otherwise, or in some cases only; or why it is not tested."""
     sentence: str | None = None
-    """The first and the last words of the paper's own sentence, caption or row, joined by `` ... ``."""
+    """The first and the last words of the paper's own sentence, caption or row, with three dots between."""
     question: str | None = None
     """``ours``, in place of a sentence, if the paper does not say it."""
     criterion: str | None = None

@@ -185,7 +185,14 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
 
 
 def designed(
-    width: int, height: int, spp: int, key: Array | int, dims: int = 2, frames: int | None = None
+    width: int,
+    height: int,
+    spp: int,
+    key: Array | int,
+    dims: int = 2,
+    frames: int | None = None,
+    *,
+    progressive: bool = False,
 ) -> Tiled:
     """Sample with tiles of points that were designed by the gradient of the expected filtered error.
 
@@ -201,6 +208,10 @@ def designed(
     frames : int, optional
         For animations: a tile of 32 frames with one sample, designed for filters in space and time. Frames
         repeat after 32 of them.
+    progressive : bool
+        Whether the first 1, 2, 4, ... of up to 16 samples are to be good, too, for images that are shown
+        while they are rendered. Filtered errors are 1.3 to 1.5 times those of tiles for just one number of
+        samples in two dimensions, and 1.1 to 1.2 times in four.
 
     Returns
     -------
@@ -214,8 +225,8 @@ def designed(
     deviation 1.5 pixels, plus 0.05 times the mean square of the unfiltered error, on average over turns:
     :func:`analysis.design_samples` makes them. In four dimensions half planes of the pairs of coordinates
     (0, 1) and (2, 3), and steps along each coordinate, take part: scenes often depend on few of them. There
-    is a tile for 1, 2, 4, 8 and 16 samples each; fewer of them can be rendered, but are not designed. The
-    figure ``designed-samplers`` has measured errors.
+    is a tile for 1, 2, 4, 8 and 16 samples each; fewer of them can be rendered, but are not designed unless
+    the tile is progressive. The figure ``designed-samplers`` has measured errors.
 
     The design takes neighbours to have the same integrand, and points are not stratified along the axes. In
     scenes with many edges on the screen, and for smooth functions in four dimensions, samplers with nets in
@@ -237,11 +248,14 @@ def designed(
     """
     checks.image_size(width, height)
     spp, dims = checks.power_of_two("spp", spp, MAX_SPP), checks.integer("dims", dims, 1, 2**16)
-    name = f"{2 if dims <= 2 else 4}d_{min(spp, 16)}"
+    progressive = checks.flag("progressive", progressive)
+    name = f"{2 if dims <= 2 else 4}d_{'progressive' if progressive else min(spp, 16)}"
     if frames is not None:
         checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
+        if progressive:
+            raise ValueError("progressive must be False for frames, got True")
         name = "frames"
     source = resources.files("qmcjax.samplers") / "_data" / "designed.npz"
     with source.open("rb") as stream, np.load(stream) as table:
         words = table[name]
-    return of_words(words, dims, spp, key)
+    return of_words(words[:, :, :, :spp], dims, spp, key)

@@ -20,3 +20,20 @@ def smaller(first: ArrayLike, second: ArrayLike, factor: float = 1.0) -> bool | 
     """Return whether positive values are below ``factor`` times others of the same keys, on average."""
     ratios = np.asarray(first, np.float64) / np.asarray(second, np.float64)
     return below(np.log(ratios), float(np.log(factor)))
+
+
+def falls(counts: ArrayLike, values: ArrayLike) -> bool | str:
+    """Return whether positive values fall with the number of samples: by the exponent's interval of 95 %."""
+    from scipy import stats
+
+    x, y = np.log(np.asarray(counts, np.float64)), np.log(np.asarray(values, np.float64))
+    if len(x) < 4:
+        return UNDECIDED
+    line = stats.linregress(x, y)
+    half = stats.t.ppf(0.975, len(x) - 2) * line.stderr
+    return True if line.slope + half < 0 else False if line.slope - half > 0 else UNDECIDED
+
+
+def both(first: bool | str, second: bool | str) -> bool | str:
+    """Return whether two statements hold together."""
+    return False if False in (first, second) else UNDECIDED if UNDECIDED in (first, second) else True

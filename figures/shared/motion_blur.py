@@ -11,7 +11,7 @@ import analysis
 from figures import plot
 from figures._errors import fluctuation, slope
 from figures.making.schema import Claims
-from figures.shared import scene_images, traced_images
+from figures.shared import judged, scene_images, traced_images
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -183,6 +183,27 @@ def ratio(errors: dict, one: str, other: str) -> float:
     """Return the geometric mean of one sampler's errors over another's, from 2 samples on."""
     common = [spp for spp in errors[one] if spp in errors[other] and spp > 1]
     return float(np.exp(np.mean([np.log(errors[one][spp] / errors[other][spp]) for spp in common])))
+
+
+def smaller(errors: dict, ones: tuple[str, ...], others: tuple[str, ...], factor: float = 1.0) -> bool | str:
+    """Return whether samplers have less error than ``factor`` times others, over counts from 2 on."""
+    pairs = [
+        (errors[one][spp], errors[other][spp])
+        for one, other in zip(ones, others, strict=True)
+        for spp in errors[one]
+        if spp in errors[other] and spp > 1
+    ]
+    return judged.smaller(*zip(*pairs, strict=True), factor)
+
+
+def slightly_smaller(errors: dict, one: str, other: str) -> bool | str:
+    """Return whether a sampler has less error than another, by less than 10 %."""
+    return judged.both(smaller(errors, (one,), (other,)), smaller(errors, (other,), (one,), 1 / 0.9))
+
+
+def steeper(errors: dict, one: str, other: str) -> bool | str:
+    """Return whether one sampler's error falls faster than another's."""
+    return judged.falls(list(errors[one]), [errors[one][spp] / errors[other][spp] for spp in errors[one]])
 
 
 def wins(errors: dict, ones: tuple[str, ...], others: tuple[str, ...]) -> list[bool]:

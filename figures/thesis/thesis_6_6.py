@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from figures._errors import fluctuation, slope
+from figures._errors import fluctuation
 from figures.making.schema import Claims
 from figures.shared import motion_blur
-from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, wins
+from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, slightly_smaller, smaller, steeper, wins
 
 FEW = 8
 """Samples per pixel up to which there are few."""
@@ -33,23 +33,21 @@ def _claims(errors: dict, waves: dict) -> Claims:
     return {
         "the rotated nets outperform the others for almost all counts (all but one)": sum(ahead)
         >= len(ahead) - 1,
-        "the modified net performs only marginally better than the original (by less than 10 %)": 0.9
-        < ratio(errors, NETS[1], NETS[0])
-        < 1,
+        "the modified net performs only marginally better than the original (by less than 10 %)": (
+            slightly_smaller(errors, NETS[1], NETS[0])
+        ),
         "the lattice even outperforms a net sometimes": any(
             lattice[spp] < errors[net][spp] for net in NETS for spp in lattice if spp > 1
         ),
         "its error does not decrease as smoothly": fluctuation(lattice)
         > max(fluctuation(errors[net]) for net in NETS),
-        "the full-screen nets perform worse than the rotated ones": all(
-            ratio(errors, full, net) > 1 for full, net in zip(FULL, NETS, strict=True)
-        ),
+        "the full-screen nets perform worse than the rotated ones": smaller(errors, NETS, FULL),
         "at few samples full-screen nets show patterns, 1.5 times as strong as any of rotated ones": all(
             max(waves[full][spp] for spp in few) > 1.5 * max(waves[net][spp] for net in NETS for spp in few)
             for full in FULL
         ),
-        "the full-screen nets converge faster: a slope that is steeper by 0.01": {
-            net: slope(errors[full]) < slope(errors[net]) - 0.01 for full, net in zip(FULL, NETS, strict=True)
+        "the full-screen nets converge faster: a steeper slope": {
+            net: steeper(errors, full, net) for full, net in zip(FULL, NETS, strict=True)
         },
         "nets and lattices are superior to random samples": {
             name: ratio(errors, name, "random") < 1 for name in (*NETS, *FULL, "rank-1 lattice")

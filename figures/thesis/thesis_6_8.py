@@ -4,10 +4,9 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from figures._errors import slope
 from figures.making.schema import Claims
 from figures.shared import motion_blur
-from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, wins
+from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, slightly_smaller, smaller, steeper, wins
 
 WHY = (
     " Up to 32 samples lattice and rotated nets are close, in favour of one or the other; from 64 on the "
@@ -31,20 +30,12 @@ def _claims(errors: dict, waves: dict) -> Claims:
         "the lattice has more error than the nets": all(
             ratio(errors, "rank-1 lattice", net) > 1 for net in NETS + FULL
         ),
-        "the full-screen nets perform better than the rotated ones": {
-            "over all counts": all(
-                ratio(errors, full, net) < 1 for full, net in zip(FULL, NETS, strict=True)
-            ),
-            "at the largest count": all(
-                [*errors[full].values()][-1] < [*errors[net].values()][-1]
-                for full, net in zip(FULL, NETS, strict=True)
-            ),
-        },
-        "over the full screen the modified net performs slightly better": 0.9
-        < ratio(errors, *FULL[::-1])
-        < 1,
-        "the full-screen nets converge faster: a slope that is steeper by 0.01": {
-            net: slope(errors[full]) < slope(errors[net]) - 0.01 for full, net in zip(FULL, NETS, strict=True)
+        "the full-screen nets perform better than the rotated ones": smaller(errors, FULL, NETS),
+        "over the full screen the modified net performs slightly better": slightly_smaller(
+            errors, *FULL[::-1]
+        ),
+        "the full-screen nets converge faster: a steeper slope": {
+            net: steeper(errors, full, net) for full, net in zip(FULL, NETS, strict=True)
         },
         "nets and lattices are superior to random samples": {
             name: ratio(errors, name, "random") < 1 for name in (*NETS, *FULL, "rank-1 lattice")

@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures.shared import diffusion, image_sheets, padded_samplers, scene_images
+from figures.making.schema import Claims
+from figures.shared import diffusion, image_sheets, judged, padded_samplers, scene_images
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core import student
 
@@ -35,6 +36,7 @@ WHITE, BLUE = (0.67, 1.5), 0.67
 STRUCTURED = 1.1
 """How many times the share of white noise in the strongest frequencies tells structure."""
 
+LOW, FILTERED = "low-frequency power", "filtered error"
 SHARE = "share of the strongest 1 % of frequencies"
 
 REPEATS = "correlation of errors a tile apart"
@@ -100,12 +102,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         }
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
-    others = (scene_images.replicate(scene, zero_two(len(scene.needs), key), side, 1) for key in range(KEYS))
-    powers = np.array([diffusion.measures(image, exact, area)["low-frequency power"] for image in others])
-    white = {
-        "mean": float(powers.mean()),
-        **dict(zip(("low", "high"), student.interval(powers), strict=True)),
-    }
+    over_keys = _over_keys(scene, side, exact, area, square)
+    white = _interval(over_keys["(0,2)"][LOW])
     images["reference"] = diffusion.shown(exact.image)
     filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
     low = {name: f"low frequencies: {of['low-frequency power']:.2f}" for name, of in measured.items()}
@@ -132,12 +130,44 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
                 "correlation of Z's errors in neighbouring pixels": siblings,
                 "low-frequency power of Z for a product of coordinates": fading,
                 "low-frequency power of (0,2), 16 keys": white,
+                "low-frequency power, 16 keys": {name: _interval(of[LOW]) for name, of in over_keys.items()},
+                "share of the strongest, 16 keys": {
+                    name: _interval(of[SHARE]) for name, of in over_keys.items()
+                },
             },
-            "claims": _claims(measured, siblings, fading, white),
+            "claims": _claims(measured, siblings, fading, over_keys),
             "note": note,
         },
         handed_out,
     )
+
+
+def _over_keys(
+    scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any
+) -> dict[str, dict[str, list[float]]]:
+    """Return measures of images of several keys, by the samplers that have one."""
+    dims = len(scene.needs)
+    pairs = padded_samplers.pairs(dims)
+    made: dict[str, Callable[[int], samplers.Sampler]] = {
+        "(0,2)": lambda key: zero_two(dims, key),
+        "Z": lambda key: samplers.z(side, side, 1, key, "tree", dims=dims),
+        "Heitz": lambda key: padded_samplers.ranked(pairs, key),
+    }
+    found: dict[str, dict[str, list[float]]] = {}
+    for name, of_key in made.items():
+        of = found[name] = {LOW: [], FILTERED: [], SHARE: []}
+        for key in range(KEYS):
+            image = scene_images.replicate(scene, of_key(key), side, 1)
+            values = diffusion.measures(image, exact, area)
+            values[SHARE] = _strongest(analysis.error_spectrum(image[square], exact.image[square]))
+            for measure, list_of in of.items():
+                list_of.append(values[measure])
+    return found
+
+
+def _interval(values: list[float]) -> dict[str, float]:
+    low, high = student.interval(np.array(values))
+    return {"mean": float(np.mean(values)), "low": low, "high": high}
 
 
 def _strongest(spectrum: NDArray) -> float:
@@ -190,24 +220,26 @@ def _claims(
     measured: dict[str, dict[str, float]],
     siblings: dict[str, float],
     fading: dict[str, float],
-    white: dict[str, float],
-) -> dict[str, bool]:
-    low = {name: values["low-frequency power"] for name, values in measured.items()}
-    share = {name: values[SHARE] for name, values in measured.items()}
+    over_keys: dict[str, dict[str, list[float]]],
+) -> Claims:
+    white, share = over_keys["(0,2)"], measured["Sobol'"][SHARE]
+    structured = STRUCTURED * np.array(white[SHARE])
     return {
-        "the error of (0,2) is white noise": WHITE[0] < white["low"] and white["high"] < WHITE[1],
-        "the error of Z is blue noise": low["Z"] < BLUE,
-        "the error of Heitz is blue noise": low["Heitz"] < BLUE,
-        "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": share["Sobol'"]
-        > STRUCTURED * share["(0,2)"],
+        "the error of (0,2) is white noise": judged.both(
+            judged.below(white[LOW], WHITE[1]), judged.below(-np.array(white[LOW]), -WHITE[0])
+        ),
+        "the error of Z is blue noise": judged.below(over_keys["Z"][LOW], BLUE),
+        "the error of Heitz is blue noise": judged.below(over_keys["Heitz"][LOW], BLUE),
+        "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": judged.below(
+            structured, share
+        ),
         "Heitz repeats itself at the period of the tile: a correlation above 0.1": measured["Heitz"][REPEATS]
         > 0.1,
         "the spectrum of Heitz has spikes at the tile's period: a tenth more than its share of the power": (
             measured["Heitz"][SPIKES] > 1.1
         ),
-        "Z has no such structure": share["Z"] < STRUCTURED * share["(0,2)"],
-        "Z has less filtered error than (0,2)": measured["Z"]["filtered error"]
-        < measured["(0,2)"]["filtered error"],
+        "Z has no such structure": judged.smaller(over_keys["Z"][SHARE], structured),
+        "Z has less filtered error than (0,2)": judged.smaller(over_keys["Z"][FILTERED], white[FILTERED]),
         "samples of siblings are better distributed than those of cousins: less correlated errors": siblings[
             "siblings"
         ]

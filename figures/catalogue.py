@@ -54,6 +54,9 @@ CATALOGUE = {
         "Pixels as moving triangles, before and after correction",
         our_scene=True,
     ),
+    "thesis-3.8": Entry(
+        "figures.thesis.thesis_3_8", "Images from points on the lens, and their mean", our_scene=True
+    ),
     "thesis-3.9": Entry("figures.thesis.thesis_3_9", "Point and line samples on the lens"),
     "thesis-4.1": Entry(
         "figures.thesis.thesis_4_1",

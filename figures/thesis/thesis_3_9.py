@@ -1,4 +1,4 @@
-"""Thesis Fig. 3.8 to 3.10: points and lines on the lens, and how densely lines cover it."""
+"""Thesis Fig. 3.9 and 3.10: points and lines on the lens, and how densely lines cover it."""
 
 from collections.abc import Callable
 from functools import partial
@@ -183,7 +183,7 @@ def _draw(
     head = 2 * LINE + 8
     width, height = 5 * (SIZE + GAP) + GAP, 2 * (SIZE + head) + 3 * GAP + 44
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle("Points and lines on the lens (thesis, Fig. 3.8 to 3.10)", y=1 - 14 / height)
+    figure.suptitle("Points and lines on the lens (thesis, Fig. 3.9 and 3.10)", y=1 - 14 / height)
     bottom = height - 44 - head - SIZE
     for k, (name, error) in enumerate(errors.items()):
         axes = add_axes(figure, GAP + k * (SIZE + GAP), bottom, SIZE, SIZE)

@@ -203,21 +203,16 @@ def convergence(
 
 
 def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: str) -> Figure:
-    """Draw errors times n^0.75 of all regions; below there is room for a row of images."""
+    """Draw errors of the whole image, and these times n^0.75; below there is room for a row of images."""
     width, height, below = 2400, 1300, 440
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
     figure.suptitle(title, y=1 - 16 / height, fontsize=11)
-    for k, region in enumerate(REGIONS):
+    whole = {name: of_region["whole"] for name, of_region in errors.items()}
+    for k, times in enumerate((0.0, 0.75)):
         axes = figure.add_axes(
-            ((120 + 780 * k) / width, (below + 80) / height, 450 / width, (height - below - 170) / height)
+            ((120 + 1170 * k) / width, (below + 80) / height, 820 / width, (height - below - 170) / height)
         )
-        plot.convergence(
-            spps,
-            {name: of_region[region] for name, of_region in errors.items()},
-            times=0.75,
-            title=f"{region} image" if region == "whole" else f"{region} half",
-            ax=axes,
-        )
+        plot.convergence(spps, whole, times=times, title="level as $n^{-0.75}$" if times else "", ax=axes)
     return figure
 
 

@@ -25,8 +25,8 @@ LINEAR = 1e-6
 
 NOTE = (
     "{side} x {side} pixels, the package's row of balls with a thin lens; {spp} samples a pixel of each "
-    "image from one point, {many} over all of the lens. A slice of the light field is what one point on the lens "
-    "sees: its rays have one origin, and where they cross the plane of focus depends linearly on the pixel, "
+    "image from one point, {many} over all of the lens. A slice of the light field is what one point on the "
+    "lens sees: its rays have one origin, and where they cross the plane of focus is linear in the pixel, "
     "to {residual:.0e} of the plane's distance: a perspective projection off the axis, as graphics hardware "
     "renders it. Points are the first of the Sobol' sequence. Means of few images show each object out of "
     "focus as often as there are points; RMS differences from the image over all of the lens are {errors}."

@@ -131,7 +131,6 @@ def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict, spp: i
                 NAMES.get(name, name): [measured[name][f"{spp} spp"]["RMS error"] for spp in counts]
                 for name in names
             },
-            times=0.5,
             title=title,
             ax=axes,
         )

@@ -33,7 +33,7 @@ RIVALS = {
     ),
     "sobol": _candidate("Sobol', full screen"),
     "dither": _candidate("dither mask"),
-    "ranked": _candidate("ranked (Heitz)"),
+    "ranked": _candidate("ranked keys"),
     "z": _candidate("Z, hash"),
     "optimized": _candidate("optimised orders"),
     "designed": _candidate("designed tiles"),

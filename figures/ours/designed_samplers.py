@@ -25,7 +25,7 @@ from qmcjax.core import student
 OURS = "designed tiles"
 RIVALS = (
     "optimised orders",
-    "ranked (Heitz)",
+    "ranked keys",
     "Z, hash",
     "Hilbert, Halton (2,3)",
     "Hilbert, Owen-Sobol'",

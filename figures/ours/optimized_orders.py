@@ -54,7 +54,7 @@ KEYLESS = (
 
 KEYED = {
     "dither, rotated": "dither mask",
-    "ranked (Heitz)": "ranked (Heitz)",
+    "ranked keys": "ranked keys",
     "Z, hash": "Z, hash",
     "Hilbert, Owen-Halton": "Hilbert, Halton (2,3)",
     "Hilbert, Owen-Sobol'": "Hilbert, Owen-Sobol'",

@@ -42,7 +42,7 @@ SAMPLERS: dict[str, Style] = {
     "Halton, full screen": Style(SKY, "H", "--"),
     # Optimised for what is left of errors after a filter.
     "dither mask": Style(YELLOW, "X"),
-    "ranked (Heitz)": Style(PURPLE, "*"),
+    "ranked keys": Style(PURPLE, "*"),
     "designed tiles": Style(RED, "*"),
     # Along Morton's curve.
     "Z0": Style(BLUE, "1", ":"),
@@ -78,7 +78,7 @@ _SAME = {
     "(0,2)": "(0,2), Owen",
     "(0,2), Owen per pixel": "(0,2), Owen",
     "(0,2), xor per pixel": "(0,2), xor",
-    "Heitz": "ranked (Heitz)",
+    "Heitz": "ranked keys",
     "Z": "Z, hash",
     "Sobol'": "Sobol', full screen",
     "global Sobol'": "Sobol', full screen",

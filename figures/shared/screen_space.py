@@ -69,7 +69,7 @@ def methods() -> dict[str, Method]:
             lambda side, spp: samplers.full_screen(sequences.halton(4), side, side), dims=(2, 3)
         ),
         "dither, vectors": Method(lambda side, spp: samplers.dither(samplers.blue_noise_mask(2), dithered)),
-        "ranked (Heitz)": Method(lambda side, spp: samplers.ranked(2, KEY)),
+        "ranked keys": Method(lambda side, spp: samplers.ranked(2, KEY)),
         "Z0": Method(lambda side, spp: samplers.z(side, side, spp, None, "plain")),
         "Z, hash": Method(lambda side, spp: samplers.z(side, side, spp, KEY)),
         "Z, tree": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "tree")),
@@ -113,7 +113,7 @@ def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, 
 
 FAMILIES = {
     "in each pixel": ("random", "(0,2), xor per pixel", "(0,2), Owen per pixel", "lattice, rotated"),
-    "over the screen, or optimised": ("global Sobol'", "global Halton", "dither, vectors", "ranked (Heitz)"),
+    "over the screen, or optimised": ("global Sobol'", "global Halton", "dither, vectors", "ranked keys"),
     "along Morton's curve": ("Z0", "Z, hash", "Z, tree", "Z, ART"),
     "blocks of samples along a curve": (
         "Hilbert, Halton (2,3)",
@@ -143,7 +143,7 @@ KEY_TO_PICTURES = (
     "figure screen-space-spectra."
 )
 
-OPTIMISED = ("dither, vectors", "ranked (Heitz)")
+OPTIMISED = ("dither, vectors", "ranked keys")
 
 ALIKE, DIFFUSED = 1.25, 0.5
 """Up to which factor errors are comparable, and below which power at low frequencies they are diffused."""

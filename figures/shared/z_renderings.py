@@ -11,7 +11,7 @@ SPP = 4
 SIDE = {"draft": 128, "paper": 256}
 REPLICATE = {"draft": 16, "paper": 64}
 
-NAMES = ("(0,2)-sequence", "Sobol'", "Heitz", "Z")
+NAMES = ("(0,2)-sequence", "Sobol'", "ranked keys", "Z")
 
 
 def constituents(needs: tuple[str, ...]) -> tuple[int, ...]:
@@ -33,7 +33,7 @@ def make_samplers(
     return {
         "(0,2)-sequence": padded_samplers.zero_two(sizes, key, key + 1, bits),
         "Sobol'": samplers.full_screen(sequences.sobol(len(needs)), side, side),
-        "Heitz": padded_samplers.ranked_in_orders(sizes, key, key + 1, bits),
+        "ranked keys": padded_samplers.ranked_in_orders(sizes, key, key + 1, bits),
         "Z": samplers.z(side, side, spp, key, constituents=sizes),
     }
 
@@ -67,6 +67,6 @@ def note(quality: str, exact: traced_images.Reference) -> str:
         f"{exact.origin}. Errors are over linear RGB; filtered errors are root mean squares after a Gaussian "
         "of 1.5 pixels, powers 1 for white noise, low those below 1/16 of a cycle per pixel. x and y, and "
         "each u and v, are pairs, others are single. (0,2): Sobol' points xored and shuffled in each pixel. "
-        "Sobol': over the full screen, not scrambled. Heitz stands for our ranked keys, another tile and "
-        "order of the samples for each pair. Z: by hashing."
+        "Sobol': over the full screen, not scrambled. Ranked keys, after Heitz et al., are our own, another "
+        "tile and order of the samples for each pair. Z: by hashing."
     )

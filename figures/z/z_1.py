@@ -48,13 +48,13 @@ FLAT, FADING = 128, (2, 4, 8, 16)
 NOTE = (
     "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions: not the "
     "paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled in each "
-    "pixel. Heitz's sampler: our ranked one, pairs with a translation each of a tile of 64 x 64 pixels, "
-    "{repeats} of the image's width (theirs is 1/8 of it, of eight dimensions together). Spectra are of the "
+    "pixel. Ranked keys, after Heitz et al.: our own, pairs with a translation each of a tile of 64 x 64 "
+    "pixels, {repeats} of the image's width (theirs is 1/8 of it, of eight dimensions together). Spectra are of the "
     "errors, where the paper's are of images. The share is that of "
     "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
     "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
-    "parts of the scene, whose errors differ with the same samples. Heitz's sampler has "
-    "less low-frequency power than white noise, but not below the {blue} that is called blue here: its "
+    "parts of the scene, whose errors differ with the same samples. Ranked keys have "
+    "less low-frequency power than white noise; {blue} is called blue here. Their "
     "keys are arranged for two dimensions at a time. The reference is {origin}. "
 )
 
@@ -75,7 +75,7 @@ def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
     return {
         "(0,2)": zero_two(dims, KEY),
         "Z": replace(_tree(dims, side), spp=spp),
-        "Heitz": padded_samplers.ranked(padded_samplers.pairs(dims), KEY),
+        "ranked keys": padded_samplers.ranked(padded_samplers.pairs(dims), KEY),
         "Sobol'": samplers.full_screen(sequences.sobol(dims), side, side),
     }
 
@@ -151,7 +151,7 @@ def _over_keys(
     made: dict[str, Callable[[int], samplers.Sampler]] = {
         "(0,2)": lambda key: zero_two(dims, key),
         "Z": lambda key: samplers.z(side, side, 1, key, "tree", dims=dims),
-        "Heitz": lambda key: padded_samplers.ranked(pairs, key),
+        "ranked keys": lambda key: padded_samplers.ranked(pairs, key),
     }
     found: dict[str, dict[str, list[float]]] = {}
     for name, of_key in made.items():
@@ -229,14 +229,16 @@ def _claims(
             judged.below(white[LOW], WHITE[1]), judged.below(-np.array(white[LOW]), -WHITE[0])
         ),
         "the error of Z is blue noise": judged.below(over_keys["Z"][LOW], BLUE),
-        "the error of Heitz is blue noise": judged.below(over_keys["Heitz"][LOW], BLUE),
+        "the error of ranked keys is blue noise": judged.below(over_keys["ranked keys"][LOW], BLUE),
         "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": judged.below(
             structured, share
         ),
-        "Heitz repeats itself at the period of the tile: a correlation above 0.1": measured["Heitz"][REPEATS]
+        "ranked keys repeat themselves at the period of the tile: a correlation above 0.1": measured[
+            "ranked keys"
+        ][REPEATS]
         > 0.1,
-        "the spectrum of Heitz has spikes at the tile's period: a tenth more than its share of the power": (
-            measured["Heitz"][SPIKES] > 1.1
+        "the spectrum of ranked keys has spikes at the tile's period: a tenth more than their share": (
+            measured["ranked keys"][SPIKES] > 1.1
         ),
         "Z has no such structure": judged.smaller(over_keys["Z"][SHARE], structured),
         "Z has less filtered error than (0,2)": judged.smaller(over_keys["Z"][FILTERED], white[FILTERED]),

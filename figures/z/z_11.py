@@ -24,8 +24,8 @@ NOTE = (
     "for depth of field, the interior for path tracing, with {bounces} bounces, and the caustic for "
     "bidirectional path tracing. Up to 16 samples, 2 % of the pixels have half of the square error of "
     "defocus or more, mostly over 0.9 at one sample: this curve, and perhaps that of sports, depend on luck. "
-    "Samplers are those of Fig. 1; ranked keys stand for Heitz's, with an order of the samples for each pair "
-    "of dimensions: in about the same order in all pairs, the error would level off, as that of Z0 does in "
+    "Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, with an order of the "
+    "samples for each pair of dimensions: in about the same order in all pairs, the error would level off, as that of Z0 does in "
     "Fig. 12. Theirs has 256 dimensions of one Owen-scrambled Sobol' sequence. "
     "That Sobol' "
     "overtakes is said of 'considerably high' rates, which drafts do not reach. 'Almost identical' is "
@@ -75,7 +75,7 @@ def _ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
     heitz = padded_samplers.ranked_in_orders(
         padded_samplers.pairs(dims), KEY, KEY + 1, (spp - 1).bit_length()
     )
-    return ways(dims, side, spp) | {"Heitz": heitz}
+    return ways(dims, side, spp) | {"ranked keys": heitz}
 
 
 def _claims(measured: dict, counts: list[int]) -> dict[str, dict[str, bool]]:
@@ -99,13 +99,13 @@ def _claims(measured: dict, counts: list[int]) -> dict[str, dict[str, bool]]:
             < min(error(title, "(0,2)", last), error(title, "Z", last)) / SAME
             for title in measured
         },
-        "Heitz eventually overtakes (0,2) and Z: it has by the largest count": {
-            title: error(title, "Heitz", last)
+        "ranked keys eventually overtake (0,2) and Z: they have by the largest count": {
+            title: error(title, "ranked keys", last)
             < min(error(title, "(0,2)", last), error(title, "Z", last)) / SAME
             for title in measured
         },
-        "Heitz tends to lead, surpassing Sobol': over the counts, it has the least product of errors": {
-            title: _product(measured[title], "Heitz")
+        "ranked keys tend to lead, surpassing Sobol': over the counts, it has the least product of errors": {
+            title: _product(measured[title], "ranked keys")
             == min(_product(measured[title], n) for n in measured[title])
             for title in measured
         },

@@ -43,7 +43,7 @@ NOTE = (
     "xor-scrambled in each pixel, its four dimensions not padded. The dots: the mean of x y at {spp} samples "
     "a pixel, which is generation and little else. Medians of {calls} images after the first, each with a "
     "new key, the samplers taking turns. Where all pixels have one sequence but for an xor, an image "
-    "computes its points once. Heitz stands for our ranked sampler. Drafts are small and say little."
+    "computes its points once. For Heitz's we take our own ranked keys. Drafts are small and say little."
 )
 
 
@@ -85,7 +85,7 @@ def rate_samplers(width: int, height: int, spp: int, key: int) -> dict[str, Any]
         "Z, tree": samplers.z(width, height, spp, key, "tree"),
         "Z, ART": samplers.z(width, height, spp, key, "art"),
         "global Sobol'": samplers.full_screen(sobol, width, height),
-        "ranked (Heitz)": samplers.ranked(2, key),
+        "ranked keys": samplers.ranked(2, key),
     }
 
 

@@ -74,7 +74,7 @@ CANDIDATES: dict[str, Candidate] = {
             samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(dims), key)
         )
     ),
-    "ranked (Heitz)": Candidate(
+    "ranked keys": Candidate(
         lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4
     ),
     "designed tiles": Candidate(

@@ -56,7 +56,7 @@ def test_what_belongs_together():
     assert z_renderings.constituents(("x", "y", "light", "light_u", "light_v", "roulette1")) == (2, 1, 2, 1)
 
 
-@pytest.mark.parametrize("name", ["(0,2)-sequence", "Heitz", "Z"])
+@pytest.mark.parametrize("name", ["(0,2)-sequence", "ranked keys", "Z"])
 def test_pairs_are_nets_and_single_coordinates_stratified(name):
     """Each has one of four samples in each elementary interval, in an order of its own."""
     sampler = z_renderings.make_samplers(NEEDS, 8)[name]
@@ -70,7 +70,7 @@ def test_pairs_are_nets_and_single_coordinates_stratified(name):
 
 def test_orders_of_pairs_differ():
     """Else all pairs of a pixel would be copies but for an xor."""
-    for name, pixels in (("(0,2)-sequence", 64), ("Heitz", 64)):
+    for name, pixels in (("(0,2)-sequence", 64), ("ranked keys", 64)):
         sampler = z_renderings.make_samplers(NEEDS, 8)[name]
         x, y = (jnp.arange(pixels).reshape(-1, 1) % 8, jnp.arange(pixels).reshape(-1, 1) // 8)
         half = np.floor(np.asarray(sampler(x, y, jnp.arange(4), (0, 1, 2, 3, 4))) * 4) // 2

@@ -39,9 +39,9 @@ NOTE = (
     "Artifacts are read as an error from afar, which is the filtered one, of more than {almost:g} times that "
     "of Z, almost the best as one of less than {almost:g} times the least. (0,2): Sobol' points xored and "
     "shuffled in each pixel. Ranked keys, after Heitz et al., are our own, another tile and order "
-    "of the samples for each pair of dimensions. Z: by hashing. What the paper shows in large images is more than these "
-    "numbers, and 32 pixels a side tell little of it. Side by side, the four scenes make one image: sports "
-    "and defocus above the interior and the caustic. {origins}"
+    "of the samples for each pair of dimensions. Z: by hashing. What the paper shows in large images is "
+    "more than these numbers, and 32 pixels a side tell little of it. Side by side, the four "
+    "scenes make one image: sports and defocus above the interior and the caustic. {origins}"
 )
 
 

@@ -133,7 +133,7 @@ def design_samples(
         checks.power_of_two("width", width, 1024),
         1 if frames is None else checks.power_of_two("frames", frames, 1024),
         checks.power_of_two("spp", spp, 256),
-        checks.integer("dims", dims, 2, 2**16),
+        checks.integer("dims", dims, 1, 2**16),
     )
     of_scenes = isinstance(integrands, list | tuple) and any(map(images.is_scene, integrands))
     if dims not in (2, 4) and not of_scenes:

@@ -97,7 +97,7 @@ def minimize(
     >>> print(bool(result.losses[-1] < 0.8 * result.losses[0]))
     True
     """
-    if not callable(loss):
+    if not callable(loss) or isinstance(loss, type):
         raise TypeError(f"loss must be a function of parameters and a key, got {checks.shown(loss)}")
     start = _floats(parameters)
     key = checks.prng_key("key", key)
@@ -105,7 +105,7 @@ def minimize(
     rate = _arguments.positive("rate", rate)
     noise = _arguments.real("noise", noise, "finite and at least 0", lambda size: 0 <= size < np.inf)
     for name, function in (("project", project), ("progress", progress)):
-        if function is not None and not callable(function):
+        if function is not None and (not callable(function) or isinstance(function, type)):
             raise TypeError(f"{name} must be a function, got {checks.shown(function)}")
     like = jax.eval_shape(loss, start, key)
     if getattr(like, "shape", None) != () or not jnp.issubdtype(like.dtype, jnp.floating):
@@ -138,6 +138,6 @@ def _floats(parameters: Any) -> Any:
             "parameters must be a pytree of finite floats of one dtype, "
             f"got {sorted(map(str, dtypes)) or 'no leaves'}"
         )
-    if dtypes == {np.dtype(np.float64)} and not jax.config.jax_enable_x64:
+    if dtypes == {np.dtype(np.float64)} and not jax.config.read("jax_enable_x64"):
         raise ValueError("parameters must be float32 unless jax_enable_x64 is set, got float64")
     return jax.tree.unflatten(structure, [jnp.asarray(leaf) for leaf in known])

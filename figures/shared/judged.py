@@ -29,9 +29,9 @@ def falls(counts: ArrayLike, values: ArrayLike) -> bool | str:
     x, y = np.log(np.asarray(counts, np.float64)), np.log(np.asarray(values, np.float64))
     if len(x) < 4:
         return UNDECIDED
-    line = stats.linregress(x, y)
-    half = stats.t.ppf(0.975, len(x) - 2) * line.stderr
-    return True if line.slope + half < 0 else False if line.slope - half > 0 else UNDECIDED
+    slope, _, _, _, error = stats.linregress(x, y)
+    half = stats.t.ppf(0.975, len(x) - 2) * error
+    return True if slope + half < 0 else False if slope - half > 0 else UNDECIDED
 
 
 def both(first: bool | str, second: bool | str) -> bool | str:

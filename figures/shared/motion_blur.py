@@ -193,7 +193,7 @@ def smaller(errors: dict, ones: tuple[str, ...], others: tuple[str, ...], factor
         for spp in errors[one]
         if spp in errors[other] and spp > 1
     ]
-    return judged.smaller(*zip(*pairs, strict=True), factor)
+    return judged.smaller([one for one, _ in pairs], [other for _, other in pairs], factor)
 
 
 def slightly_smaller(errors: dict, one: str, other: str) -> bool | str:

@@ -88,7 +88,7 @@ def _not_linear(camera: tracing.Camera, point: NDArray) -> float:
     x, y = np.meshgrid(*[(np.arange(8, dtype=np.float32) + 0.5) / 8] * 2)
     x, y = x.ravel(), y.ravel()
     lens = tuple(jnp.full_like(jnp.asarray(x), part) for part in point)
-    sight = camera.rays(x, y, np.zeros_like(x), lens)
+    sight = camera.rays(jnp.asarray(x), jnp.asarray(y), jnp.zeros_like(x), lens)
     origin, direction = (np.stack([np.asarray(part, np.float64) for part in of]) for of in sight[:2])
     spread = np.ptp(origin, axis=1).max()
     forward = np.subtract(camera.target, camera.position, dtype=np.float64)

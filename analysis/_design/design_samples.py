@@ -135,6 +135,7 @@ def design_samples(
         checks.power_of_two("spp", spp, 256),
         checks.integer("dims", dims, 1, 2**16),
     )
+    dims = shape[4]
     of_scenes = isinstance(integrands, list | tuple) and any(map(images.is_scene, integrands))
     if dims not in (2, 4) and not of_scenes:
         raise ValueError(f"dims must be 2 or 4, got {dims}")

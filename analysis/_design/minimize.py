@@ -17,6 +17,9 @@ from analysis._design.descent import TOGETHER, descend
 from qmcjax.core import checkpoints, checks
 from qmcjax.core.checkpoints import Checkpoint
 
+_LONGEST = 1e6
+"""Of steps, and of noise relative to them."""
+
 
 class Minimized(NamedTuple):
     """Parameters, and how the loss fell."""
@@ -52,7 +55,7 @@ def minimize(
     steps : int
         In [20, 2**31), rounded up to a multiple of 20; each takes one gradient.
     rate : float
-        Length of the first steps in each parameter. Steps shrink to a hundredth, as a cosine.
+        Length of the first steps in each parameter, at most 1e6. Steps shrink to a hundredth, as a cosine.
     noise : float
         Standard deviation of the noise added to each parameter, relative to the steps; it ends at half of
         them.
@@ -97,19 +100,20 @@ def minimize(
     >>> print(bool(result.losses[-1] < 0.8 * result.losses[0]))
     True
     """
-    if not callable(loss) or isinstance(loss, type):
-        raise TypeError(f"loss must be a function of parameters and a key, got {checks.shown(loss)}")
     start = _floats(parameters)
     key = checks.prng_key("key", key)
     chunks = -(-checks.integer("steps", steps, TOGETHER, 2**31 - 1) // TOGETHER)
-    rate = _arguments.positive("rate", rate)
-    noise = _arguments.real("noise", noise, "finite and at least 0", lambda size: 0 <= size < np.inf)
-    for name, function in (("project", project), ("progress", progress)):
-        if function is not None and (not callable(function) or isinstance(function, type)):
-            raise TypeError(f"{name} must be a function, got {checks.shown(function)}")
-    like = jax.eval_shape(loss, start, key)
+    rate = _arguments.real("rate", rate, f"in (0, {_LONGEST:g}]", lambda size: 0 < size <= _LONGEST)
+    noise = _arguments.real("noise", noise, f"in [0, {_LONGEST:g}]", lambda size: 0 <= size <= _LONGEST)
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    project = (lambda free: free) if project is None else project
+    like = _returned("loss", "a function of parameters and a key", loss, start, key)
     if getattr(like, "shape", None) != () or not jnp.issubdtype(like.dtype, jnp.floating):
         raise ValueError(f"loss must return a floating point scalar, got {like}")
+    allowed = _returned("project", "a function of parameters", project, start)
+    if allowed != jax.eval_shape(lambda free: free, start):
+        raise ValueError(f"project must return parameters of the same shapes and dtypes, got {allowed}")
     kept = None
     if checkpoint is not None:
         made_of = {"loss": loss, "parameters": start, "rate": rate, "noise": noise, "project": project}
@@ -121,11 +125,21 @@ def minimize(
         chunks,
         rate,
         noise,
-        project or (lambda free: free),
+        project,
         progress=progress,
         kept=kept,
     )
     return Minimized(jax.tree.map(np.asarray, found), losses)
+
+
+def _returned(name: str, wanted: str, function: Any, *arguments: Any) -> Any:
+    """Return the shapes and dtypes of what a function returns."""
+    if not callable(function) or isinstance(function, type):
+        raise TypeError(f"{name} must be {wanted}, got {checks.shown(function)}")
+    try:
+        return jax.eval_shape(function, *arguments)
+    except TypeError as error:
+        raise TypeError(f"{name} must be {wanted}, got {checks.shown(function)}: {error}") from error
 
 
 def _floats(parameters: Any) -> Any:

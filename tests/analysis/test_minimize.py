@@ -79,6 +79,6 @@ test_wrong_arguments = refused(
     ({"parameters": jax.tree.map(np.float64, START)}, ValueError, "parameters must be float32 unless"),
     ({"rate": 0.0}, ValueError, "rate must be"),
     ({"noise": -1.0}, ValueError, "noise must be"),
-    ({"project": 1}, TypeError, "project must be a function, got 1"),
+    ({"project": 1}, TypeError, "project must be a function of parameters, got 1"),
     call=lambda options: minimize(**{"loss": bowl, "parameters": START, "key": 1} | options),
 )

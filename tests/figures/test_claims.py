@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from figures.catalogue import CATALOGUE, NO_DRAFT
-from figures.ledger import PAPERS, claims, findings, kept
+from figures.ledger import PAPERS, claims, findings, kept, stored
 from figures.ledger._ledger import verdict
 from figures.making import store
 from figures.making.schema import UNDECIDED
@@ -106,6 +106,14 @@ def test_what_differs_says_why():
     for claim, result, _, _ in found:
         if result in ("differs", "depends", "undecided", "untested", "missing"):
             assert claim.why, (result, claim)
+
+
+def test_what_is_stored_differs_for_a_reason():
+    """Verdicts of paper quality, too; their numbers fill in what was measured."""
+    for claim, result, measured, _ in findings(stored()):
+        if result in ("differs", "depends", "undecided"):
+            assert claim.why, (result, claim)
+        assert not re.search(r"[{}]|None", measured), claim
 
 
 class Anything:

@@ -74,9 +74,7 @@ CANDIDATES: dict[str, Candidate] = {
             samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(dims), key)
         )
     ),
-    "ranked keys": Candidate(
-        lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4
-    ),
+    "ranked keys": Candidate(lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4),
     "designed tiles": Candidate(
         lambda dims, width, height, spp, key: samplers.designed(width, height, spp, key, dims),
         powers_of_two=True,

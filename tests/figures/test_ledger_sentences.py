@@ -60,9 +60,13 @@ def test_misquotations_are_seen():
     )
     for sentence in ("It contains ... fine Sobol'-net", "contains x_1 ... surely"):
         assert misquoted(text, sentence) is None
-    for sentence in ("It contained ... Sobol'-net", "It contains ... fine Sobol sequence", "It contains"):
-        assert misquoted(text, sentence) is not None
-    for sentence in ("a fine ... contains x_1", "It contains ... end is near"):
+    assert misquoted(text, "It contained ... Sobol'-net") == "the paper does not have 'It contained'"
+    assert misquoted(text, "It contains").startswith("not of the form")
+    for sentence in (
+        "It contains ... Sobol sequence",
+        "a fine ... contains x_1",
+        "It contains ... end is near",
+    ):
         assert "does not follow" in misquoted(text, sentence)
 
 

@@ -1,4 +1,4 @@
-"""The pages beside the figures, of numbers that are made up: what is told, escaped, missing or damaged."""
+"""The pages beside the figures, of numbers that are made up: what they say, escape, lack or find damaged."""
 
 import itertools
 import json

@@ -70,8 +70,7 @@ def optimize_points(
     from scipy.optimize import minimize
 
     start = _arguments.points(points).astype(np.float64)
-    if not callable(measure):
-        raise TypeError(f"measure must be a function of points, got {checks.shown(measure)}")
+    checks.function("measure", measure, "of points")
     torus = checks.flag("torus", torus)
     steps = checks.integer("steps", steps, 1, 2**31 - 1)
     differentiated = jax.jit(jax.value_and_grad(measure))

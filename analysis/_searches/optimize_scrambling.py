@@ -107,8 +107,7 @@ def optimize_scrambling(
     True 0
     """
     given = _net(points)
-    if not callable(measure):
-        raise TypeError(f"measure must be a function of points, got {checks.shown(measure)}")
+    checks.function("measure", measure, "of points")
     steps = checks.integer("steps", steps, 1, 2**31 - 1)
     key = checks.prng_key("key", key)
     n, dims = given.shape

@@ -1,16 +1,20 @@
-"""Measure the errors of all available samplers: the table behind ``qmcjax.recommend``.
+"""Measure the errors of all available samplers: the tables behind ``qmcjax.recommend``.
 
 Run once (some minutes on one core): ``python -m analysis.tables.make_recommendations``. If run again, it
 keeps the existing rows of samplers: delete those of a sampler to measure it again.
 
 A sampler's points have the most dimensions of a level; scenes of fewer take the first coordinates. All scenes
-of a level are evaluated at the same points, with 8 keys, in images of two sizes: a square with a power of 2
-as side, which many samplers are made for, and one that is neither. For each scene and size the root mean
+of a level are evaluated at the same points, with several keys, in images of two sizes: a square with a power
+of 2 as side, which many samplers are made for, and one that is neither. For each scene and size the root mean
 square of its errors over the keys is stored, as 1000 ln(error / error of random samples).
+
+Animations show a still scene in 32 frames, seen through a moving average with a tenth of each new frame. The
+frames repeat, and all frames count. Images that are shown while they are rendered have an error at the first
+1, 2, 4, ... of their samples: the logarithms of these are averaged.
 """
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache, partial
 from itertools import product
 from pathlib import Path
@@ -25,11 +29,13 @@ from numpy.typing import NDArray
 from analysis import filtered_error
 from analysis.tables import CHOOSING
 from qmcjax import scenes
-from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SIZES, SPPS, Candidate, has_edges
+from qmcjax.choosing import ANIMATED, LEVELS, MEASURES, SETTINGS, SHOWN, Candidate, Setting, has_edges
 
-KEYS = 8
 BASE = "random"
 """The reference for errors."""
+
+FRAMES, ALPHA = 32, 0.1
+"""Frames of an animation, and the part of a new frame in the moving average."""
 
 SHIFTS = (0.37, 0.61, 0.43, 0.71, 0.29, 0.55, 0.67, 0.33)
 """Positions of the peaks, kinks and jumps of Genz's families, away from fractions used by samplers."""
@@ -96,10 +102,27 @@ def added(total: Array, point: Array) -> Array:
 
 def images(sampler: Any, level: int, width: int, height: int, spp: int) -> NDArray[np.float64]:
     """Return images of all scenes of a level. Their program is compiled once, apart from the samplers'."""
-    total = jnp.zeros((len(SCENES[level]), height, width))
+    return growing(sampler, level, width, height, spp, (spp,))[0]
+
+
+def growing(
+    sampler: Any, level: int, width: int, height: int, spp: int, counts: Sequence[int]
+) -> list[NDArray[np.float64]]:
+    """Return the images of the first so many samples, for several counts."""
+    total, made = jnp.zeros((len(SCENES[level]), height, width)), []
     for sample in range(spp):
         total = added(total, points(sampler, level, width, height, jnp.uint32(sample)))
-    return np.asarray(total, np.float64) / spp
+        if sample + 1 in counts:
+            made.append(np.asarray(total, np.float64) / (sample + 1))
+    return made
+
+
+def moving_average(frames: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the moving average of frames that repeat, along the first axis, after many rounds of them."""
+    weights = ALPHA * (1 - ALPHA) ** np.arange(6 * len(frames))
+    folded = weights.reshape(-1, len(frames)).sum(axis=0)
+    transfer = np.fft.fft(folded / folded.sum()).reshape(-1, *(1,) * (frames.ndim - 1))
+    return np.fft.ifft(np.fft.fft(frames, axis=0) * transfer, axis=0).real
 
 
 @cache
@@ -108,32 +131,55 @@ def exact(level: int, width: int, height: int) -> list[NDArray[np.float64]]:
     return [scene.reference(width, height)[0] for scene in SCENES[level].values()]
 
 
+def _drawn(
+    candidate: Candidate, setting: Setting, level: int, size: tuple[int, int], spp: int, key: int
+) -> list[NDArray[np.float64]]:
+    """Return the images, shape (scenes, height, width), that a setting counts."""
+    how = level, *size, spp
+    if setting is ANIMATED:
+        each = [images(candidate.make(*how, key, np.uint32(t)), *how) for t in range(FRAMES)]
+        return list(moving_average(np.stack(each)))
+    counts = [2**k for k in range(spp.bit_length())] if setting is SHOWN else [spp]
+    return growing(candidate.make(*how, key), *how, counts)
+
+
 def errors(
-    candidate: Candidate, level: int, size: tuple[int, int], spp: int, keys: range
+    candidate: Candidate, setting: Setting, level: int, size: tuple[int, int], spp: int, keys: range
 ) -> NDArray[np.float64]:
-    """Return the errors, shape (measures, scenes, keys)."""
-    found = np.empty((len(MEASURES), len(SCENES[level]), len(keys)))
-    for k, key in enumerate(keys):
-        drawn = images(candidate.make(level, *size, spp, key), level, *size, spp)
-        for j, (image, reference) in enumerate(zip(drawn, exact(level, *size), strict=True)):
-            rms = np.sqrt(np.mean((image - reference) ** 2))
-            found[:, j, k] = rms, filtered_error(image, reference)
-    return found
+    """Return the errors of the images that count, shape (images, measures, scenes, keys)."""
+    found = []
+    for key in keys:
+        for drawn in _drawn(candidate, setting, level, size, spp, key):
+            each = list(zip(drawn, exact(level, *size), strict=True))
+            rms = [np.sqrt(np.mean((image - reference) ** 2)) for image, reference in each]
+            found.append([rms, [filtered_error(image, reference) for image, reference in each]])
+    made = np.reshape(found, (len(keys), -1, len(MEASURES), len(SCENES[level])))
+    return made.transpose(1, 2, 3, 0)
 
 
-def logarithms(candidate: Candidate) -> dict[tuple[int, tuple[int, int]], NDArray[np.float64]]:
-    """Return ln(error) by level and size, shape (scenes, measures, numbers of samples)."""
+def logarithm(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return ln(error), shape (measures, scenes): of squares averaged over keys, on average over images."""
+    return 0.5 * np.log(np.mean(np.square(errors), axis=-1)).mean(axis=0)
+
+
+Logarithms = dict[tuple[int, tuple[int, int]], NDArray[np.float64]]
+"""ln(error) by level and size, shape (scenes, measures, numbers of samples)."""
+
+
+def logarithms(candidate: Candidate, setting: Setting) -> Logarithms:
+    """Measure a candidate at all levels that it has the dimensions for."""
     found = {}
-    for level, size in product(LEVELS, SIZES):
-        if level <= candidate.most_dims:
-            of_spp = [errors(candidate, level, size, spp, range(KEYS)) for spp in SPPS]
-            found[level, size] = np.log(np.sqrt(np.mean(np.square(of_spp), axis=-1))).transpose(2, 1, 0)
+    for level, size in product(LEVELS, setting.sizes):
+        if candidate.least_dims <= level <= candidate.most_dims:
+            keys = range(setting.keys)
+            of_spp = [logarithm(errors(candidate, setting, level, size, spp, keys)) for spp in setting.spps]
+            found[level, size] = np.transpose(of_spp, (2, 1, 0))
     return found
 
 
-def rows(name: str, base: dict[tuple[int, tuple[int, int]], NDArray[np.float64]]) -> Iterator[list[str]]:
+def rows(name: str, setting: Setting, base: Logarithms) -> Iterator[list[str]]:
     """Yield the rows of a sampler."""
-    found = base if name == BASE else logarithms(CANDIDATES[name])
+    found = base if name == BASE else logarithms(setting.candidates[name], setting)
     for (level, size), of_scenes in found.items():
         relative = np.rint(1000 * (of_scenes - base[level, size])).astype(int)
         for (scene, made), numbers in zip(SCENES[level].items(), relative, strict=True):
@@ -141,23 +187,32 @@ def rows(name: str, base: dict[tuple[int, tuple[int, int]], NDArray[np.float64]]
             yield [scene, kind, str(level), "{} x {}".format(*size), name, *map(str, numbers.ravel())]
 
 
-def main(folder: Path = CHOOSING) -> None:
-    """Write recommendations.csv into a folder, or continue it."""
-    path = folder / "recommendations.csv"
-    numbers = [f"{measure} at {spp} spp" for measure in MEASURES for spp in SPPS]
+def measure(setting: Setting, folder: Path) -> None:
+    """Write the table of a setting into a folder, or continue it."""
+    path, names = folder / setting.file, list(setting.candidates)
+    numbers = [f"{measure} at {spp} spp" for measure in MEASURES for spp in setting.spps]
     table = [["scene", "kind", "level", "size", "sampler", *numbers]]
     if path.exists():
         with path.open(encoding="utf-8", newline="") as stream:
             table = [row for row in csv.reader(stream) if not row[0].startswith("#")]
-    base = logarithms(CANDIDATES[BASE])
     done = {row[4] for row in table}
-    for name in [name for name in CANDIDATES if name not in done]:
-        table += rows(name, base)
-        table[1:] = sorted(table[1:], key=lambda row: list(CANDIDATES).index(row[4]))
+    missing = [name for name in names if name not in done]
+    if not missing:
+        return
+    base = logarithms(setting.candidates[BASE], setting)
+    for name in missing:
+        table += rows(name, setting, base)
+        table[1:] = sorted(table[1:], key=lambda row: names.index(row[4]))
         with path.open("w", encoding="utf-8", newline="") as stream:
-            stream.write(f"# 1000 ln(error / error of {BASE}); {KEYS} keys\n")
+            stream.write(f"# 1000 ln(error / error of {BASE}); {setting.keys} keys\n")
             csv.writer(stream, lineterminator="\n").writerows(table)
-        print(name, flush=True)
+        print(setting.file, name, flush=True)
+
+
+def main(folder: Path = CHOOSING) -> None:
+    """Measure what the tables lack."""
+    for setting in SETTINGS.values():
+        measure(setting, folder)
 
 
 if __name__ == "__main__":

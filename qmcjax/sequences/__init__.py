@@ -20,6 +20,9 @@ from qmcjax.sequences._digital.direction_numbers import sobol_of as sobol_of
 from qmcjax.sequences._digital.faure import faure as faure
 from qmcjax.sequences._digital.inversion import inverted as inverted
 from qmcjax.sequences._digital.inversion import net_by_frames as net_by_frames
+from qmcjax.sequences._digital.matrix_files import matrices_text as matrices_text
+from qmcjax.sequences._digital.matrix_files import read_matrices as read_matrices
+from qmcjax.sequences._digital.niederreiter_xing import niederreiter_xing as niederreiter_xing
 from qmcjax.sequences._digital.one_two import one_two as one_two
 from qmcjax.sequences._digital.quad_optimized import quad_optimized as quad_optimized
 from qmcjax.sequences._digital.replacement import replace_component as replace_component
@@ -31,6 +34,8 @@ from qmcjax.sequences._halton.halton import halton as halton
 from qmcjax.sequences._halton.halton import van_der_corput as van_der_corput
 from qmcjax.sequences._lattices.kronecker import kronecker as kronecker
 from qmcjax.sequences._lattices.kronecker import roberts as roberts
+from qmcjax.sequences._lattices.lattice_files import lattice_text as lattice_text
+from qmcjax.sequences._lattices.lattice_files import read_lattice as read_lattice
 from qmcjax.sequences._lattices.lattice_sequence import lattice as lattice
 from qmcjax.sequences._lattices.rank1_lattice import korobov as korobov
 from qmcjax.sequences._lattices.rank1_lattice import rank1_lattice as rank1_lattice
@@ -60,6 +65,8 @@ from qmcjax.sequences._scrambling.components import components as components
 from qmcjax.sequences._scrambling.digit_scramble import digit_scramble as digit_scramble
 from qmcjax.sequences._scrambling.digital_shift import digital_shift as digital_shift
 from qmcjax.sequences._scrambling.gray import gray as gray
+from qmcjax.sequences._scrambling.in_time import InTime as InTime
+from qmcjax.sequences._scrambling.in_time import in_time as in_time
 from qmcjax.sequences._scrambling.linear_matrix_scramble import (
     linear_matrix_scramble as linear_matrix_scramble,
 )

@@ -6,26 +6,29 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import slow
+from tables import Table, slow, some
 
 from qmcjax import sequences
 
-HALTON = sequences.halton(12)
-SEQUENCES = {
-    "halton": HALTON,
-    "zaremba": sequences.halton(12, "zaremba"),
-    "faure_lemieux": sequences.halton(6, "faure_lemieux"),
-    "random": sequences.halton(12, "random", key=3),
-    "van_der_corput(4096)": sequences.van_der_corput(4096),
-    "components": sequences.components(sequences.halton(4, "faure"), (3, 0)),
-    "owen(halton)": sequences.owen(sequences.halton(3), key=1),
-    "owen(sobol)": sequences.owen(sequences.sobol(5), key=1),
-    "components of owen": sequences.components(sequences.owen(sequences.sobol(5), key=1), (4, 0, 2)),
-    "gray of owen": sequences.gray(sequences.owen(sequences.sobol(3), key=1)),
-    "rotate": sequences.rotate(sequences.linear_matrix_scramble(sequences.sobol(4), key=1), 2),
-    "lattice": sequences.lattice(3),
-    "net": sequences.owen(sequences.hammersley_net(32), key=1),
-}
+SEQUENCES = Table(
+    {
+        "halton": lambda: sequences.halton(12),
+        "zaremba": lambda: sequences.halton(12, "zaremba"),
+        "faure_lemieux": lambda: sequences.halton(6, "faure_lemieux"),
+        "random": lambda: sequences.halton(12, "random", key=3),
+        "van_der_corput(4096)": lambda: sequences.van_der_corput(4096),
+        "components": lambda: sequences.components(sequences.halton(4, "faure"), (3, 0)),
+        "owen(halton)": lambda: sequences.owen(sequences.halton(3), key=1),
+        "owen(sobol)": lambda: sequences.owen(sequences.sobol(5), key=1),
+        "components of owen": lambda: sequences.components(
+            sequences.owen(sequences.sobol(5), key=1), (4, 0, 2)
+        ),
+        "gray of owen": lambda: sequences.gray(sequences.owen(sequences.sobol(3), key=1)),
+        "rotate": lambda: sequences.rotate(sequences.linear_matrix_scramble(sequences.sobol(4), key=1), 2),
+        "lattice": lambda: sequences.lattice(3),
+        "net": lambda: sequences.owen(sequences.hammersley_net(32), key=1),
+    }
+)
 
 
 @partial(jax.jit, static_argnames=("count", "dtype"))
@@ -40,7 +43,7 @@ def by_index(sequence, index, dtype):
     return sequence.coordinates(index, tuple(range(sequence.dims))[::-1], dtype)
 
 
-@pytest.mark.parametrize("sequence", SEQUENCES.values(), ids=SEQUENCES.keys())
+@some("sequence", SEQUENCES, *SEQUENCES)
 @pytest.mark.parametrize(
     "case",
     [(64, jnp.float32), *slow((64, jnp.float64), (1, jnp.float32), (7, jnp.float64), (3000, jnp.float32))],
@@ -63,9 +66,10 @@ def test_blocks_have_the_points_of_their_indices(sequence, case):
 def test_each_sample_of_a_block_at_once():
     """A number of a sample for each block, or the same for all."""
     first = jnp.arange(8, dtype=jnp.uint32) * np.uint32(81)
-    block = HALTON.prepare_block(first, 81, (1, 2))
-    points = HALTON.block_points(block, jnp.uint32(80), 81, (1, 2), jnp.float32)
-    assert np.array_equal(points, HALTON(first + np.uint32(80), (1, 2)))
+    halton = SEQUENCES["halton"]
+    block = halton.prepare_block(first, 81, (1, 2))
+    points = halton.block_points(block, jnp.uint32(80), 81, (1, 2), jnp.float32)
+    assert np.array_equal(points, halton(first + np.uint32(80), (1, 2)))
 
 
 def test_high_digits_are_not_reflected_for_each_sample():
@@ -75,6 +79,7 @@ def test_high_digits_are_not_reflected_for_each_sample():
         return str(jax.make_jaxpr(function)(*arguments)).count("floor_divide jaxpr")
 
     first = jnp.zeros(4, jnp.uint32)
-    block = HALTON.prepare_block(first, 64, (1,))
-    by_block = quotients(lambda k: HALTON.block_points(block, k, 64, (1,), jnp.float32), first)
-    assert by_block == 3 and 20 == quotients(lambda i: HALTON.coordinates(i, (1,), jnp.float32), first)
+    halton = SEQUENCES["halton"]
+    block = halton.prepare_block(first, 64, (1,))
+    by_block = quotients(lambda k: halton.block_points(block, k, 64, (1,), jnp.float32), first)
+    assert by_block == 3 and 20 == quotients(lambda i: halton.coordinates(i, (1,), jnp.float32), first)

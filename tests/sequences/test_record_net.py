@@ -1,12 +1,16 @@
 """The shipped sets of small star discrepancy, each measured exactly."""
 
+import itertools
+from fractions import Fraction
+from math import prod
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import analysis
-from analysis.tables import SEQUENCES
-from analysis.tables.make_discrepancy_records import FILE, SIZES, improve
+from analysis.tables import SEQUENCES, check_discrepancy
+from analysis.tables.make_discrepancy_records import FILES, MEASURES, SIZES, improve
 from qmcjax import sequences
 
 PLANE = {100: 0.014636, 140: 0.010694, 220: 0.007209, 500: 0.003471, 1020: 0.001833}
@@ -15,11 +19,14 @@ PLANE = {100: 0.014636, 140: 0.010694, 220: 0.007209, 500: 0.003471, 1020: 0.001
 OPTIMAL = {16: 0.0739, 20: 0.0604}
 """Proven, to four decimals: F. Clement et al., arXiv 2311.17463."""
 
-ALL = [(n, dims) for dims, sizes in SIZES.items() for n in sizes]
+ALL = [(kind, n, dims) for kind, by_dims in SIZES.items() for dims, sizes in by_dims.items() for n in sizes]
+
+CHEAP = 512
+"""Coordinates up to which certificates are computed in every run of the tests."""
 
 
-def points(n, dims):
-    return np.asarray(sequences.record_net(n, dims).table) * 2.0**-32
+def points(n, dims, discrepancy="star"):
+    return np.asarray(sequences.record_net(n, dims, discrepancy).table) * 2.0**-32
 
 
 @pytest.mark.parametrize(("n", "most"), PLANE.items())
@@ -33,7 +40,7 @@ def test_small_sets_are_nearly_optimal_and_none_is_better(n, least):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [n for n in SIZES[2] if n & (n - 1) == 0])
+@pytest.mark.parametrize("n", [n for n in SIZES["star"][2] if n & (n - 1) == 0])
 def test_sets_in_the_plane_are_far_better_than_nets(n):
     m = n.bit_length() - 1
     nets = sequences.hammersley_net(m), sequences.optimized_net(m), sequences.sobol(2)
@@ -42,7 +49,7 @@ def test_sets_in_the_plane_are_far_better_than_nets(n):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", SIZES[3])
+@pytest.mark.parametrize("n", [n for n in SIZES["star"][3] if n <= 256])
 def test_sets_in_space_are_far_better_than_nets(n):
     m = n.bit_length() - 1
     nets = sequences.sobol_net_3d(m), sequences.optimized_net_3d(m), sequences.sobol(3)
@@ -50,32 +57,107 @@ def test_sets_in_space_are_far_better_than_nets(n):
     assert analysis.star_discrepancy(points(n, 3)) < 0.85 * min(others)
 
 
-def test_words_of_the_file_are_the_points():
-    file = np.load(SEQUENCES / FILE)
-    assert {name for name in file if not name.endswith("_seconds")} == {f"{dims}d_{n}" for n, dims in ALL}
-    for n, dims in ALL:
-        words = file[f"{dims}d_{n}"]
+@pytest.mark.parametrize(
+    ("discrepancy", "n", "dims"),
+    [row if row[1] * row[2] <= CHEAP else pytest.param(*row, marks=pytest.mark.slow) for row in ALL],
+)
+def test_the_exact_discrepancy_is_the_measured_one_and_below_that_of_sobol(discrepancy, n, dims):
+    words = np.asarray(sequences.record_net(n, dims, discrepancy).table)
+    sobol = np.asarray(sequences.sobol(dims).points(n, dtype=jnp.float64))
+    measured = MEASURES[discrepancy](words * 2.0**-32)
+    if discrepancy == "star":
+        exact, box, is_open = check_discrepancy.exact_star(words)
+        inside = (words < np.array(box, object)) if is_open else (words <= np.array(box, object))
+        volume = Fraction(prod(box), 2 ** (32 * dims))
+        assert exact == abs(volume - Fraction(int(inside.all(axis=1).sum()), n))
+        assert float(exact) == pytest.approx(measured, abs=(dims + 2) * 2.0**-51)
+        assert measured < 0.8 * analysis.star_discrepancy_bounds(sobol, regions=1)[0]
+    else:
+        exact = check_discrepancy.EXACT_L2[discrepancy](words)
+        assert float(exact) ** 0.5 == pytest.approx(measured, rel=1e-10)
+        assert measured < MEASURES[discrepancy](sobol)
+
+
+def test_words_of_the_files_are_the_points():
+    files = {name: np.load(SEQUENCES / name) for name in set(FILES.values())}
+    names = {name for file in files.values() for name in file if not name.endswith("_seconds")}
+    assert names == {f"{kind}_{dims}d_{n}" for kind, n, dims in ALL}
+    for kind, n, dims in ALL:
+        file = files[FILES[kind]]
+        words = file[f"{kind}_{dims}d_{n}"]
         assert words.dtype == np.uint32
         assert words.shape == (n, dims)
-        net = sequences.record_net(n, dims)
+        net = sequences.record_net(n, dims, kind)
         assert (net.size, net.dims) == (n, dims)
         assert (np.asarray(net.table) == words).all()
         assert (np.diff(words[:, 0].astype(np.int64)) >= 0).all()
-        assert file[f"{dims}d_{n}_seconds"] > 0
+        assert file[f"{kind}_{dims}d_{n}_seconds"] > 0
     assert (points(16, 2) == np.asarray(sequences.record_net(16).points(16, dtype=jnp.float64))).all()
 
 
+def test_a_moved_point_or_a_lost_bit_changes_the_exact_value():
+    words = np.asarray(sequences.record_net(16, 3).table).copy()
+    value, box, _ = check_discrepancy.exact_star(words)
+    squares = {kind: exact(words) for kind, exact in check_discrepancy.EXACT_L2.items()}
+    row, axis = np.argwhere(words == np.array(box, object))[0]
+    words[row, axis] += 1
+    assert check_discrepancy.exact_star(words)[0] != value
+    assert all(exact(words) != squares[kind] for kind, exact in check_discrepancy.EXACT_L2.items())
+    words[row, axis] ^= 1 << 31
+    assert check_discrepancy.exact_star(words)[0] > value
+
+
+@pytest.mark.parametrize("dims", [2, 3, 4])
+def test_the_exact_discrepancies_are_those_of_all_boxes_and_of_integrals(dims):
+    n, bits = 6, 3
+    words = np.random.default_rng(dims).integers(1, 2**bits, (n, dims), np.uint32)
+    ends = [[*{int(x) for x in words[:, k]}, 2**bits] for k in range(dims)]
+    values = []
+    for box in itertools.product(*ends):
+        volume = Fraction(prod(box), 2 ** (bits * dims))
+        values.append(volume - Fraction(int((words < box).all(axis=1).sum()), n))
+        values.append(Fraction(int((words <= box).all(axis=1).sum()), n) - volume)
+    shifted = (words << (32 - bits)).astype(np.uint32)
+    assert check_discrepancy.exact_star(shifted)[0] == max(values)
+    corners = [
+        float(analysis.l2_star_discrepancy(np.where(flip, 1 - words / 2**bits, words / 2**bits))) ** 2
+        for flip in itertools.product([False, True], repeat=dims)
+    ]
+    assert float(check_discrepancy.exact_average(shifted)) == pytest.approx(np.mean(corners), rel=1e-11)
+    periodic = float(analysis.periodic_discrepancy(words / 2**bits)) ** 2
+    assert float(check_discrepancy.exact_periodic(shifted)) == pytest.approx(periodic, rel=1e-11)
+
+
+def test_certificates_are_printed(capsys):
+    assert check_discrepancy.certificate("average", 16, 2).endswith(" squared")
+    value, kind = check_discrepancy.certificate("star", 16, 2).split()[:2]
+    assert 0 <= float(value) - analysis.star_discrepancy(points(16, 2)) < 1.1e-12
+    assert kind in ("open", "closed")
+    with pytest.raises(ValueError, match="words: 4096 points in 3 dimensions have too many boxes"):
+        check_discrepancy.exact_star(
+            (np.arange(4096 * 3, dtype=np.uint32) << 10).astype(np.uint32).reshape(4096, 3)
+        )
+
+
 def test_program_goes_on_and_keeps_the_better(tmp_path, capsys):
-    for _ in range(2):
-        improve(tmp_path, 5, 2, seconds=0.02)
-    first, second = capsys.readouterr().out.splitlines()
-    assert first.startswith("2-D 5: inf -> 0.2")
-    assert second.startswith("2-D 5: 0.2")
-    kept = np.load(tmp_path / FILE)
-    assert analysis.star_discrepancy(kept["2d_5"] * 2.0**-32) == pytest.approx(0.2, abs=0.05)
-    assert kept["2d_5_seconds"] > 0.04
+    for kind, dims in [("star", 2), ("star", 3), ("periodic", 2), ("average", 4)]:
+        name = f"{kind}_{dims}d_5"
+        for _ in range(2):
+            improve(tmp_path, kind, 5, dims, seconds=0.02)
+        first, second = capsys.readouterr().out.splitlines()
+        assert first.startswith(f"{name}: inf -> 0.")
+        kept = np.load(tmp_path / FILES[kind])
+        after = float(second.split(" -> ")[1].split(",")[0])
+        assert after <= float(second.split()[1])
+        assert MEASURES[kind](kept[name] * 2.0**-32) == pytest.approx(after, abs=1e-9)
+        assert kept[f"{name}_seconds"] > 0.04
+    assert len(kept) == 4
 
 
 def test_errors():
-    with pytest.raises(ValueError, match=r"n must be one of 16, 32, 64, 128, 256 for dims=3, got 100"):
+    listed = r"n must be one of .*256, 512.* for dims=3 and discrepancy='star', got 100"
+    with pytest.raises(ValueError, match=listed):
         sequences.record_net(100, 3)
+    listed = r"discrepancy must be one of \('star', 'periodic', 'average'\), got 'l2'"
+    with pytest.raises(ValueError, match=listed):
+        sequences.record_net(16, 3, "l2")

@@ -83,7 +83,8 @@ class BinaryRank1Lattice(WordFirst):
         return Fraction(lambda: index[..., None] * wanted)
 
 
-def _rank1(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Lattice:
+def rank1_of(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Lattice:
+    """Return the lattice of n points and a vector below n."""
     if n & (n - 1):
         return Rank1Lattice(n, jnp.asarray(np.array(vector, np.uint32)))
     fractions = [g * (2**32 // n) % 2**32 for g in vector]
@@ -120,7 +121,7 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
     n = checks.integer("n", n, 1, 2**32)
     dims = checks.integer("dims", dims, 1, 2**16)
     a = checks.integer("a", a, 0, n - 1)
-    return _rank1(n, tuple(pow(a, j, n) for j in range(dims)))
+    return rank1_of(n, tuple(pow(a, j, n) for j in range(dims)))
 
 
 def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
@@ -166,7 +167,7 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
                 f"n must be at most {_SPATIAL_LIMIT} or a power of two up to {_SPATIAL_TABLE_LIMIT} "
                 f"in three dimensions, got {n}"
             )
-    return _rank1(n, (1, *_best(n, dims)))
+    return rank1_of(n, (1, *_best(n, dims)))
 
 
 @lru_cache

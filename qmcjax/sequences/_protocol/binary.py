@@ -16,7 +16,7 @@ from qmcjax.core.bits import reverse, to_unit
 from qmcjax.sequences._protocol.base import FEW, Sequence
 from qmcjax.sequences._protocol.blocks import Blocks
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.kept import ROWS
+from qmcjax.sequences._protocol.materialized import ROWS
 
 _BLOCKS_FROM = 4096
 """Number of points from which tables of blocks pay off."""

@@ -21,8 +21,8 @@ _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns p
 class PlugIn(Sequence):
     """An object with ``dims``, a call, and optionally a ``size``; or a function as the call."""
 
-    held: Any
-    """The object, from :func:`plug_ins.held`."""
+    wrapped: Any
+    """The object, from :func:`plug_ins.wrap`."""
     selects: bool = field(metadata={"static": True})
     """Whether the call takes dimensions and a dtype, otherwise it returns all coordinates."""
     count: int | None = field(default=None, metadata={"static": True})
@@ -31,22 +31,22 @@ class PlugIn(Sequence):
     @property
     def called(self) -> str:
         """The name of the class, or "function"."""
-        return type(plug_ins.unheld(self.held)).__name__ if self.count is None else "function"
+        return type(plug_ins.unwrap(self.wrapped)).__name__ if self.count is None else "function"
 
     @property
     def dims(self) -> int:
-        return int(plug_ins.unheld(self.held).dims) if self.count is None else self.count
+        return int(plug_ins.unwrap(self.wrapped).dims) if self.count is None else self.count
 
     @property
     def size(self) -> int | None:
-        size = getattr(plug_ins.unheld(self.held), "size", None) if self.count is None else None
+        size = getattr(plug_ins.unwrap(self.wrapped), "size", None) if self.count is None else None
         return None if size is None else int(size)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         return self.coordinates(index, (dim,), dtype)[..., 0]
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        call = plug_ins.unheld(self.held)
+        call = plug_ins.unwrap(self.wrapped)
         with checks.precision(dtype):
             if self.selects:
                 return _checked(call(index, dims=dims, dtype=dtype), index, len(dims), dtype)
@@ -104,7 +104,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
         engine = callable(getattr(value, "random", None)) and hasattr(value, "fast_forward")
         hint = ": sequences.tabulated(engine.random(n)) makes one of its points" if engine else ""
         raise TypeError(f"{name} must be a sequence ({_PROTOCOL}), got {checks.shown(value)}{hint}")
-    return PlugIn(plug_ins.held(name, value), takes == "dims")
+    return PlugIn(plug_ins.wrap(name, value), takes == "dims")
 
 
 def _takes(value: Any) -> str | None:
@@ -149,6 +149,5 @@ def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
     >>> print(midpoints.points(3)[:, 0])
     [0.125 0.375 0.625]
     """
-    if not callable(f):
-        raise TypeError(f"f must be a function from indices to points, got {checks.shown(f)}")
-    return PlugIn(plug_ins.held("f", f), False, checks.integer("dims", dims, 1, 2**16))
+    checks.function("f", f, "from indices to points")
+    return PlugIn(plug_ins.wrap("f", f), False, checks.integer("dims", dims, 1, 2**16))

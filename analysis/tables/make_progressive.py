@@ -1,0 +1,234 @@
+"""Make the tables of the progressive sampler: matrices of pixels and samples, and orders of the pixels.
+
+``python -m analysis.tables.make_progressive`` writes progressive.npz (minutes on one core; needs
+Numba).
+
+A point belongs to a function over F_2: its coordinates are the coefficients of the function's expansions at
+as many rational places. Another rational place, P, and a place Q of degree 2 or 4 are for samples and pixels.
+Sample s adds the functions with poles at P, of increasing order, that the digits of s select; a pixel adds
+functions with poles at Q, of an order that increases with the level of the square in the image. Then the
+samples of an aligned block of ``2**k``, in the pixels of an aligned square, belong to all functions with
+bounded poles at both, and a constant one: these points are a net, for each k and each such square.
+
+In two dimensions the functions are rational in t, the coordinates are at t = 0 and 1, P is at infinity, and Q
+is the zero of 1 + t + t**2, of degree 2: squares of ``2**i`` pixels per side add ``2 i`` functions. Functions
+of a divisor of degree k + 2 i - 1 have no more zeros than that: t = 0. The samples are the Sobol' sequence.
+
+In four dimensions they are those of the elliptic curve y**2 + y = x**3 + x. It has five rational places, four
+of them at x = 0 and 1, but none of degree 2. Q is the zero of 1 + x + x**2, of degree 4: it remains prime,
+since y**2 + y = 1 + x has no solution over F_4. With k > 1 and squares of ``4**i`` pixels per side, the
+functions are all those of a divisor of degree k + 4 i: t = 1 by the theorem of Riemann and Roch. Which two of
+the four functions of a level go to squares of 2 x 2 pixels is free: a short search tries all 35 planes.
+
+The quadrants of each square may be permuted: all 24 permutations are affine over F_2, so the nets remain.
+As in make_optimized_orders, the mean square of the filtered error over half-spaces and nested scramblings is
+a sum over pairs of pixels of a table of the xor of their positions. Each number of samples has its own table,
+relative to the variance of a pixel, but all have the same positions. So the mean over 1, 2, ..., 4096 samples
+is the same search, with the mean of all tables.
+"""
+
+from collections.abc import Iterator
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.tables import SAMPLERS
+from analysis.tables.make_optimized_orders import (
+    AROUND,
+    COLD,
+    HOT,
+    LOG_SIDE,
+    Covariances,
+    anneal_order,
+    energy,
+    filter_pairs,
+    random_order,
+)
+
+WORD = 32
+
+LOG_COUNTS = 13
+"""The search is for 1, 2, ..., 2**(LOG_COUNTS - 1) samples."""
+
+TRIALS = 1500
+"""Exchanges that are tried per pixel."""
+
+SHORT_TRIALS, SHORT_COUNTS = 15, (0, 2, 4, 6)
+"""Exchanges, and binary logarithms of numbers of samples, in the short searches."""
+
+DIGITS = {2: 16, 4: 12}
+"""Points of which a coordinate has so many common digits are taken as equal there."""
+
+SEED = 1
+
+Series = NDArray[np.int64]
+"""The first coefficients of an expansion, 0 or 1."""
+
+ONE = np.eye(1, WORD, dtype=np.int64)[0]
+
+
+class Matrices(NamedTuple):
+    """Of samples and pixels: uint32 (dims, 32), a column as a word, its first row in bit 31."""
+
+    samples: NDArray[np.uint32]
+    pixels: NDArray[np.uint32]
+
+
+def product(one: Series, other: Series) -> Series:
+    """Return the product of two series over F_2."""
+    return np.convolve(one, other)[:WORD] % 2
+
+
+def inverse(series: Series) -> Series:
+    """Return 1 over a series that begins with 1."""
+    found = ONE
+    for _ in range(WORD.bit_length()):
+        # By Newton's iteration: 1 / f = g**2 f if g is the inverse to half as many coefficients.
+        found = product(product(found, found), series)
+    return found
+
+
+def places(dims: int) -> Iterator[tuple[Series, Series]]:
+    """Yield the expansions of x and y, of which y is 0 in two dimensions, at all places of coordinates."""
+    for at in (0, 1):
+        x = np.roll(ONE, 1) + at * ONE
+        if dims == 2:
+            yield x, 0 * ONE
+            continue
+        for value in (0, 1):
+            y, power = value * ONE, (product(product(x, x), x) + x) % 2
+            # y**2 + y = f has the solutions f + f**2 + f**4 + ..., and 1 more.
+            while power.any():
+                y, power = (y + power) % 2, product(power, power)
+            yield x, y
+
+
+def words(functions: list[Series]) -> NDArray[np.uint32]:
+    """Return series as columns: the first coefficient in bit 31."""
+    return (np.array(functions) @ (1 << np.arange(WORD - 1, -1, -1))).astype(np.uint32)
+
+
+def matrices(dims: int, level: tuple[int, ...]) -> Matrices:
+    """Return the matrices, for a basis of the functions of a level.
+
+    ``level``: those whose digits are last in a position come first; bits select 1, x, y and x y.
+    """
+    samples, pixels = [], []
+    for x, y in places(dims):
+        powers = [ONE]
+        while len(powers) < WORD:
+            powers.append(product(powers[-1], x))
+        # The pole of x has order 2, that of y order 3: each order but 1 occurs.
+        with_y = [product(y, power) for power in powers]
+        of_order = [powers[0], *(f for pair in zip(powers[1:], with_y, strict=False) for f in pair)]
+        samples.append(words((powers if dims == 2 else of_order)[:WORD]))
+        basis = np.array([ONE, x, y, product(x, y)])
+        chosen = [(np.array([bits >> k & 1 for k in range(4)]) @ basis) % 2 for bits in level]
+        divisor, power, columns = inverse((ONE + x + product(x, x)) % 2), ONE, []
+        while len(columns) < WORD:
+            power = product(power, divisor)
+            columns += [product(power, function) for function in chosen]
+        pixels.append(words(columns))
+    return Matrices(np.array(samples), np.array(pixels))
+
+
+def mean_distances(dims: int) -> NDArray[np.float64]:
+    """Return the mean distance of two scrambled points, by the numbers of digits that coordinates share.
+
+    A distance d is the integral of (1 - exp(-v d**2)) v**(-3/2) dv / (2 sqrt(pi)); the mean of the
+    exponential is a product over coordinates, whose differences make_optimized_orders describes.
+    """
+    node, weight = np.polynomial.legendre.leggauss(64)
+    difference = np.concatenate([(node + 1) / 4, (node + 3) / 4])
+    density = np.tile(weight / 4, 2) * (2 - 4 * np.abs(difference - 0.5))
+    logarithm = np.linspace(-14, 30, 440)
+    apart = (2.0 ** -np.arange(DIGITS[dims])[:, None] * difference) ** 2
+    single = np.exp(-np.exp(logarithm)[:, None, None] * apart) @ density
+    single = np.column_stack([single, np.ones(len(logarithm))])
+    together = single
+    for _ in range(dims - 1):
+        together = together[..., None] * single.reshape(len(single), *(1,) * (together.ndim - 1), -1)
+    step = (logarithm[1] - logarithm[0]) * np.exp(-logarithm / 2) / (2 * np.sqrt(np.pi))
+    return np.asarray(np.tensordot(step, 1 - together, 1), np.float64)
+
+
+def products(columns: NDArray[np.uint32], indices: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Return the xors of the columns that the bits of the indices select."""
+    found = np.zeros_like(indices)
+    for k, column in enumerate(columns):
+        found ^= np.where(indices >> np.uint32(k) & np.uint32(1), column, np.uint32(0))
+    return found
+
+
+def covariances(made: Matrices, log_count: int, log_pixels: int) -> Covariances:
+    """Return those of the means of ``2**log_count`` samples, by the xor of the positions of pixels."""
+    dims = len(made.samples)
+    distances, cap = mean_distances(dims), DIGITS[dims]
+    position = np.arange(AROUND << log_pixels, dtype=np.uint32)
+    sample = np.arange(1 << log_count, dtype=np.uint32)
+    means = np.zeros(len(position))
+    for part in np.array_split(np.arange(len(position)), max(1, len(position) * len(sample) >> 20)):
+        common = []
+        for of_samples, of_pixels in zip(*made, strict=True):
+            apart = products(of_pixels, position[part])[:, None] ^ products(of_samples, sample)
+            common.append(np.minimum(WORD - np.frexp(apart.astype(np.float64))[1], cap))
+        means[part] = -distances[tuple(common)].mean(axis=1)
+    means = means.reshape(AROUND, -1) - means.mean()
+    means /= means[0, 0]
+    return Covariances(means[0].astype(np.float32), means[1:].mean(axis=0).astype(np.float32))
+
+
+class Found(NamedTuple):
+    """An order, and filtered errors relative to white noise of the same variance for each number."""
+
+    positions: NDArray[np.int64]
+    errors: NDArray[np.float64]
+
+
+def search(made: Matrices, log_side: int, log_counts: tuple[int, ...], trials: int) -> Found:
+    """Search an order of the pixels of a tile for all these numbers of samples together."""
+    pairs, tables = filter_pairs(), [covariances(made, k, 2 * log_side) for k in log_counts]
+    mean = Covariances(*(np.mean([table[k] for table in tables], axis=0) for k in (0, 1)))
+    positions = random_order(log_side, np.random.default_rng(SEED))
+    anneal_order(mean, pairs, positions, trials * 4**log_side, HOT, COLD, SEED)
+    return Found(positions, np.sqrt([energy(table, pairs, positions, 0) for table in tables]))
+
+
+def planes() -> Iterator[tuple[int, ...]]:
+    """Yield bases of the functions of a level of which the first two span each plane once."""
+    for one, other in combinations(range(1, 16), 2):
+        if one ^ other > other:
+            basis, span = [one, other], {0, one, other, one ^ other}
+            for function in (1, 2, 4, 8):
+                if function not in span:
+                    basis.append(function)
+                    span |= {function ^ known for known in span}
+            yield tuple(basis)
+
+
+def best_plane() -> tuple[int, ...]:
+    """Return the basis of a level, in four dimensions, whose short search ends best."""
+
+    def mean(basis: tuple[int, ...]) -> float:
+        return float(search(matrices(4, basis), LOG_SIDE, SHORT_COUNTS, SHORT_TRIALS).errors.mean())
+
+    return min(planes(), key=mean)
+
+
+def main(folder: Path = SAMPLERS, trials: int = TRIALS) -> None:
+    """Write progressive.npz."""
+    tables = {}
+    for dims, basis in ((2, (1, 2)), (4, best_plane())):
+        made = matrices(dims, basis)
+        found = search(made, LOG_SIDE, tuple(range(LOG_COUNTS)), trials)
+        print(f"{dims} dimensions, basis {basis}, errors {np.round(found.errors, 3)}", flush=True)
+        tables[f"positions_{dims}"] = found.positions.astype(np.uint16)
+        tables[f"samples_{dims}"], tables[f"pixels_{dims}"] = made
+    np.savez_compressed(folder / "progressive.npz", allow_pickle=False, **tables)
+
+
+if __name__ == "__main__":
+    main()

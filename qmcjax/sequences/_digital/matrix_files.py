@@ -1,0 +1,208 @@
+"""Generator matrices from files, and to them."""
+
+from os import PathLike
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+from qmcjax.core.bits import reverse
+from qmcjax.sequences._digital.digital import digital
+from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
+
+_WORD = 32
+_MOST = 4096
+"""Largest number of rows of a matrix."""
+
+_OTHERS = ("lattice", "plattice", "sobol", "soboljk", "dshift", "shiftmod1", "lmscramble", "nuscramble")
+"""Keywords of files of other things."""
+
+
+def read_matrices(
+    path: str | PathLike[str], base: int = 2, *, max_bytes: int = 2**30
+) -> NDArray[np.uint32] | NDArray[np.int64]:
+    r"""Read generator matrices from a file.
+
+    Parameters
+    ----------
+    path : path
+        Text in one of these formats, recognised by its first line and the shape of its table:
+
+        - ``dnet`` and ``dnetup`` of LDData [1]_, whose first line is this word in a comment;
+        - LatNet Builder's output in "net" style [2]_;
+        - columns as in the Magic Point Shop [3]_: no header, one matrix per line, columns as integers with
+          the first row as lowest bit;
+        - MatBuilder's matrices [4]_: a row of digits per line, the square matrices one after the other.
+    base : int
+        In [2, 256]: the base of MatBuilder's matrices, which these files do not state; checked for others.
+    max_bytes : int
+        Maximum size of the file.
+
+    Returns
+    -------
+    uint32 array, shape (dims, 32), in base 2
+        For :func:`digital`: column k of C_j, its first row in bit 31. Missing columns are 0: points of
+        matrices with k columns repeat after 2**k. Rows from 32 on are left out: points are rounded down.
+    int64 array, shape (dims, rows, columns), in other bases
+        Digits, for :func:`analysis.t_value`.
+
+    Raises
+    ------
+    ValueError
+        If the file is too large, or of another kind: names the file and the line.
+
+    Notes
+    -----
+    The third number of ``dnet`` files is the number of columns; files of LDData hold the number of points in
+    its place, which is taken, too. Interlaced nets, which LatNet Builder writes with two more numbers in the
+    header, are not read.
+
+    References
+    ----------
+    .. [1] QMCSoftware, "LDData: standard formats", https://github.com/QMCSoftware/LDData.
+    .. [2] P. L'Ecuyer, P. Marion, M. Godin, F. Puchhammer, "A Tool for Custom Construction of QMC and RQMC
+       Point Sets", 2022; manual of LatNet Builder, "Output styles".
+    .. [3] D. Nuyens, "The Magic Point Shop", https://people.cs.kuleuven.be/~dirk.nuyens/qmc-generators.
+    .. [4] L. Paulin et al., "MatBuilder: Mastering Sampling Uniformity over Projections", 2022.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.NamedTemporaryFile("w") as file:
+    ...     _ = file.write("# dnet\n2 # base\n2 # dimensions\n2 # columns\n2 # rows\n2 1\n2 3\n")
+    ...     file.flush()
+    ...     print(digital(read_matrices(file.name)).points(4))
+    [[0.   0.  ]
+     [0.5  0.5 ]
+     [0.25 0.75]
+     [0.75 0.25]]
+    """
+    base = checks.integer("base", base, 2, 256)
+    file = integer_file(path, max_bytes)
+    first = file.line(0, "integers")
+    word = file.heading.partition(" ")[0]
+    if word in _OTHERS or (file.heading.startswith("parameters") and "digital net" not in file.heading):
+        raise wrong(file.path, 1, "a heading of generator matrices", file.heading)
+    if word in ("dnet", "dnetup"):
+        found, dims, columns, rows = file.header(4, "base, dimensions, columns, rows")
+        _check_base(file, 0, found, base)
+        width = len(file.line(4, f"{dims} lines of columns").values)
+        if columns == base ** min(width, _MOST):
+            columns = width
+        return _of_columns(file, 4, [dims, columns, rows], base, upward=word == "dnetup")
+    if file.heading.startswith("parameters"):
+        stated = file.heading.rpartition("base ")[2]
+        _check_base(file, -1, int(stated) if stated.isdigit() else 2, base)
+        return _of_columns(file, 3, file.header(3, "dimensions, columns, rows"), base, upward=False)
+    digits = all(value < base for line in file.lines for value in line.values)
+    if digits and len(file.lines) >= len(first.values) > 1:
+        return _of_rows(file, len(first.values), base)
+    if base != 2:
+        raise wrong(file.path, first.number, f"digits in base {base}", first.values)
+    highest = max(value.bit_length() for line in file.lines for value in line.values)
+    return _of_columns(file, 0, [len(file.lines), len(first.values), highest], 2, upward=True)
+
+
+def _check_base(file: IntegerFile, place: int, found: int, base: int) -> None:
+    if found != base:
+        number = file.lines[place].number if place >= 0 else 1
+        raise wrong(file.path, number, f"the base, base={base}", found)
+
+
+def _of_columns(file: IntegerFile, start: int, header: list[int], base: int, upward: bool) -> NDArray:
+    """Return matrices of one line each; ``start``: number of lines of the header."""
+    dims, columns, rows = header
+    width = len(file.line(start, f"{dims} lines of columns").values)
+    if columns != width:
+        line = file.lines[start]
+        raise wrong(file.path, line.number, f"{columns} columns", line.values)
+    if not 1 <= rows <= _MOST:
+        raise wrong(file.path, file.lines[start - 1].number, f"a number of rows in [1, {_MOST}]", rows)
+    table = _table(file, start, width)
+    if len(table) != dims:
+        last = file.lines[min(start + dims, len(file.lines) - 1)].number
+        raise wrong(file.path, last, f"one of {dims} lines of columns", f"{len(table)} lines")
+    limit = base**rows
+    for line in file.lines[start:]:
+        if max(line.values) >= limit:
+            raise wrong(file.path, line.number, f"integers below {base}**{rows}", max(line.values))
+    if base == 2:
+        return _words(table, rows, upward)
+    digits = [[_digits(value, rows, base) for value in line] for line in table]
+    matrices = np.swapaxes(np.array(digits, np.int64), 1, 2)
+    return matrices if upward else np.ascontiguousarray(matrices[:, ::-1])
+
+
+def _table(file: IntegerFile, start: int, width: int) -> list[list[int]]:
+    """Return lines of one length."""
+    for line in file.lines[start:]:
+        if len(line.values) != width:
+            raise wrong(file.path, line.number, f"{width} integers", line.values)
+    return [line.values for line in file.lines[start:]]
+
+
+def _digits(value: int, rows: int, base: int) -> list[int]:
+    """Return the digits of a column, the lowest first."""
+    digits = []
+    for _ in range(rows):
+        value, digit = divmod(value, base)
+        digits.append(digit)
+    return digits
+
+
+def _words(table: list[list[int]], rows: int, upward: bool) -> NDArray[np.uint32]:
+    """Return columns as words of 32 digits, of which the first is the highest."""
+    kept = [line[:_WORD] for line in table]
+    if upward:
+        low = np.array([[value % 2**_WORD for value in line] for line in kept], np.uint32)
+        words = np.asarray(reverse(jnp.asarray(low)))
+    else:
+        words = np.array([[(value << _WORD) >> rows for value in line] for line in kept], np.uint32)
+    return np.pad(words, ((0, 0), (0, _WORD - words.shape[1])))
+
+
+def _of_rows(file: IntegerFile, size: int, base: int) -> NDArray:
+    table = _table(file, 0, size)
+    if len(table) % size:
+        last = file.lines[-1].number
+        raise wrong(file.path, last, f"the end of a matrix of {size} rows", f"{len(table)} rows")
+    matrices = np.array(table, np.int64).reshape(-1, size, size)
+    if base != 2:
+        return matrices
+    columns = matrices[:, :_WORD, :].astype(np.uint32) << np.arange(31, -1, -1, dtype=np.uint32)[:size, None]
+    words = np.bitwise_or.reduce(columns, axis=1)[:, :_WORD]
+    return np.pad(words, ((0, 0), (0, _WORD - words.shape[1])))
+
+
+def matrices_text(matrices: ArrayLike) -> str:
+    """Return the text of a file of generator matrices in base 2, as :func:`read_matrices` reads it.
+
+    Parameters
+    ----------
+    matrices : uint32 array, shape (dims, 32)
+        As for :func:`digital`.
+
+    Returns
+    -------
+    str
+        In LDData's format ``dnet``, with 32 rows, up to the last column that is not 0 in all matrices.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> print(matrices_text(np.array([[2**31, 2**30] + [0] * 30], np.uint32)), end="")
+    # dnet
+    2  # base
+    1  # dimensions
+    2  # columns
+    32  # rows
+    2147483648 1073741824
+    """
+    words = np.asarray(digital(matrices).matrices)  # pyright: ignore[reportArgumentType]
+    used = np.flatnonzero(words.any(axis=0))
+    columns = int(used[-1]) + 1 if used.size else 1
+    head = ["# dnet", "2  # base", f"{len(words)}  # dimensions", f"{columns}  # columns", f"{_WORD}  # rows"]
+    lines = [" ".join(map(str, row)) for row in words[:, :columns].tolist()]
+    return "\n".join([*head, *lines, ""])

@@ -36,7 +36,7 @@ LEFT = 86400.0
 _FORMAT = "qmcjax checkpoint 1"
 _HEADER = "header"
 
-State = dict[str, NDArray]
+Arrays = dict[str, NDArray]
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Checkpoint:
 class File:
     """The state of one computation in a file, as an earlier run left it, or empty."""
 
-    def __init__(self, path: Path, header: str, state: State, writes: bool = True) -> None:
+    def __init__(self, path: Path, header: str, state: Arrays, writes: bool = True) -> None:
         self.path = path
         self.writes = writes
         self.header = header
@@ -86,7 +86,7 @@ class File:
         return self.writes and (last or time.monotonic() >= self._next)
 
     def write(self, **state: Any) -> None:
-        """Replace the kept arrays.
+        """Replace the saved arrays.
 
         If writing fails, the previous file stays and a warning is issued: the computation continues.
         """
@@ -115,7 +115,7 @@ class File:
 
 
 class Part:
-    """The state of an inner loop, kept in the same file as the arrays of the outer loop."""
+    """The state of an inner loop, saved in the same file as the arrays of the outer loop."""
 
     def __init__(self, whole: File, name: str, **outer: Any) -> None:
         self.whole = whole
@@ -130,16 +130,16 @@ class Part:
         return self.whole.due()
 
     def write(self, **state: Any) -> None:
-        """Replace the kept arrays, together with those of the outer loop."""
+        """Replace the saved arrays, together with those of the outer loop."""
         self.whole.write(**self.outer, **{f"{self.prefix}{key}": value for key, value in state.items()})
 
 
-Kept = File | Part
-"""Where a loop keeps its state."""
+Saved = File | Part
+"""Where a loop saves its state."""
 
 
 def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
-    """Return the file of a computation, with the state kept by an earlier run.
+    """Return the file of a computation, with the state saved by an earlier run.
 
     ``checkpoint``: the file; it need not exist. ``mesh``: all its processes read the file; the first one
     writes it when it is due. ``**made_of``: all arguments that the result depends on, by name. Raises
@@ -213,7 +213,7 @@ def _clear(path: Path) -> None:
                 part.unlink()
 
 
-def _read(path: Path) -> tuple[dict[str, str], State]:
+def _read(path: Path) -> tuple[dict[str, str], Arrays]:
     try:
         # Each array is stored with a checksum, which is verified.
         with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:

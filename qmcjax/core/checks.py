@@ -76,6 +76,18 @@ def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     return value
 
 
+def function(name: str, value: Any, of: str) -> None:
+    """Raise a TypeError unless ``value`` can be called and is no class; ``of``: its arguments, in words."""
+    if isinstance(value, type) or not callable(value):
+        raise TypeError(f"{name} must be a function {of}, got {shown(value)}")
+
+
+def progress(value: Any) -> None:
+    """Raise a TypeError unless the argument ``progress`` is None or can be called."""
+    if value is not None:
+        function("progress", value, "of the finished part")
+
+
 def image_size(width: Any, height: Any, most: int = MAX_SIDE) -> tuple[int, int]:
     """Return width and height as integers in ``[1, most]``."""
     return integer("width", width, 1, most), integer("height", height, 1, most)
@@ -134,6 +146,14 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
             if not 0 <= extreme < limit:
                 raise ValueError(f"{name} must be integers in [0, {limit - 1}], got {extreme}")
     return given if given is value and known.dtype == np.uint32 else jnp.asarray(known.astype(np.uint32))
+
+
+def frame(value: Any, limit: int = INDEX_LIMIT) -> Array:
+    """Return the number of a frame of an animation as a uint32 scalar."""
+    number = unsigned("frame", value, limit)
+    if number.ndim:
+        raise ValueError(f"frame must be one integer, got shape {number.shape}")
+    return number
 
 
 def dimensions(wanted: Any, available: int) -> tuple[int, ...]:

@@ -71,7 +71,7 @@ def _summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shar
     state = summation.zeros(jax.eval_shape(function, first, *shared))
     state, parts, shared = alike((state, parts, shared))
 
-    def added(state: summation.State, part: Any) -> tuple[summation.State, None]:
+    def added(state: summation.Sum, part: Any) -> tuple[summation.Sum, None]:
         return summation.compensated(state, function(part, *shared)), None
 
     return summation.value(jax.lax.scan(added, state, parts)[0])
@@ -94,7 +94,7 @@ def _converted(
 
 
 def _in_order(terms: Array) -> Array:
-    def added(state: summation.State, term: Array) -> tuple[summation.State, None]:
+    def added(state: summation.Sum, term: Array) -> tuple[summation.Sum, None]:
         return summation.compensated(state, term), None
 
     state, terms = alike((summation.zeros(terms[0]), terms))

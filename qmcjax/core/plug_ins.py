@@ -39,7 +39,7 @@ class Static:
     identity: _Identity = field(metadata={"static": True})
 
 
-def held(name: str, value: Any) -> Any:
+def wrap(name: str, value: Any) -> Any:
     """Return a pytree that holds an object: itself if it is registered as one, else a :class:`Static`.
 
     Raises TypeError if an object that is not registered has an array as attribute: a compiled program would
@@ -63,8 +63,8 @@ def _is_constant(value: Any) -> bool:
     return is_dataclass(value) and is_own(value) and not traced
 
 
-def unheld(value: Any) -> Any:
-    """Return the object that :func:`held` was given."""
+def unwrap(value: Any) -> Any:
+    """Return the object that :func:`wrap` was given."""
     return value.identity.value if isinstance(value, Static) else value
 
 

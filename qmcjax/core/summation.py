@@ -23,16 +23,16 @@ from qmcjax.core.varying import alike
 if TYPE_CHECKING:
     from jax.extend.core import Primitive
 
-State = tuple[Array, Array]
+Sum = tuple[Array, Array]
 """A sum and its accumulated rounding error."""
 
 
-def zeros(like: Any) -> State:
+def zeros(like: Any) -> Sum:
     """Return the empty sum of terms of a shape and dtype."""
     return jnp.zeros(like.shape, like.dtype), jnp.zeros(like.shape, like.dtype)
 
 
-def value(state: State) -> Array:
+def value(state: Sum) -> Array:
     """Return the sum."""
     total, excess = state
     return total - excess
@@ -48,10 +48,10 @@ def add_terms(
     term: Callable[[Any, Array], Array],
     pinned: bool,
     parameters: Any,
-    state: State,
+    state: Sum,
     first: Array,
     count: Array,
-) -> State:
+) -> Sum:
     """Add ``term(parameters, k)`` for ``k = first, ..., first + count - 1``, compensated.
 
     Derivatives in forward and reverse mode use the same loop and constant memory.
@@ -118,7 +118,7 @@ def _loop(
 ) -> list[Array]:
     totals, excesses, operands = args[:sums], args[sums : 2 * sums], args[2 * sums :]
 
-    def body(k: Array, states: list[State]) -> list[State]:
+    def body(k: Array, states: list[Sum]) -> list[Sum]:
         turn = first + k, operands
         k, given = jax.lax.optimization_barrier(turn) if pinned else turn
         return [compensated(state, each) for state, each in zip(states, term(k, *given), strict=True)]
@@ -128,7 +128,7 @@ def _loop(
     return [total for total, _ in states] + [excess for _, excess in states]
 
 
-def compensated(state: State, term: Array) -> State:
+def compensated(state: Sum, term: Array) -> Sum:
     """Add one term to a compensated sum (W. Kahan, 1965)."""
     total, excess = state
     term = term - excess

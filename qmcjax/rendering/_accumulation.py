@@ -14,7 +14,7 @@ from qmcjax.core import devices, parts, summation
 from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
-from qmcjax.core.summation import State
+from qmcjax.core.summation import Sum
 
 Pixels = tuple[Array, Array]
 """Columns and rows."""
@@ -36,7 +36,7 @@ _LEAST = 2**11
 def accumulate(
     pair: tuple[Any, Any],
     tiles: Array,
-    states: State,
+    states: Sum,
     first: Array,
     batches: Array,
     size: int,
@@ -45,7 +45,7 @@ def accumulate(
     batch: int,
     dims: tuple[int, ...],
     mesh: Mesh | None,
-) -> State:
+) -> Sum:
     """Add ``batches`` times ``batch`` samples to every pixel of some tiles, one tile after the other.
 
     ``tiles`` holds the numbers of pixels, shape (tiles, size), or the first numbers of tiles of ``size``
@@ -53,7 +53,7 @@ def accumulate(
     cache. ``dims`` are the sampled coordinates; the others are 1/2 (of the pixel, for the first two).
     """
 
-    def of_tile(part: tuple[Array, State], pair: tuple[Any, Any], first: Array, batches: Array) -> State:
+    def of_tile(part: tuple[Array, Sum], pair: tuple[Any, Any], first: Array, batches: Array) -> Sum:
         tile, state = part
         batch_sum, parameters = _batch(pair, tile, size, width, height, batch, dims, state[0].dtype)
         return summation.add_terms(batch_sum, True, parameters, state, first, batches)
@@ -114,13 +114,13 @@ def _batch(
         for point in points:
             whole = with_all_dims(point, dims, len(scene.needs))
             value = scene(on_screen(whole, x, y, width, height))
-            values.append(value if own else or_nan(value, point))
+            values.append(value if own else nan_outside(value, point))
         return summation.pairwise(values)
 
     return batch_sum, (scene, sampler, prepared, pixels)
 
 
-def or_nan(values: Array, points: Array) -> Array:
+def nan_outside(values: Array, points: Array) -> Array:
     """Return values, but NaN where a point is not in [0, 1): non-finite values are diagnosed later."""
     inside = jnp.all((points >= 0) & (points < 1), axis=-1)
     inside = inside.reshape(inside.shape + (1,) * (values.ndim - inside.ndim))
@@ -140,7 +140,7 @@ def tile_size(pixels: int, mesh: Mesh | None, traced: bool) -> int:
 
 
 @jax.jit
-def mean(state: State, count: Array) -> Array:
+def mean(state: Sum, count: Array) -> Array:
     """Return the sum over the number of terms."""
     return summation.value(state) / count.astype(state[0].dtype)
 
@@ -172,7 +172,7 @@ def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Arra
 
 
 @jit("shape", "dtype")
-def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike) -> State:
+def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike) -> Sum:
     """Return the empty sum of values of a scene at pixels of a shape."""
     point = jax.ShapeDtypeStruct((*shape, len(scene.needs)), dtype)
     values = jax.eval_shape(scene, point)

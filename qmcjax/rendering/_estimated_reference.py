@@ -96,19 +96,19 @@ def estimated_reference(
     ]
     check_progress(progress, tasks[0])
     mesh = devices.checked(mesh)
-    kept = opened(checkpoint, "estimated_reference", tasks[0], mesh, key=keys, spp=spp)
-    images = [] if kept is None else list(kept.state.get("images", []))
+    saved = opened(checkpoint, "estimated_reference", tasks[0], mesh, key=keys, spp=spp)
+    images = [] if saved is None else list(saved.state.get("images", []))
     for number in range(len(images), REPLICATES):
 
         def report(part: float, number: int = number) -> None:
             if progress is not None:
                 progress((number + part) / REPLICATES)
 
-        inside = None if kept is None else checkpoints.Part(kept, "replicate", images=np.array(images))
+        inside = None if saved is None else checkpoints.Part(saved, "replicate", images=np.array(images))
         image = rendered(tasks[number], mesh, None if progress is None else report, inside)
         images.append(np.asarray(image, np.float64))
-        if kept is not None and (kept.due(last=len(images) == REPLICATES)):
-            kept.write(images=np.array(images))
+        if saved is not None and (saved.due(last=len(images) == REPLICATES)):
+            saved.write(images=np.array(images))
     image = np.mean(images, axis=0)
     error = float(np.std(images, axis=0, ddof=1).max()) / np.sqrt(REPLICATES)
     rounding = 4 * float(jnp.finfo(dtype).eps) * float(abs(image).max())

@@ -110,14 +110,14 @@ def render_passes(
     if seconds is not None and devices.processes(devices.checked(mesh)) > 1:
         raise ValueError(f"seconds must be None for a mesh of several processes, got {seconds}")
     dtype = checks.floating(dtype)
-    begin, state, kept = time.monotonic(), None, None
+    begin, state, saved = time.monotonic(), None, None
     if progress is not None or checkpoint is not None:
         first = task(scene, sampler.of_pass(0), width, height, sampler.spp, dtype)
         check_progress(progress, first)
         made_of = {"sampler": sampler, "first pass": first.sampler}
-        kept = opened(checkpoint, "render_passes", first, devices.checked(mesh), **made_of)
-    if kept is not None:
-        state = _kept(kept.state, passes)
+        saved = opened(checkpoint, "render_passes", first, devices.checked(mesh), **made_of)
+    if saved is not None:
+        state = _resumed(saved.state, passes)
 
     def finished(state: _State) -> float:
         """Return the finished part, by the criterion that stops first."""
@@ -136,8 +136,8 @@ def render_passes(
         with jax.enable_x64(True):
             state = _first(image) if state is None else _updated(image, state)
         part = max(part, finished(state))
-        if kept is not None and kept.due(last=part == 1):
-            kept.write(**state._asdict())
+        if saved is not None and saved.due(last=part == 1):
+            saved.write(**state._asdict())
         if progress is not None:
             progress(part)
     assert state is not None
@@ -155,7 +155,7 @@ class _State(NamedTuple):
     done: int
 
 
-def _kept(state: checkpoints.State, passes: int) -> _State | None:
+def _resumed(state: checkpoints.Arrays, passes: int) -> _State | None:
     """Return the passes of a checkpoint, if there are any."""
     if not state:
         return None

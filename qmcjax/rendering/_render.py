@@ -22,7 +22,7 @@ _CALL = 2**26
 """Samples per call of the compiled program: progress is reported between calls."""
 
 _PIXELS = 2**22
-"""Pixels per call; their sums are kept."""
+"""Pixels per call; their sums are held in memory."""
 
 
 def render(
@@ -92,7 +92,7 @@ def render(
 
 
 def rendered(
-    task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, kept: checkpoints.Kept | None
+    task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, saved: checkpoints.Saved | None
 ) -> Array:
     """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
     scene, sampler, width, height, spp, dtype = task
@@ -104,11 +104,11 @@ def rendered(
         pixels, size = width * height, _accumulation.tile_size(width * height, mesh, task.traced)
         at_a_time = pixels if task.traced else max(min(_PIXELS, _CALL // spp) // size, devices.count(mesh))
         image, finished, state, samples = None, 0, None, 0
-        if kept is not None and kept.state:
-            image, finished = _with_part(None, jnp.asarray(kept.state["image"]), 0, pixels)
-            samples = int(kept.state["samples"])
+        if saved is not None and saved.state:
+            image, finished = _with_part(None, jnp.asarray(saved.state["image"]), 0, pixels)
+            samples = int(saved.state["samples"])
             if samples:
-                state = jnp.asarray(kept.state["sum"]), jnp.asarray(kept.state["excess"])
+                state = jnp.asarray(saved.state["sum"]), jnp.asarray(saved.state["excess"])
         while finished < pixels:
             count = min(at_a_time, -(-(pixels - finished) // size))
             # Parts of a checkpoint may have another size, on other devices.
@@ -133,10 +133,10 @@ def rendered(
             if means is not None:
                 part = means.reshape(-1, *means.shape[2:])[: pixels - finished]
                 image, finished = _with_part(image, part, finished, pixels)
-            if kept is not None:
+            if saved is not None:
                 jax.block_until_ready((image, state))
-                if kept.due(last=finished == pixels):
-                    kept.write(
+                if saved.due(last=finished == pixels):
+                    saved.write(
                         image=np.empty(0) if image is None else image[:finished],
                         sum=np.empty(0) if state is None else state[0],
                         excess=np.empty(0) if state is None else state[1],

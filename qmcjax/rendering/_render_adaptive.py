@@ -8,11 +8,11 @@ import numpy as np
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
+from qmcjax._pilot import check_passes
 from qmcjax.core import checks, devices
 from qmcjax.rendering._adaptive import AdaptiveImage, skipping
-from qmcjax.rendering._stopping import PILOT, until
+from qmcjax.rendering._stopping import until
 from qmcjax.rendering._task import Task, check_progress, refuse, task
-from qmcjax.samplers import Randomized
 
 
 def render_adaptive(
@@ -109,18 +109,4 @@ def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
                 "unbiased must be False without a tolerance: then nothing depends on the samples, got True"
             )
         return
-    checks.positive("tolerance", tolerance)
-    if np.ndim(tolerance):
-        raise TypeError(f"tolerance must be one number for all pixels, got {checks.shown(tolerance)}")
-    if not isinstance(task.sampler, Randomized):
-        raise TypeError(
-            "sampler must be made by samplers.randomized for a tolerance, since errors are estimated from "
-            f"independent passes, got {checks.shown(task.sampler)}"
-        )
-    of_pass = task.sampler.spp
-    least = (PILOT + unbiased) * of_pass
-    if task.spp % of_pass or task.spp < least:
-        raise ValueError(
-            f"spp must be a multiple of the {of_pass} samples of a pass and at least {least} for a "
-            f"tolerance, got {task.spp}"
-        )
+    check_passes(task.sampler, task.spp, tolerance, unbiased)

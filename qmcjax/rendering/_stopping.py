@@ -1,22 +1,15 @@
 """Passes in each pixel up to a tolerance."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
-import jax
 import numpy as np
 from jax.sharding import Mesh
 from numpy.typing import NDArray
 
+from qmcjax._pilot import PILOT, pilot_of, predicted
 from qmcjax.rendering._adaptive import AdaptiveImage, Group, flat, means, plan, result
 from qmcjax.rendering._task import Task, refuse
-
-PILOT = 4
-"""Passes before the first decision."""
-
-_PILOT_KEY = 2**32 - 1
-"""Folded into the key for the pilot. No pass has this number."""
 
 
 def until(
@@ -29,9 +22,7 @@ def until(
     for _, pixels in groups:
         vary[pixels] = True
 
-    pilot = task.sampler
-    if unbiased:
-        pilot = replace(pilot, key=jax.random.fold_in(pilot.key, _PILOT_KEY))
+    pilot = pilot_of(task.sampler) if unbiased else task.sampler
     moments = _Moments(centre.shape, mesh)
     for number in range(PILOT):
         moments.add(task, pilot.of_pass(number), groups, vary)
@@ -39,8 +30,7 @@ def until(
     if not np.isfinite(moments.mean).all():
         refuse(task._replace(sampler=pilot, spp=PILOT * pilot.spp), moments.mean.reshape(centre.shape))
     if unbiased:
-        wanted = np.ceil(moments.variance() / tolerance / tolerance)
-        passes = np.clip(wanted, 1, limit - PILOT).astype(np.int64) * vary
+        passes = predicted(moments.variance(), tolerance, limit - PILOT) * vary
         moments = _Moments(centre.shape, mesh)
         for number in range(int(passes.max(initial=0))):
             moments.add(task, task.sampler.of_pass(number), groups, passes > number)

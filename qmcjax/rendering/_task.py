@@ -86,11 +86,9 @@ def refuse(task: Task, image: Array | NDArray) -> None:
 
 def check_progress(progress: Any, task: Task) -> None:
     """Raise unless ``progress`` is None, or a function outside of ``jax.jit``."""
-    if progress is None:
-        return
-    if not callable(progress):
-        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
-    _check_outside("progress", progress, task)
+    checks.progress(progress)
+    if progress is not None:
+        _check_outside("progress", progress, task)
 
 
 def opened(

@@ -47,6 +47,7 @@ SAMPLERS = {
     "independent": lambda key: samplers.independent(SOBOL, key),
     "z": lambda key: samplers.z(SIDE, SIDE, SPP, key),
     "optimized": lambda key: samplers.optimized(SIDE, SIDE, SPP, key),
+    "progressive": lambda key: samplers.progressive(SIDE, SIDE, key, dims=4),
     "ranked": lambda key: samplers.ranked(2, key),
     "z, tree": lambda key: samplers.z(SIDE, SIDE, SPP, key, "tree"),
     "owen, base b": lambda key: along(sequences.owen(sequences.halton(2), key)),

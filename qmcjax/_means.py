@@ -1,0 +1,195 @@
+"""Programs of the mean of a function over points: blocks of points, pairwise and compensated sums."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+from jax.sharding import Mesh
+
+from qmcjax._estimate import columns, of_columns
+from qmcjax.core import checks, parts, plug_ins, summation
+from qmcjax.core.pytrees import frozen_pytree, jit
+from qmcjax.sequences import BinarySequence, OwenDigits, Sequence
+
+ROWS = 4096
+"""Points evaluated together: they and their sums fit a second-level cache."""
+
+_BATCH = 8
+"""Blocks of cheap points: their values are added pairwise before the compensated sum."""
+
+_PARTS = 64
+"""Parts of many points, distributed over devices."""
+
+_SEARCHED = 2**16
+"""Points searched at a time for the first non-finite value."""
+
+
+@frozen_pytree
+class _Converted:
+    """A function, and separately the tracers that it closes over."""
+
+    converted: Any
+    function: Any
+    closed_over: Any
+
+
+def _call(function: Any, points: Array) -> Any:
+    if isinstance(function, _Converted):
+        converted = plug_ins.unwrap(function.converted)
+        # The function was converted for ROWS points.
+        rows = len(points)
+        blocks = jnp.pad(points, ((0, -rows % ROWS), (0, 0)), mode="edge").reshape(-1, ROWS, points.shape[1])
+        made = [converted(function.function, block, *function.closed_over) for block in blocks]
+        return jax.tree.map(lambda *parts: jnp.concatenate(parts)[:rows], *made)
+    return plug_ins.unwrap(function)(points)
+
+
+def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
+    """Return a function as a pytree, for :func:`_call`, and the shapes of its values.
+
+    Raise a ValueError unless it has one value per row. Differentiable closed-over values become arguments of
+    the program.
+    """
+    function = plug_ins.wrap("function", function)
+    points = jax.ShapeDtypeStruct((ROWS, dims), dtype)
+    converted, closed_over = jax.closure_convert(_call, function, points)
+    made = jax.eval_shape(lambda: converted(function, jnp.zeros(points.shape, dtype), *closed_over))
+    leaves = jax.tree.leaves(made)
+    for leaf in leaves:
+        if leaf.shape[:1] != (ROWS,) or not _is_number(leaf.dtype):
+            raise ValueError(
+                f"function must return numbers of shape ({ROWS}, ...) for points of shape "
+                f"({ROWS}, {dims}), got {leaf.dtype} {leaf.shape}"
+            )
+    if not leaves:
+        raise ValueError(f"function must return at least one array of values, got {checks.shown(made)}")
+    if closed_over:
+        function = _Converted(plug_ins.wrap("function", converted), function, closed_over)
+    return function, made
+
+
+def _is_number(dtype: Any) -> bool:
+    return jnp.issubdtype(dtype, jnp.number) or dtype == jnp.bool_
+
+
+def _points(sequence: Sequence, index: Array, dtype: np.dtype, replicated: bool) -> Array:
+    dims = tuple(range(sequence.dims))
+    if not replicated:
+        return sequence.coordinates(index, dims, dtype)
+    exact = dtype if isinstance(sequence, BinarySequence) else np.dtype(np.float64)
+    return _centred(sequence.coordinates(index, dims, exact), sequence, dtype)
+
+
+def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
+    """Move randomised points, not rounded to nearest in float32, to the centre of their cells."""
+    if dtype == jnp.float32:
+        side = np.asarray(2.0**-23, points.dtype)
+        return ((jnp.floor(points / side) + np.asarray(0.5, points.dtype)) * side).astype(dtype)
+    if isinstance(sequence, OwenDigits):  # random down to the resolution of float64
+        return points
+    return jnp.minimum(points + np.float64(2.0**-33), np.float64(1 - 2.0**-53))
+
+
+def _values(function: Any, points: Array, dtype: np.dtype, replicated: bool, wide: bool) -> Array:
+    with jax.enable_x64(wide):  # the precision of the caller
+        values = _call(function, points)
+    return columns(values, np.dtype(np.float64) if replicated else dtype)
+
+
+@jit("n", "dtype", "aligned", "mesh", "traced", "replicated", "wide")
+def mean_of(
+    function: Any,
+    sequence: Sequence,
+    start: Array,
+    n: int,
+    dtype: np.dtype,
+    aligned: bool,
+    mesh: Mesh | None,
+    traced: bool,
+    replicated: bool,
+    wide: bool,
+) -> Any:
+    """Return the mean of the values; of a replicate, the means of their columns."""
+
+    def values(function: Any, points: Array) -> Array:
+        return _values(function, points, dtype, replicated, wide)
+
+    def of_index(function: Any, sequence: Sequence, index: Array) -> Array:
+        return values(function, _points(sequence, index, dtype, replicated))
+
+    fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
+    size = _BATCH if fast else 1
+    batches, rest = divmod(n, ROWS * size)
+    blocks = None
+    if fast and isinstance(sequence, BinarySequence):
+        blocks = sequence.blocks(start, max(batches, 1) * size, ROWS)
+
+    def block(parameters: Any, k: Array) -> Array:
+        function, sequence, blocks, start = parameters
+        row = jax.lax.iota(jnp.uint32, ROWS)
+        if blocks is None:
+            return of_index(function, sequence, start + k * np.uint32(ROWS) + row)
+        points = sequence.points_of_blocks(blocks.part(k, 1), dtype)
+        return values(function, _centred(points, sequence, dtype) if replicated else points)
+
+    def batch(parameters: Any, k: Array) -> Array:
+        first = k * np.uint32(size)
+        return summation.pairwise([block(parameters, first + np.uint32(i)) for i in range(size)])
+
+    def of_part(edges: tuple[Array, Array], *parameters: Any) -> Array:
+        first, end = edges
+        state = summation.zeros(jax.eval_shape(batch, parameters, first))
+        state = summation.add_terms(batch, False, parameters, state, first, end - first)
+        return _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
+
+    edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS if batches >= _PARTS else [0, batches]
+    edges = np.array(edges, np.uint32)
+    parameters = (edges[:-1], edges[1:]), function, sequence, blocks, start
+    total = parts.summed(of_part, mesh, traced, *parameters)
+    if rest:
+        index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
+        total = total + _tree_sum(of_index(function, sequence, index))
+    mean = total / np.asarray(n, total.dtype)
+    if replicated:
+        return mean
+    like = jax.eval_shape(_call, function, jax.ShapeDtypeStruct((ROWS, sequence.dims), dtype))
+    return of_columns(mean, like, dtype)
+
+
+def _tree_sum(values: Array) -> Array:
+    """Add along the first axis, by halves."""
+    while values.shape[0] > 1:
+        if values.shape[0] % 2:
+            values = jnp.concatenate([values, jnp.zeros_like(values[:1])])
+        middle = values.shape[0] // 2
+        values = values[:middle] + values[middle:]
+    return values[0]
+
+
+def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n: int, *how: Any) -> None:
+    """Raise a ValueError that names the first point with a non-finite value, if there is one."""
+    leaves = jax.tree.leaves(means)
+    if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
+        return
+    for first in range(start, start + n, _SEARCHED):
+        points, values = map(np.asarray, some_values(function, sequence, jnp.uint32(first), _SEARCHED, *how))
+        bad = np.flatnonzero(~np.isfinite(values[: start + n - first]).all(axis=1))
+        if bad.size:
+            point = ", ".join(str(x) for x in points[bad[0]])
+            raise ValueError(
+                f"function must return finite values, got NaN or infinity at point {first + int(bad[0])}, "
+                f"({point})"
+            )
+    raise ValueError(f"function must return values with a finite sum, got an overflow of {n} values")
+
+
+@jit("count", "dtype", "replicated", "wide")
+def some_values(
+    function: Any, sequence: Sequence, first: Array, count: int, dtype: np.dtype, replicated: bool, wide: bool
+) -> tuple[Array, Array]:
+    """Return some points and the columns of their values."""
+    points = _points(sequence, first + jax.lax.iota(jnp.uint32, count), dtype, replicated)
+    return points, _values(function, points, dtype, replicated, wide)

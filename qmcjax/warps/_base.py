@@ -1,0 +1,91 @@
+"""What all warps have in common: checks of points and values."""
+
+import abc
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from qmcjax.core.parameters import floats, require
+
+
+class Warp(abc.ABC):
+    """A map of the unit cube to a set of values with a known density.
+
+    It takes points, shape (..., dims), to values, shape (..., length). Derivatives are finite at all points.
+    """
+
+    dims: int
+    """Number of coordinates of a point."""
+
+    @property
+    def length(self) -> int:
+        """Number of coordinates of a value."""
+        return self.dims
+
+    def __call__(self, points: ArrayLike) -> Array:
+        """Map points to values.
+
+        Parameters
+        ----------
+        points : float ArrayLike, shape (..., dims)
+            In [0, 1), as sequences return them.
+
+        Returns
+        -------
+        Array, shape (..., length), of the dtype of ``points``
+            Finite.
+        """
+        return self._values(points_of_cube(points, self.dims))
+
+    def inverse(self, values: ArrayLike) -> Array:
+        """Map values back to points.
+
+        Parameters
+        ----------
+        values : float ArrayLike, shape (..., length)
+            Values off the image give some point of the cube.
+
+        Returns
+        -------
+        Array, shape (..., dims), in [0, 1), of the dtype of ``values``
+        """
+        return self._points(floats("values", values, (self.length,)))
+
+    def density(self, values: ArrayLike) -> Array:
+        """Return the density of values of uniform points.
+
+        Parameters
+        ----------
+        values : float ArrayLike, shape (..., length)
+
+        Returns
+        -------
+        Array, shape (...), of the dtype of ``values``
+            0 off the image, up to rounding; surfaces are not told from the space around them.
+        """
+        return self._density(floats("values", values, (self.length,)))
+
+    @abc.abstractmethod
+    def _values(self, points: Array) -> Array:
+        """Map points to values."""
+
+    @abc.abstractmethod
+    def _points(self, values: Array) -> Array:
+        """Map values to points."""
+
+    @abc.abstractmethod
+    def _density(self, values: Array) -> Array:
+        """Return the density."""
+
+
+def points_of_cube(points: ArrayLike, dims: int) -> Array:
+    """Return points as an array, or raise an error that names them."""
+    array = floats("points", points, (dims,))
+    require("points", array, lambda known: (known >= 0) & (known < 1), "in [0, 1)")
+    return array
+
+
+def rounding(values: Array) -> float:
+    """Return by how much rounding may move a value of size 1 off the image."""
+    return 16 * float(jnp.finfo(values.dtype).eps)

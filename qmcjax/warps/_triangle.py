@@ -1,0 +1,101 @@
+"""Triangles in any space."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from qmcjax.core.maps import to_cube
+from qmcjax.core.parameters import numbers, require
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.warps._base import Warp, rounding
+
+
+@frozen_pytree
+class Triangle(Warp):
+    """See :func:`triangle`."""
+
+    vertices: Any  # shape (3, length)
+    dims = 2
+
+    @property
+    def length(self) -> int:
+        return self.vertices.shape[1]
+
+    def _values(self, points: Array) -> Array:
+        u, v = points[..., 0], points[..., 1]
+        half, most = jnp.minimum(u, v) / 2, jnp.maximum(u, v)
+        left = u < v
+        weights = jnp.where(left, half, most - half), jnp.where(left, most - half, half), 1 - most
+        terms = zip(weights, self._corners(points), strict=True)
+        one, other, third = (weight[..., None] * corner for weight, corner in terms)
+        return one + other + third
+
+    def _points(self, values: Array) -> Array:
+        first, second, _ = self._weights(values)
+        both, twice = first + second, 2 * jnp.minimum(first, second)
+        left = first < second
+        return to_cube(jnp.stack([jnp.where(left, twice, both), jnp.where(left, both, twice)], axis=-1))
+
+    def _density(self, values: Array) -> Array:
+        first, second, doubled = self._weights(values)
+        corners = jnp.asarray(self.vertices).astype(values.dtype)
+        size = jnp.max(jnp.sum(jnp.square(corners), axis=-1))
+        longest = jnp.max(jnp.sum(jnp.square(corners - jnp.roll(corners, 1, axis=0)), axis=-1))
+        # An error of a value in proportion to the least height.
+        allowed = rounding(values) * (1 + jnp.sqrt(size * longest) / doubled)
+        inside = jnp.minimum(jnp.minimum(first, second), 1 - first - second) >= -allowed
+        return jnp.where(inside, 2 / doubled, 0)
+
+    def _weights(self, values: Array) -> tuple[Array, Array, Array]:
+        """Return the weights of the first two corners, by least squares, and twice the area."""
+        first, second, third = self._corners(values)
+        one, other = first - third, second - third
+        aa, bb, ab = jnp.sum(one * one), jnp.sum(other * other), jnp.sum(one * other)
+        away = values - third
+        a, b = jnp.sum(away * one, axis=-1), jnp.sum(away * other, axis=-1)
+        squared = aa * bb - ab * ab
+        return (bb * a - ab * b) / squared, (aa * b - ab * a) / squared, jnp.sqrt(squared)
+
+    def _corners(self, like: Array) -> list[Array]:
+        """Return the corners in the dtype and with the axes of an array."""
+        shape = (1,) * (like.ndim - 1) + (self.length,)
+        return [jnp.asarray(corner).astype(like.dtype).reshape(shape) for corner in self.vertices]
+
+
+def triangle(vertices: ArrayLike) -> Triangle:
+    """Make the map to a triangle of uniform density, with low distortion [1]_.
+
+    Each half of the square on one side of its diagonal is mapped linearly to half of the triangle: the map is
+    continuous, and unlike the one by square roots it has no singular corner.
+
+    Parameters
+    ----------
+    vertices : float ArrayLike, shape (3, n)
+        Corners, n at least 2. A triangle known before tracing must have an area. The density is per area.
+
+    References
+    ----------
+    .. [1] E. Heitz, "A Low-Distortion Map Between Triangle and Square", 2019.
+
+    Examples
+    --------
+    >>> print(triangle([[0, 0], [1, 0], [0, 1]])([[0.0, 0.0], [0.5, 0.5]]))
+    [[0.   1.  ]
+     [0.25 0.5 ]]
+    """
+    corners = numbers("vertices", vertices, (3, None))
+    if corners.shape[1] < 2:
+        raise ValueError(f"vertices must have shape (3, n), n at least 2, got {corners.shape}")
+    require("vertices", corners, _has_area, "corners of a triangle with an area")
+    return Triangle(corners)
+
+
+def _has_area(corners: np.ndarray) -> bool:
+    exact = corners.astype(np.float64)
+    one, other = exact[0] - exact[2], exact[1] - exact[2]
+    one, other = (edge / (abs(edge).max() or 1) for edge in (one, other))
+    aa, bb, ab = one @ one, other @ other, one @ other
+    return bool(aa * bb - ab * ab > 64 * np.finfo(np.float32).eps ** 2 * max(aa, bb))

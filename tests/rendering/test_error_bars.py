@@ -1,0 +1,245 @@
+"""Intervals of integrals: by order statistics and by betting, their guarantees and where these end."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from refusals import refused
+from scipy.stats import binom
+
+import qmcjax as qj
+from qmcjax import sequences
+from qmcjax.core import betting, order_statistics
+
+SOBOL = sequences.sobol(2)
+INTERVALS = {"student": {}, "median": {}, "quantile": {}, "betting": {"limits": (0, 3)}}
+
+
+def smooth(points):
+    """Return values with the integral 1, in [0, 3]."""
+    return jnp.exp(points[:, 0] + points[:, 1]) / points.dtype.type(np.expm1(1) ** 2)
+
+
+def estimate(function, kind, key, n=64, replicates=8, **more):
+    how = {"interval": kind} | INTERVALS[kind] | more
+    return qj.integrate(function, SOBOL, n, replicates=replicates, key=key, **how)
+
+
+# -- order statistics
+
+
+@pytest.mark.parametrize("count", [1, 5, 6, 9, 12])
+@pytest.mark.parametrize("level", [0.5, 0.9, 0.95])
+def test_the_rank_is_the_best_that_covers(count, level):
+    """Of all patterns of values below and above the median, by counting them."""
+    below = [sum(signs) for signs in itertools.product((0, 1), repeat=count)]
+
+    def covered(rank):
+        return np.mean([rank <= number <= count - rank for number in below])
+
+    rank = order_statistics.rank(count, level)
+    assert rank == 0 or covered(rank) >= level
+    assert rank == count // 2 or covered(rank + 1) < level
+
+
+def test_order_statistics_hold_the_median_of_a_skewed_distribution_and_not_its_mean():
+    """Exponential: the median is log 2, the mean 1; at 400 values the interval excludes the latter."""
+    values = np.random.default_rng(1).exponential(size=(400, 1000))
+    low, high = order_statistics.interval(values, 0.95)
+    exact = 1 - 2 * binom.cdf(order_statistics.rank(400, 0.95) - 1, 400, 0.5)
+    held = np.mean((low <= np.log(2)) & (np.log(2) <= high))
+    assert abs(held - exact) < 5 * np.sqrt(exact * (1 - exact) / 1000)
+    assert np.mean((low <= 1) & (high >= 1)) < 0.05
+
+
+# -- betting
+
+
+@pytest.mark.parametrize("chance", [0.001, 0.1, 0.3, 0.5, 0.97])
+def test_betting_fails_with_the_stated_probability_at_most(chance):
+    """Exactly, by the probabilities of all 4096 sequences of 12 coins."""
+    coins = np.array(list(itertools.product((0.0, 1.0), repeat=12))).T
+    probability = np.prod(np.where(coins == 1, chance, 1 - chance), axis=0)
+    assert np.isclose(probability.sum(), 1)
+    for level in (0.5, 0.9, 0.95):
+        low, high = betting.interval(coins, level)
+        assert probability[(low > chance) | (high < chance)].sum() <= 1 - level
+        assert ((low >= 0) & (high <= 1) & (low < high)).all()
+
+
+def test_bets_are_fair():
+    """If they depend on earlier values only, the expected capital stays 1: over all sequences of 12 coins."""
+    coins = np.array(list(itertools.product((0.0, 1.0), repeat=12))).T
+    chance = 0.2
+    probability = np.prod(np.where(coins == 1, chance, 1 - chance), axis=0)
+    stakes = np.minimum(betting._bets(coins, np.log(40), np), 0.75 / chance)
+    capital = np.prod(1 + stakes * (coins - chance), axis=0)
+    assert abs(probability @ capital - 1) < 1e-12
+
+
+def test_betting_is_as_narrow_as_the_values_vary():
+    """Of 1000 values, compared to a normal interval; but not below the range divided by their number."""
+    generator = np.random.default_rng(2)
+    spread = {width: 0.3 + width * (generator.random(1000) - 0.5) for width in (0.001, 0.1, 0.6)}
+    widths = {}
+    for width, values in spread.items():
+        low, high = betting.interval(values, 0.95)
+        assert low < 0.3 < high
+        mirrored = betting.interval(1 - values, 0.95)
+        np.testing.assert_allclose((1 - mirrored[1], 1 - mirrored[0]), (low, high), rtol=0, atol=1e-12)
+        widths[width] = high - low
+    normal = 2 * 1.96 * 0.6 / np.sqrt(12 * 1000)
+    assert normal < widths[0.6] < 1.5 * normal
+    assert 1 / 1000 < widths[0.001] < widths[0.1] < widths[0.6]
+
+
+# -- integrals
+
+
+@pytest.mark.parametrize("interval", INTERVALS)
+def test_intervals_hold_integrals_as_often_as_they_say(interval):
+    """Over 100 keys; by order statistics 8 replicates cover with 93 %, betting always."""
+    level, held, least = 0.9, 0, {"student": 0.9, "betting": 1.0}.get(interval, 1 - 18 / 256)
+    for key in range(100):
+        low, high = estimate(smooth, interval, key).interval(level)
+        held += bool(low <= 1 <= high)
+    assert held >= 100 * least - 5 * np.sqrt(100 * least * (1 - least))
+    assert held <= 100 * least + 5 * np.sqrt(100 * least * (1 - least))
+
+
+def geometric_error(interval):
+    """Return the geometric mean of errors over 20 keys, of 15 replicates with 4096 points."""
+    found = [
+        float(estimate(smooth, interval, key, n=4096, replicates=15, dtype=jnp.float64).integral)
+        for key in range(20)
+    ]
+    return np.exp(np.mean(np.log(np.abs(np.array(found) - 1))))
+
+
+@pytest.mark.slow
+def test_the_median_is_for_linear_scrambling():
+    """Of a smooth function it is closer than the mean by far, and gains nothing with Owen scrambling."""
+    median, nested, mean = (geometric_error(how) for how in ("median", "quantile", "student"))
+    assert median < mean / 3
+    assert nested > mean / 2
+
+
+def test_the_estimate_is_the_median_of_the_means():
+    found = estimate(smooth, "median", 3)
+    assert found.means.shape == (8,) and found.n == 64
+    assert found.integral == np.median(found.means)
+    assert estimate(smooth, "betting", 3).integral == np.mean(estimate(smooth, "student", 3).means)
+    copy = sequences.linear_matrix_scramble(SOBOL, jax.random.split(jax.random.key(3), 8)[0])
+    points = np.asarray(copy.points(64), np.float64) + 2.0**-24
+    alone = np.exp(points.sum(axis=1)).mean() / np.expm1(1) ** 2
+    np.testing.assert_allclose(found.means[0], alone, rtol=3e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("interval", ["median", "betting"])
+def test_trees_and_compiled_programs(interval):
+    """Each leaf as it is alone; real and imaginary parts apart; the same under jit."""
+
+    def several(points):
+        return {"a": points, "b": jax.lax.complex(points[:, 0], 3 * points[:, 1])}
+
+    found = estimate(several, interval, 5)
+    low, high = found.interval(0.9)
+    alone = estimate(lambda points: points, interval, 5).interval(0.9)
+    np.testing.assert_allclose((low["a"], high["a"]), alone, rtol=1e-6)
+    third = estimate(lambda points: 3 * points[:, 1], interval, 5).interval(0.9)
+    np.testing.assert_allclose((low["b"].imag, high["b"].imag), third, rtol=1e-6)
+    np.testing.assert_allclose((low["b"].real, high["b"].real), (alone[0][0], alone[1][0]), rtol=1e-6)
+    compiled = jax.jit(lambda key: estimate(several, interval, key).interval(0.9))(jax.random.key(5))
+    for one, other in zip(jax.tree.leaves(compiled), jax.tree.leaves((low, high)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5)
+
+
+# -- to a tolerance
+
+
+@pytest.mark.parametrize("kind", ["student", "median"])
+def test_the_number_of_points_doubles_until_the_interval_is_small_enough(kind):
+    """Not before; the estimate is that of the points at once; the integral is within the tolerance."""
+    how = {"n": 2**16, "replicates": 10}
+    found = estimate(smooth, kind, 2, tolerance=2e-5, **how)
+    assert 1024 < found.n < 2**16 and found.n % 1024 == 0
+    level = 1 - 0.05 / 7  # of 2**10 ... 2**16 points
+
+    def half(estimate):
+        low, high = estimate.interval(level)
+        return float(high - low) / 2
+
+    at_once, before = (estimate(smooth, kind, 2, **how | {"n": n}) for n in (found.n, found.n // 2))
+    np.testing.assert_allclose(found.means, at_once.means, rtol=1e-14)
+    assert half(found) <= 2e-5 < half(before)
+    # What rounding adds is estimated from the first 1024 points, and not from 4096.
+    np.testing.assert_allclose(half(found), half(at_once), rtol=1e-3)
+    low, high = found.interval(level)
+    assert abs((low + high) / 2 - 1) < 2e-5
+
+
+@pytest.mark.slow
+def test_stopping_early_costs_no_coverage():
+    """Over 100 keys, the middle of the last interval is within the tolerance in 95 % or more."""
+    held = 0
+    for key in range(100):
+        found = estimate(smooth, "student", key, n=2**13, tolerance=1e-4)
+        low, high = found.interval(1 - 0.05 / 4)
+        held += abs(float(low + high) / 2 - 1) <= 1e-4
+    assert held >= 95 - 5 * np.sqrt(100 * 0.95 * 0.05)
+
+
+def test_a_tolerance_that_is_not_reached_is_reported():
+    with pytest.warns(RuntimeWarning, match=r"tolerance=1e-09 was not reached with n=2048: it is "):
+        found = estimate(smooth, "student", 1, n=3000, tolerance=1e-9)
+    assert found.n == 2048
+    few = estimate(smooth, "student", 1, n=100, tolerance=1.0)
+    assert few.n == 100
+
+
+test_bad_input_is_named = refused(
+    (ValueError, lambda: estimate(smooth, "student", 1, interval="t"), "interval must be one of .* got 't'"),
+    (
+        ValueError,
+        lambda: qj.integrate(smooth, SOBOL, 16, interval="median"),
+        "interval must be \"student\" without replicates, got 'median'",
+    ),
+    (
+        ValueError,
+        lambda: qj.integrate(smooth, sequences.halton(2), 16, replicates=6, key=1, interval="median"),
+        'interval must not be "median": sequence must',
+    ),
+    (
+        ValueError,
+        lambda: estimate(smooth, "betting", 1, limits=None),
+        "limits must be two numbers .* got None",
+    ),
+    (ValueError, lambda: estimate(smooth, "betting", 1, limits=(1, 0)), "limits must be two finite numbers"),
+    (ValueError, lambda: estimate(smooth, "student", 1, limits=(0, 3)), "limits must be None for"),
+    (ValueError, lambda: estimate(smooth, "betting", 1, limits=(0, 0.5)), "limits must hold all values, got"),
+    (ValueError, lambda: estimate(smooth, "student", 1, tolerance=0.0), "tolerance must be positive"),
+    (TypeError, lambda: estimate(smooth, "student", 1, tolerance=[1.0]), "tolerance must be a number, got"),
+    (
+        ValueError,
+        lambda: qj.integrate(smooth, SOBOL, 16, tolerance=1.0),
+        "tolerance must be None without replicates, got 1.0",
+    ),
+    (
+        TypeError,
+        lambda: jax.jit(lambda key: estimate(smooth, "student", key, tolerance=1.0))(jax.random.key(1)),
+        "tolerance must be None where the function or the sequence is traced",
+    ),
+    (
+        ValueError,
+        lambda: estimate(smooth, "median", 1, n=2**20, tolerance=1.0),
+        "replicates must be at least 9 for a tolerance, got 8",
+    ),
+    (
+        ValueError,
+        lambda: estimate(smooth, "median", 1, replicates=4).interval(0.9),
+        "level must be at most 0.875 with 4 replicates, got 0.9",
+    ),
+)

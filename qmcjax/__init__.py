@@ -8,7 +8,8 @@ Four nouns, each a pure function at random access and a JAX pytree:
 - a **scene** maps a point to a value (:mod:`qmcjax.scenes`);
 
 :func:`qmcjax.render` puts them together, :func:`qmcjax.integrate` averages a function over a sequence alone,
-:func:`qmcjax.recommend` recommends a sampler.
+:mod:`qmcjax.warps` makes normals, directions and choices of points, :func:`qmcjax.recommend` recommends a
+sampler.
 
 Arguments known before tracing are checked: a TypeError for a wrong type, or a ValueError for a wrong value,
 names the argument, what it must be and what came. Docstrings list other errors only.
@@ -23,6 +24,7 @@ if typing.TYPE_CHECKING:
     from qmcjax import scenes as scenes
     from qmcjax import sequences as sequences
     from qmcjax import tracing as tracing
+    from qmcjax import warps as warps
     from qmcjax._estimate import Estimate as Estimate
     from qmcjax._integrate import integrate as integrate
     from qmcjax.choosing import ErrorRatio as ErrorRatio
@@ -61,7 +63,7 @@ else:
         ),
     }
     _LAZY = {name: home for home, names in _HOMES.items() for name in names}
-    _PACKAGES = ("orders", "samplers", "scenes", "sequences", "tracing")
+    _PACKAGES = ("orders", "samplers", "scenes", "sequences", "tracing", "warps")
 
     def __getattr__(name: str) -> typing.Any:
         """Import a package or name at its first use: few scripts need them all."""

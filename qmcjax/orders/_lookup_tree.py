@@ -1,6 +1,7 @@
 """Scrambled Morton orders by a self-similar tree: a grammar with a permutation for each letter."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Self
 
 import jax
@@ -28,7 +29,7 @@ class LookupTree(ScrambledMorton):
 
     def family(self, keys: Array) -> Self:
         """Return orders with a common production and separate permutations as one object (Eq. 13 to 18)."""
-        others = jax.vmap(lambda key: random_permutations(self.permutations.shape[0], key))(keys)
+        others = _permutations_of(keys, self.permutations.shape[0])
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
     def member(self, number: int) -> Self:
@@ -55,8 +56,7 @@ class RandomTree(LookupTree):
     """uint32 scalar, below the number of letters."""
 
     def family(self, keys: Array) -> Self:
-        words = jax.vmap(lambda key: jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
-        shifts = scaled(words, self.permutations.shape[0])
+        shifts = _shifts_of(keys, self.permutations.shape[0])
         return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
 
     def member(self, number: int) -> Self:
@@ -64,6 +64,19 @@ class RandomTree(LookupTree):
 
     def _child(self, node: Array, digit: Array) -> Array:
         return super()._child((node + self.shift) % np.uint32(self.production.shape[0]), digit)
+
+
+@partial(jax.jit, static_argnums=1)
+def _permutations_of(keys: Array, letters: int) -> Array:
+    """Draw permutations by each key; compiled, since otherwise every call traces the generator anew."""
+    return jax.vmap(lambda key: random_permutations(letters, key))(keys)
+
+
+@partial(jax.jit, static_argnums=1)
+def _shifts_of(keys: Array, letters: int) -> Array:
+    """Draw a letter by each key."""
+    words = jax.vmap(lambda key: jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
+    return scaled(words, letters)
 
 
 def random_permutations(letters: int, key: Array) -> Array:

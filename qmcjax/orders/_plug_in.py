@@ -10,7 +10,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
 
@@ -19,7 +19,7 @@ from qmcjax.orders._base import Order
 class PlugIn(Order):
     """An object with the methods of the protocol, without checks."""
 
-    held: Any
+    wrapped: Any
     positions: int = field(metadata={"static": True})
     """Number of positions."""
 
@@ -29,10 +29,10 @@ class PlugIn(Order):
 
     @property
     def raster(self) -> tuple[int, int]:
-        return getattr(unheld(self.held), "raster", (self.width, self.height))
+        return getattr(unwrap(self.wrapped), "raster", (self.width, self.height))
 
     def unchecked_position(self, x: Array, y: Array) -> Array:
-        position = _integers("position", unheld(self.held).position(x, y), x.shape)
+        position = _integers("position", unwrap(self.wrapped).position(x, y), x.shape)
         if not isinstance(position, Tracer) and position.size:
             most = int(np.max(np.asarray(position)))
             if most >= self.length:
@@ -40,10 +40,10 @@ class PlugIn(Order):
         return position
 
     def unchecked_pixel(self, position: Array) -> tuple[Array, Array]:
-        inverse: Any = getattr(unheld(self.held), "pixel", None)
+        inverse: Any = getattr(unwrap(self.wrapped), "pixel", None)
         if inverse is None:
             raise TypeError(
-                f"order must have a method pixel(position), got {checks.shown(unheld(self.held))}"
+                f"order must have a method pixel(position), got {checks.shown(unwrap(self.wrapped))}"
             )
         x, y = inverse(position)
         return _integers("pixel", x, position.shape), _integers("pixel", y, position.shape)
@@ -145,7 +145,7 @@ def as_order(name: str, value: Any) -> Order:
         raise TypeError(_message(name, value))
     width, height = checks.image_size(value.width, value.height)
     length = checks.integer(f"{name}.length", value.length, width * height, checks.INDEX_LIMIT)
-    return PlugIn(width, height, held(name, value), length)
+    return PlugIn(width, height, wrap(name, value), length)
 
 
 def _message(name: str, value: Any) -> str:

@@ -16,6 +16,8 @@ from qmcjax.samplers._padded_replications import padded_replications as padded_r
 from qmcjax.samplers._partitioned import partitioned as partitioned
 from qmcjax.samplers._plug_in import as_sampler as as_sampler
 from qmcjax.samplers._plug_in import function as function
+from qmcjax.samplers._progressive import Progressive as Progressive
+from qmcjax.samplers._progressive import progressive as progressive
 from qmcjax.samplers._randomized import Randomized as Randomized
 from qmcjax.samplers._randomized import randomized as randomized
 from qmcjax.samplers._ranked import Ranked as Ranked

@@ -1,6 +1,6 @@
 """Contiguous blocks of one sequence along a curve through the pixels."""
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -9,10 +9,10 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders import Order, as_order
+from qmcjax.orders import FrameOrder, OneFrame, Order, as_order
 from qmcjax.samplers._base import Sampler, check_count, check_size
 from qmcjax.samplers._index_64 import needed, plus, times
-from qmcjax.sequences import Sequence, as_sequence
+from qmcjax.sequences import InTime, Sequence, as_sequence
 
 
 @frozen_pytree
@@ -49,21 +49,48 @@ class Contiguous(Sampler):
     def _has_64_bits(self) -> bool:
         return needed(self.order.length * self.spp, self.sequence)
 
+    def at_frame(self, frame: Array | int) -> "Contiguous":
+        """Return the sampler of another frame of an animation; its program is the same.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape ()
+            Below the padded number of frames of an order of pixels and frames.
+        """
+        moved = {
+            name: part.at_frame(frame)
+            for name, part in (("order", self.order), ("sequence", self.sequence))
+            if isinstance(part, OneFrame | InTime)
+        }
+        if not moved:
+            raise TypeError(
+                "sampler must have an order of pixels and frames, or a sequence by sequences.in_time, "
+                f"for frames, got {checks.shown(self.order)} and {checks.shown(self.sequence)}"
+            )
+        return replace(self, **moved)
+
     def check(self, width: int, height: int, spp: int) -> None:
         super().check(width, height, spp)
         check_size("order", (self.order.width, self.order.height), (width, height))
         check_count(spp, self.spp, "samples in the block of a pixel")
 
 
-def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
+def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Contiguous:
     """Sample the pixels along a curve with contiguous blocks of one sequence.
 
     Parameters
     ----------
     order : Order, the curve, for one size of image
+        Or an order of pixels and frames, as :func:`qmcjax.orders.morton3`.
     spp : int
         Points in the block of a pixel, at least 1. Powers of the base of the sequence are best. The sequence
         must have ``order.length * spp`` points.
+
+    Returns
+    -------
+    Contiguous
+        The sampler of frame 0. ``sampler.at_frame(t)`` is that of frame t, for an order of pixels and frames,
+        or a sequence that moves in time, by :func:`qmcjax.sequences.in_time`.
 
     Notes
     -----
@@ -82,7 +109,8 @@ def contiguous(order: Order, sequence: Sequence, spp: int) -> Contiguous:
     >>> print(sampler(1, 0, 0))  # position 1 or 3 on the curve: point 4 or 12 of the sequence
     [0.1875 0.3125]
     """
-    order, sequence = as_order("order", order), as_sequence("sequence", sequence)
+    order = order.at_frame(0) if isinstance(order, FrameOrder) else as_order("order", order)
+    sequence = as_sequence("sequence", sequence)
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
     limit = sequence.limit_64
     if order.length * spp > limit:

@@ -1,5 +1,6 @@
 """One sequence in every pixel, shifted by a tiled mask."""
 
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -13,10 +14,13 @@ from qmcjax.core import checks
 from qmcjax.core.fractions import fractions
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
-from qmcjax.sequences import Sequence, as_sequence
+from qmcjax.sequences import Sequence, as_sequence, roberts, rotate
 
 _STRIDE = (0.5698402909980532, 0.7548776662466927)
 """1/p**2 and 1/p, where p**3 = p + 1: their multiples modulo 1 stay far apart."""
+
+MAX_DIMS_IN_TIME = 64
+"""Those of the sequence whose points shift frames."""
 
 
 @frozen_pytree
@@ -26,10 +30,29 @@ class Dithered(InEveryPixel):
     offsets: Array
     """uint32 (rows, columns, channels): fractions."""
     sequence: Sequence
+    frame: Array | None = None
+    """uint32 scalar."""
+
+    def at_frame(self, frame: Array | int) -> "Dithered":
+        """Return the sampler of a frame of an animation, moved by multiples of the golden ratio.
+
+        Frame t is shifted by point t of :func:`qmcjax.sequences.roberts` with as many dimensions, at most 64.
+        All frames are the same program.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape (), in [0, 2**32)
+        """
+        if self.dims > MAX_DIMS_IN_TIME:
+            raise ValueError(
+                f"sequence must have at most {MAX_DIMS_IN_TIME} dimensions for frames, got {self.dims}"
+            )
+        return replace(self, frame=checks.frame(frame))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
-        rotated = self.sequence.rotated_coordinate
+        moved = self.sequence if self.frame is None else rotate(self.sequence, roberts(self.dims)(self.frame))
+        rotated = moved.rotated_coordinate
         return jnp.stack([rotated(sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1)
 
     def _offset(self, x: Array, y: Array, dim: int) -> Array:
@@ -60,8 +83,9 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     Returns
     -------
     Dithered
-        The sum is exact in base 2; for any other sequence it is rounded once from float64, never to 1. A new
-        mask of the same shape does not recompile.
+        ``sampler.at_frame(t)`` is the sampler of frame t of an animation. Sums are exact in base 2; for any
+        other sequence they are rounded once from float64, never to 1. A new mask of the same shape does not
+        recompile.
 
     Notes
     -----

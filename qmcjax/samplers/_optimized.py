@@ -1,6 +1,6 @@
-"""Contiguous blocks of Owen-scrambled Sobol' sequences along orders optimised for perceived error."""
+"""Contiguous blocks of Owen-scrambled sequences along orders optimised for perceived error."""
 
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -17,28 +17,32 @@ from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._contiguous import Contiguous
 from qmcjax.samplers._index_64 import needed
+from qmcjax.samplers._optimized_joint import joint
 from qmcjax.samplers._z_index import append
-from qmcjax.sequences import Owen, sobol
+from qmcjax.sequences import BinarySequence, Owen, in_time, sobol
 
-MAX_DIMS = 2**16
+MAX_DIMS = 21201
+"""Those of Sobol's sequence."""
 MAX_SPP = 2**31
 
 
 @frozen_pytree
 class Optimized(Sampler):
-    """Pixel p of the order of a pair of coordinates takes the points spp * p, ..., in its own order."""
+    """Pixel p of the order takes the points spp * p, ..., in its own order."""
 
-    orders: orders.OptimizedOrder
-    """A family with one order for each pair of coordinates."""
+    order: orders.OptimizedOrder
     ranks: Array
     """uint8 (side, side): numbers of the first samples of the pixels of the tile."""
     seeds: Array
-    """uint32 (pairs, 3): seeds of the scramblings of both coordinates, and of the orders of the samples."""
+    """uint32 (3,): seeds of the scramblings of both coordinates, and of the orders of the samples."""
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
     coordinates: int = field(metadata={"static": True})
+    frame: Array | None = None
+    """uint32 scalar."""
 
     @property
     def dims(self) -> int:
@@ -46,25 +50,35 @@ class Optimized(Sampler):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        return (*self.orders.raster, self.spp)
+        return (*self.order.raster, self.spp)
 
     @property
     def _digits(self) -> int:
         return self.spp.bit_length() - 1
 
-    def _pair(self, number: int) -> Owen:
-        return Owen(sobol(2), self.seeds[number, :2])
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, Array, Array]:
+        """Return the positions, first samples and shuffles of the pixels."""
+        position = self.order.unchecked_position(x, y)
+        rank = self.ranks.at[self.order.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
+        return position, rank, hash_word(position ^ self.seeds[2])
 
-    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the positions, first samples and shuffles of the pixels for each wanted pair."""
-        return {c: self._prepare_pair(c, x, y) for c in sorted({j // 2 for j in dims})}
+    @property
+    def _sequence(self) -> BinarySequence:
+        sequence = Owen(sobol(2), self.seeds[:2])
+        return sequence if self.frame is None else in_time(sequence).at_frame(self.frame)
 
-    def _prepare_pair(self, pair: int, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        order = self.orders.member(pair)
-        position = order.unchecked_position(x, y)
-        rank = self.ranks.at[order.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
-        seed = hash_word(position ^ self.seeds[pair, 2])
-        return position, rank, seed
+    def at_frame(self, frame: Array | int) -> "Optimized":
+        """Return the sampler of another frame of an animation; its program is the same.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape (), in [0, 2**32)
+        """
+        if self.frame is None:
+            raise TypeError(
+                "sampler must be made with frames=... for at_frame, got one made with frames=None"
+            )
+        return replace(self, frame=checks.frame(frame))
 
     def _shuffled(self, sample: Array, seed: Array) -> Array:
         """Permute the numbers of samples, nested, and keep 0: the first 2**k stay the first.
@@ -80,17 +94,12 @@ class Optimized(Sampler):
         return number
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        indices = {}
-        for pair, (position, first, seed) in state.items():
-            indices[pair] = append(position, self._shuffled(sample, seed) ^ first, self._digits)
-        return jnp.stack([self._coordinate(j // 2, j % 2, indices[j // 2], dtype) for j in dims], axis=-1)
-
-    def _coordinate(self, pair: int, dim: int, index: tuple[Array, Array], dtype: DTypeLike) -> Array:
-        high, low = index
-        sequence = self._pair(pair)
-        if needed(self.orders.length * self.spp, sequence):
-            return sequence.with_high_word(high).coordinate(low, dim, dtype)
-        return sequence.coordinate(low, dim, dtype)
+        position, rank, seed = state
+        high, low = append(position, self._shuffled(sample, seed) ^ rank, self._digits)
+        sequence = self._sequence
+        if needed(self.order.length * self.spp, sequence):
+            sequence = sequence.with_high_word(high)
+        return jnp.stack([sequence.coordinate(low, j, dtype) for j in dims], axis=-1)
 
     def check(self, width: int, height: int, spp: int) -> None:
         super().check(width, height, spp)
@@ -105,13 +114,15 @@ def _ranks() -> NDArray[np.uint8]:
         return table["ranks"]
 
 
-def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2) -> Optimized:
+def optimized(
+    width: int, height: int, spp: int, key: Array | int, dims: int = 2, frames: int | None = None
+) -> Optimized | Contiguous:
     """Sample the pixels with blocks of a scrambled sequence, in an order optimised for errors that cancel.
 
     Permutations that :func:`z` draws at random are optimised here: those of quadrants, so that the errors of
     neighbouring pixels cancel under a Gaussian filter of 1.5 pixels, and the order of the samples in a pixel,
-    so that errors also cancel for the first sample alone. Sequences are Owen-scrambled: each point of each
-    sample is uniformly distributed, whatever the order.
+    so that errors also cancel for its first samples. Sequences are Owen-scrambled: each point of each sample
+    is uniformly distributed, whatever the order.
 
     Parameters
     ----------
@@ -120,28 +131,42 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
         Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered. There are tables for 1 to
         64; larger numbers use the order for 64, and their first samples are not optimised.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new scramblings, rotates or flips the tiles, and does not recompile.
+        A new key gives new scramblings, in up to two dimensions also another symmetry of the tile, and does
+        not recompile.
     dims : int
-        Number of coordinates, in [1, 65536]. They are padded: each pair has its own scrambled sequence, order
-        of the pixels and order of their samples; if dims is odd, the last one is single.
+        Number of coordinates, in [1, 21201]. One sequence has all of them: :func:`~qmcjax.sequences.sobol`,
+        but :func:`~qmcjax.sequences.niederreiter_xing` in three and four dimensions if it has enough points:
+        if the square of the order has at most ``2**32`` samples, and there are no frames.
+    frames : int, optional
+        For animations: a number of frames, at least 1. It makes no difference to the points, and further
+        frames can be rendered.
+
+    Returns
+    -------
+    Optimized, or from three dimensions on Contiguous
+        With ``frames``, ``sampler.at_frame(t)`` is the sampler of frame t.
 
     Notes
     -----
-    In a pair, the samples of every aligned square of ``2**k`` pixels per side are a (0, 2k + log2(spp),
-    2)-net, and the first ``2**j`` samples of a pixel are a (0, j, 2)-net. The mean of a pixel is unbiased
-    over the keys, also that of its first samples.
+    With ``frames``, the sequence moves by :func:`~qmcjax.sequences.in_time`: in every aligned window of
+    ``2**k`` x ``2**k`` pixels and ``2**j`` frames, each coordinate has exactly one sample in each of ``4**k *
+    2**j * spp`` equal intervals.
+
+    The samples of every aligned square of ``2**k`` pixels per side are an aligned block of ``2**m`` points of
+    the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel one of ``2**j``. So they are
+    (t, m, s)-nets of its t: 0 in two dimensions, 1 with Niederreiter-Xing's sequence. The mean of a pixel is
+    unbiased over the keys, also that of its first samples.
+
+    In up to two dimensions, each square of a tile of 64 x 64 pixels has a permutation of its own. From three
+    on, the index of a sample is a linear map over F2 of the bits of x, y and its number in the pixel, so the
+    sampler is :func:`contiguous` along the Morton order with other generator matrices. A table has one word
+    for each of 16 bits, of which those of a level of the quadtree have only digits of that and finer levels.
+    Annealed permutations of all squares of a tile were worse than such maps. The map for three and four
+    dimensions was searched in four, the other one in eight.
 
     The search minimised the mean over all nested uniform scramblings, in closed form: the tables depend on
     neither key nor integrand. A single fixed scrambling allows smaller errors, but an order made for it is
     worse under others. This is our own idea: the papers permute at random [1]_.
-
-    All pairs have the same tile of 64 x 64 pixels, translated and rotated. So over an image, coordinates of
-    different pairs are as uniform together as for 4096 random pixels: chi-squared of two such coordinates
-    exceeds its mean by a factor of up to 1 + pixels / 4096.
-
-    Errors of integrands of several pairs are diffused less, as [1]_ notes for all such orders. For these a
-    joint scrambled sequence, by :func:`contiguous`, has smaller errors with several samples, even smaller
-    along the Hilbert curve; with a single sample, :func:`ranked` has.
 
     References
     ----------
@@ -157,14 +182,18 @@ def optimized(width: int, height: int, spp: int, key: Array | int, dims: int = 2
     width, height = checks.image_size(width, height)
     spp = checks.power_of_two("spp", spp, MAX_SPP)
     dims = checks.integer("dims", dims, 1, MAX_DIMS)
-    of_order, of_orders, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
-    pairs = (dims + 1) // 2
+    if frames is not None:
+        checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
+    if dims > 2:
+        return joint(width, height, spp, key, dims, moving=frames is not None)
+    of_order, _, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
     return Optimized(
-        orders.optimized(width, height, spp, of_order).family(of_orders, pairs),
+        orders.optimized(width, height, spp, of_order),
         jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1]),
-        jax.random.bits(of_seeds, (pairs, 3), jnp.uint32),
+        jax.random.bits(of_seeds, (1, 3), jnp.uint32)[0],
         width,
         height,
         spp,
         dims,
+        None if frames is None else checks.frame(0),
     )

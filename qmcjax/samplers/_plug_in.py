@@ -11,7 +11,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import below_one
-from qmcjax.core.plug_ins import held, parameters, unheld
+from qmcjax.core.plug_ins import parameters, unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler
 
@@ -24,12 +24,12 @@ _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the met
 class PlugIn(Sampler):
     """An object with the methods of the protocol, without defaults."""
 
-    held: Any
+    wrapped: Any
 
     @property
     def sampler(self) -> Any:
         """The object."""
-        return unheld(self.held)
+        return unwrap(self.wrapped)
 
     @property
     def dims(self) -> int:
@@ -56,7 +56,7 @@ class PlugIn(Sampler):
 class Function(Sampler):
     """The points of a function of pixel and sample."""
 
-    held: Any
+    wrapped: Any
     coordinates: int = field(metadata={"static": True})
 
     @property
@@ -64,7 +64,7 @@ class Function(Sampler):
         return self.coordinates
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        values = unheld(self.held)(*state, sample)
+        values = unwrap(self.wrapped)(*state, sample)
         wanted = (*sample.shape, self.dims)
         if jnp.shape(values) != wanted:
             raise ValueError(f"f must return points of shape {wanted}, got {checks.shown(values)}")
@@ -95,9 +95,8 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     >>> print(centres(3, 1, 0))
     [0.5 0.5]
     """
-    if not callable(f) or isinstance(f, type):
-        raise TypeError(f"f must be a function of x, y and sample, got {checks.shown(f)}")
-    return Function(held("f", f), checks.integer("dims", dims, 1, MAX_DIMS))
+    checks.function("f", f, "of x, y and sample")
+    return Function(wrap("f", f), checks.integer("dims", dims, 1, MAX_DIMS))
 
 
 def as_sampler(name: str, value: Any) -> Sampler:
@@ -122,7 +121,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
     whole = isinstance(dims, int | np.integer) and not isinstance(dims, bool)
     if isinstance(value, type) or not whole or not (_prepares(value) or _positional(value) >= 4):
         raise TypeError(f"{name} must be a sampler ({_PROTOCOL}), got {checks.shown(value)}")
-    return PlugIn(held(name, value))
+    return PlugIn(wrap(name, value))
 
 
 def rounded(values: Any, dtype: DTypeLike) -> Array:

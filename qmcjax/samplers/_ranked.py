@@ -1,5 +1,6 @@
 """One scrambled sequence in every pixel, with keys that distribute errors as blue noise."""
 
+from dataclasses import replace
 from importlib import resources
 from typing import Any
 
@@ -13,7 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
-from qmcjax.sequences import BinarySequence, Owen, sobol
+from qmcjax.sequences import BinarySequence, InTime, Owen, in_time, sobol
 
 
 @frozen_pytree
@@ -28,6 +29,19 @@ class Ranked(InEveryPixel):
     """uint32 (rows, columns, dims): scrambling keys, as 32-bit fractions."""
     translation: Array
     """uint32 (2,): offsets of x and y."""
+
+    def at_frame(self, frame: Array | int) -> "Ranked":
+        """Return the sampler of a frame of an animation, by :func:`qmcjax.sequences.in_time`.
+
+        Over aligned blocks of frames and samples, each coordinate of a pixel is stratified. All frames are
+        the same program.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape (), in [0, 2**32)
+        """
+        moving = self.sequence if isinstance(self.sequence, InTime) else in_time(self.sequence)
+        return replace(self, sequence=moving.at_frame(frame))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the rows and columns of pixels in the tile."""
@@ -64,6 +78,7 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     -------
     Ranked
         Optimised for 1, 2, 4, 8 and 16 samples. Other numbers work; errors are then less blue.
+        ``sampler.at_frame(t)`` is the sampler of frame t of an animation.
 
     Notes
     -----

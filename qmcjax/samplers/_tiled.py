@@ -58,10 +58,7 @@ class Tiled(Sampler):
         ----------
         frame : int, or integer Array of shape (), in [0, 2**32)
         """
-        number = checks.unsigned("frame", frame)
-        if number.ndim:
-            raise ValueError(f"frame must be one integer, got shape {number.shape}")
-        return Tiled(self.tile, self.seeds, number, self.coordinates, self.spp)
+        return Tiled(self.tile, self.seeds, checks.frame(frame), self.coordinates, self.spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return pixels and hashes of them for jitter."""
@@ -80,7 +77,9 @@ class Tiled(Sampler):
         boxes = self.spp // of_tile
         box, number = sample & np.uint32(boxes - 1), sample >> np.uint32(boxes.bit_length() - 1)
         if copy and boxes > 1:
-            seed = hash_pair(hashed ^ self.seeds[_SHUFFLE, 0], self.seeds[_SHUFFLE, 1] ^ np.uint32(copy))
+            # Anew in each frame: boxes of two copies meet in all ways as time goes on.
+            anew = self.seeds[_SHUFFLE, 1] ^ np.uint32(copy) ^ (self.frame << 16)
+            seed = hash_pair(hashed ^ self.seeds[_SHUFFLE, 0], anew)
             digits = boxes.bit_length() - 1
             box = reverse(owen_hash(reverse(box << np.uint32(32 - digits)), seed)) >> np.uint32(32 - digits)
         along = []

@@ -5,6 +5,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.orders import VARIANTS, ScrambledMorton, log_side, scrambled_morton
+from qmcjax.samplers._frames import of_key
 from qmcjax.samplers._z_blocks import Z
 from qmcjax.sequences import BinarySequence, as_binary, sobol
 
@@ -26,6 +27,7 @@ def z(
     constituents: tuple[int, ...] | None = None,
     sequence: BinarySequence | None = None,
     alphabet: int | None = None,
+    frames: int | None = None,
 ) -> Z:
     """Sample the pixels with blocks of the Sobol' sequence in a scrambled Morton order, to diffuse errors.
 
@@ -56,9 +58,22 @@ def z(
         for each sample of the padded raster.
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
+    frames : int, optional
+        For animations: a number of frames, at least 1. It makes no difference to the points, and further
+        frames can be rendered.
+
+    Returns
+    -------
+    Z
+        With ``frames``, ``sampler.at_frame(t)`` is the sampler of frame t.
 
     Notes
     -----
+    With ``frames``, the sequence of each constituent moves in time, by :func:`qmcjax.sequences.in_time`;
+    those after the first have scrambled orders of the frames. So in every aligned window of ``2**k`` x
+    ``2**k`` pixels and ``2**j`` frames, **each coordinate has exactly one sample in each of 4**k * 2**j *
+    spp equal intervals**, for any k and j, up to 2**32 intervals; each frame has the nets of a single image.
+
     Where the raster has more than 2**32 samples, indices have 64 bits, and coordinates are exact to 32
     digits. For the joint sequences that have these indices see :func:`contiguous`.
 
@@ -109,7 +124,8 @@ def z(
                 f"and the sequence {sequence.limit_64} indices, got {spp}"
             )
     orders = _orders(width, height, key, variant, alphabet, len(sizes))
-    return Z(orders, sequence, width, height, spp, sizes)
+    of_frames = None if frames is None else of_key(frames, sequence, key, len(sizes))
+    return Z(orders, sequence, width, height, spp, sizes, frames=of_frames)
 
 
 def _padded(dims: int, constituents: tuple[int, ...] | None) -> tuple[int, ...]:

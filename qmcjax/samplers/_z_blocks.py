@@ -14,6 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import ScrambledMorton, log_side, morton
 from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._frames import Frames, at_frame
 from qmcjax.samplers._index_64 import Index, needed
 from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
@@ -32,6 +33,8 @@ class Z(Sampler):
     spp: int = field(metadata={"static": True})
     constituents: tuple[int, ...] = field(metadata={"static": True})
     rounds: int = field(default=1, metadata={"static": True})
+    frames: Frames | None = None
+    """Numbers of one frame, for each constituent."""
 
     @property
     def dims(self) -> int:
@@ -110,6 +113,15 @@ class Z(Sampler):
                 )
         return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(words))
 
+    def at_frame(self, frame: Array | int) -> "Z":
+        """Return the sampler of another frame of an animation; its program is the same.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape (), in [0, 2**32)
+        """
+        return replace(self, frames=at_frame(self.frames, frame))
+
     @property
     def _places(self) -> list[tuple[int, int]]:
         """The constituent of each coordinate, and its number there."""
@@ -157,8 +169,11 @@ class Z(Sampler):
         wanted = [self._places[j] for j in dims]
         indices = {c: self._index(c, state, number, log_count) for c in self._wanted(dims)}
         if len(self.constituents) == 1 and not self._has_64_bits:
-            return self.sequence.coordinates(indices[0][1], dims, dtype)
-        return jnp.stack([self._coordinate(indices[c], j, dtype) for c, j in wanted], axis=-1)
+            return self._sequence(0).coordinates(indices[0][1], dims, dtype)
+        return jnp.stack([self._coordinate(c, indices[c], j, dtype) for c, j in wanted], axis=-1)
+
+    def _sequence(self, constituent: int) -> BinarySequence:
+        return self.sequence if self.frames is None else self.frames.moved(self.sequence, constituent)
 
     def _index(self, constituent: int, state: Any, number: Number, log_count: int | Array) -> Index:
         passed = np.uint32(0)
@@ -180,9 +195,10 @@ class Z(Sampler):
     def _has_64_bits(self) -> bool:
         return needed(4**self.log_side * self.spp, self.sequence)
 
-    def _coordinate(self, index: Index, dim: int, dtype: DTypeLike) -> Array:
+    def _coordinate(self, constituent: int, index: Index, dim: int, dtype: DTypeLike) -> Array:
         high, low = index
-        sequence = self.sequence.with_high_word(high) if self._has_64_bits else self.sequence
+        sequence = self._sequence(constituent)
+        sequence = sequence.with_high_word(high) if self._has_64_bits else sequence
         return sequence.coordinate(low, dim, dtype)
 
     def check(self, width: int, height: int, spp: int) -> None:

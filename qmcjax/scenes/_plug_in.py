@@ -8,7 +8,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene
 
@@ -20,36 +20,36 @@ _OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled"
 class PlugIn:
     """An object that is not a pytree, as a scene: static by identity."""
 
-    held: Any
+    wrapped: Any
 
     @property
     def needs(self) -> tuple[str, ...]:
-        return tuple(unheld(self.held).needs)
+        return tuple(unwrap(self.wrapped).needs)
 
     def __call__(self, point: Array) -> Array:
-        return unheld(self.held)(floats("point", point, (len(self.needs),)))
+        return unwrap(self.wrapped)(floats("point", point, (len(self.needs),)))
 
     def __getattr__(self, name: str) -> Any:
         if name not in _OPTIONAL:
             raise AttributeError(name)
-        return getattr(unheld(self.held), name)
+        return getattr(unwrap(self.wrapped), name)
 
     def __repr__(self) -> str:
-        return repr(unheld(self.held))
+        return repr(unwrap(self.wrapped))
 
 
 @frozen_pytree
 class Function:
     """A function of points with named dimensions; see `function`."""
 
-    held: Any
+    wrapped: Any
     needs: tuple[str, ...] = field(metadata={"static": True})
 
     def __call__(self, point: Array) -> Array:
-        return unheld(self.held)(floats("point", point, (len(self.needs),)))
+        return unwrap(self.wrapped)(floats("point", point, (len(self.needs),)))
 
     def __repr__(self) -> str:
-        given = unheld(self.held)
+        given = unwrap(self.wrapped)
         return f"function({getattr(given, '__name__', checks.shown(given))}, needs={self.needs})"
 
 
@@ -84,8 +84,8 @@ def as_scene(name: str, value: Any) -> Any:
             f"points), got {checks.shown(value)}"
         )
     _names(f"{name}.needs", needs)
-    kept = held(name, value)
-    return value if kept is value else PlugIn(kept)
+    wrapped = wrap(name, value)
+    return value if wrapped is value else PlugIn(wrapped)
 
 
 def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
@@ -107,9 +107,8 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
     >>> scene(jnp.array([0.5, 0.1, 0.5]))
     Array(0.25, dtype=float32)
     """
-    if isinstance(f, type) or not callable(f):
-        raise TypeError(f"f must be a function of points, got {checks.shown(f)}")
-    return Function(held("f", f), _names("needs", needs))
+    checks.function("f", f, "of points")
+    return Function(wrap("f", f), _names("needs", needs))
 
 
 def _names(name: str, needs: Any) -> tuple[str, ...]:

@@ -106,12 +106,16 @@ def test_shapes_and_types_are_checked_while_tracing(points, message):
 @pytest.mark.parametrize(
     ("sampler", "own"),
     [
-        (samplers.contiguous(orders.hilbert(4, 4), sequences.owen(sequences.halton(2), 1), 4), True),
-        (samplers.z(4, 4, 4, 1), True),
-        (samplers.as_sampler("sampler", Made(half)), False),
-        (samplers.function(lambda x, y, sample: half(x, y, sample, (0, 1), jnp.float32), 2), False),
+        (
+            lambda: samplers.contiguous(orders.hilbert(4, 4), sequences.owen(sequences.halton(2), 1), 4),
+            True,
+        ),
+        (lambda: samplers.z(4, 4, 4, 1), True),
+        (lambda: samplers.as_sampler("sampler", Made(half)), False),
+        (lambda: samplers.function(lambda x, y, sample: half(x, y, sample, (0, 1), jnp.float32), 2), False),
     ],
     ids=["contiguous", "z", "object", "function"],
+    indirect=["sampler"],
 )
 def test_only_what_others_made_is_checked(sampler, own):
     """Ours pay nothing: no comparison of points in the program."""

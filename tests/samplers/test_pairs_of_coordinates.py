@@ -26,7 +26,6 @@ INDEPENDENT = {
 TABULATED = {
     "z, multiplicative": z("multiplicative"),
     "z, art": z("art"),
-    "optimized": lambda key: samplers.optimized(SIDE, SIDE, SPP, key, dims=6),
     "ranked, padded": lambda key: padded_samplers.ranked(SIZES, key),
 }
 
@@ -79,7 +78,7 @@ def test_pairs_that_share_a_table_are_as_uniform_as_fewer_pixels(name):
 def test_pairs_beyond_those_of_a_sampler_are_independent():
     """Those that Mitsuba's plug-in adds."""
     for key in range(2):
-        padded = PaddedPairs(samplers.z(SIDE, SIDE, SPP, key), key)
+        padded = PaddedPairs(samplers.z(SIDE, SIDE, SPP, key), jax.random.key(key))
         x, y, sample = (np.tile(X, SPP), np.tile(Y, SPP), np.repeat(np.arange(SPP, dtype=np.uint32), X.size))
         first = [padded.coordinates(padded.group(pair), x, y, sample)[0] for pair in (0, 1, 2)]
         assert np.abs(chi_squared(np.stack(first, -1)) - 1).max() < BOUND

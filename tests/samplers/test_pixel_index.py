@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, first, pixels, points_of, refuses, slow, some
+from tables import NETS, Table, first, pixels, points_of, refuses, slow, some
 
 import analysis
 import qmcjax as qj
@@ -32,14 +32,16 @@ def on_screen(sampler, x, y, sample, side):
     return (np.stack([x, y], axis=1) + np.asarray(points_of(sampler, x, y, sample))) / side
 
 
-HALTON = {
-    "plain": sequences.halton(3),
-    "zaremba": sequences.halton(2, "zaremba"),
-    "faure": sequences.halton(2, "faure"),
-    "faure_lemieux": sequences.halton(2, "faure_lemieux"),
-    "random": sequences.halton(2, "random", key=1),
-    "random, other key": sequences.halton(2, "random", key=2),
-}
+HALTON = Table(
+    {
+        "plain": lambda: sequences.halton(3),
+        "zaremba": lambda: sequences.halton(2, "zaremba"),
+        "faure": lambda: sequences.halton(2, "faure"),
+        "faure_lemieux": lambda: sequences.halton(2, "faure_lemieux"),
+        "random": lambda: sequences.halton(2, "random", key=1),
+        "random, other key": lambda: sequences.halton(2, "random", key=2),
+    }
+)
 
 
 @jax.jit

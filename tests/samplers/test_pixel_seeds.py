@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from qmcjax import samplers, sequences
-from qmcjax.bridges.mitsuba._padded_pairs import pixel_seeds
+from qmcjax.bridges._padding import padding_pixel
 from qmcjax.core.bits import hash_pair
 from qmcjax.core.bits import hash_word as mixed
 
@@ -33,7 +33,7 @@ SETS = {
     "pixels and coordinates": lambda key: two(independent(key), (0, 1)),
     "pixels and passes": of_passes,
     "pixels of Mitsuba's other pairs": lambda key: np.asarray(
-        jax.jit(pixel_seeds)(jax.random.key(key), X, Y)
+        jax.jit(padding_pixel)(jax.random.bits(jax.random.key(key), (2,)), X, Y)
     ),
 }
 

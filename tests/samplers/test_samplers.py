@@ -45,6 +45,8 @@ LIMITS = {
     "shifted, hilbert, lattice": (*PADDED, ANY),
     "interleaved": (ANY, ANY, SPP),
     "designed": (ANY, ANY, SPP),
+    "progressive": (*PADDED, ANY),
+    "progressive, groups": (*PADDED, ANY),
     "tiled, boxes": (ANY, ANY, SPP),
     "interleaved, positions": (ANY, ANY, SPP),
     **{

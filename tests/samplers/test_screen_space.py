@@ -324,6 +324,7 @@ AT_8192 = {
     "segments": lambda: (samplers.segments(HUGE, sequences.faure(3), 1), 64),
     "partitioned": lambda: (samplers.partitioned(HUGE, sequences.linear_matrix_scramble(SOBOL, 1)), 64),
     "optimized": lambda: (samplers.optimized(8192, 8192, 1024, 1), 1024),
+    "progressive": lambda: (samplers.progressive(8192, 8192, 1), 2**32),
     "designed": lambda: (samplers.designed(8192, 8192, 1024, 1), 1024),
     "z": lambda: (samplers.z(8192, 8192, 1024, 1), 1024),
     "z, joint": lambda: (samplers.z(8192, 8192, 1024, 1, sequence=SOBOL), 1024),
@@ -385,14 +386,13 @@ OF_DIMS = {
     "shifted": lambda d: samplers.shifted(SMALL, sequences.halton(d), sequences.lattice(d)),
     "randomized": lambda d: samplers.randomized(contiguous_pass(d), 1),
     "dither": lambda d: samplers.dither(np.zeros((4, 4)), sequences.halton(d)),
-    "optimized": lambda d: samplers.optimized(8, 8, 8, 1, dims=d),
     "tiled": lambda d: samplers.tiled(np.zeros((4, 4, 4, 2)), 1, dims=d, spp=8),
     "z": lambda d: samplers.z(8, 8, 8, 1, dims=d),
     "z, tree": lambda d: samplers.z(8, 8, 8, 1, "tree", dims=d),
     "z, joint": lambda d: samplers.z(8, 8, 8, 1, sequence=sequences.sobol(d)),
     "z, counts": lambda d: samplers.z(8, 8, 8, 1, dims=d).adaptive(np.full((8, 8), 4)),
 }
-"""All but ranked keys, which there are for four dimensions only."""
+"""All but ranked keys, for four dimensions only, and those of other sequences from three dimensions on."""
 
 
 @pytest.mark.parametrize("name", few(OF_DIMS, "contiguous, owen", "dither"))
@@ -401,7 +401,7 @@ def test_two_of_32_dimensions_are_as_much_work_as_two_of_two(name):
     where = (jnp.asarray(first(7)),) * 3
     # A pass draws the seeds of all dimensions, once for all points; of a family of orders a member is taken:
     # of trees, permutations and a shift.
-    more = {"randomized": 4, "optimized": 1, "z": 1, "z, tree": 4, "z, counts": 1}.get(name, 0)
+    more = {"randomized": 4, "z": 1, "z, tree": 4, "z, counts": 1}.get(name, 0)
 
     def operations(sampler):
         program = jax.jit(lambda sampler, *where: sampler(*where, dims=(0, 1))).lower(sampler, *where)
@@ -459,6 +459,7 @@ STRATIFIED = {
     "z, hash": lambda: (samplers.z(SIDE, SIDE, 8, 1, constituents=(1, 2)), (1, 2), True),
     "z, joint": lambda: (samplers.z(SIDE, SIDE, 8, 1, sequence=SOBOL), (0, 1), True),
     "optimized": lambda: (samplers.optimized(SIDE, SIDE, 8, 1), (0, 1), True),
+    "progressive": lambda: (samplers.progressive(SIDE, SIDE, 1), (0, 1), True),
     "independent, owen": lambda: (samplers.independent(LARCHER, 1), (0, 1), False),
     "independent, xor": lambda: (samplers.independent(SOBOL, 1, "xor"), (0, 1), False),
     "screen": lambda: (samplers.full_screen(sequences.permutation_net(11), SIDE, SIDE), (0, 1), False),
@@ -555,6 +556,7 @@ CONSISTENT = {
     "randomized": lambda _: samplers.randomized(owen_pass, 1),
     "uniform": lambda _: samplers.independent(sequences.uniform(2, 1), 1),
     "contiguous": lambda spp: samplers.contiguous(EIGHT, sequences.sobol(2), spp),
+    "progressive": lambda _: samplers.progressive(8, 8, 1),
     "optimized": lambda spp: samplers.optimized(8, 8, spp, 1),
     "z": lambda spp: samplers.z(8, 8, spp, 1),
 }
@@ -614,6 +616,7 @@ MAKERS = {
     "full_screen, halton": partial(samplers.full_screen, sequences.halton(2)),
     "padded_replications": lambda w, h: samplers.padded_replications(sequences.sobol(2), w, h, 1),
     "optimized": lambda w, h: samplers.optimized(w, h, 1, 1),
+    "progressive": lambda w, h: samplers.progressive(w, h, 1),
     "z": lambda w, h: samplers.z(w, h, 1, 1),
     "render": lambda w, h: qj.render(scenes.checkerboard(), samplers.independent(SOBOL, 1), w, h, 1),
 }

@@ -1,0 +1,147 @@
+"""A digital net over pixels and samples at once, with an order of the pixels optimised for all prefixes."""
+
+from dataclasses import field
+from importlib import resources
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from qmcjax import orders
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._base import Sampler, check_size
+from qmcjax.sequences import Digital, digital, sobol
+
+MAX_DIMS = 2**16
+
+
+@frozen_pytree
+class Progressive(Sampler):
+    """The digits of a pixel's position and of a sample select columns of matrices, which are xored."""
+
+    orders: orders.OptimizedOrder
+    """A family with one order for each group of coordinates."""
+    of_samples: Digital
+    of_positions: Digital
+    """Both have the dimensions of a group."""
+    seeds: Array
+    """uint32 (groups, dimensions of a group + 1): of the scramblings, and of the orders of the samples."""
+    width: int = field(metadata={"static": True})
+    height: int = field(metadata={"static": True})
+    coordinates: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        return self.coordinates
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        return (*self.orders.raster, checks.INDEX_LIMIT)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        super().check(width, height, spp)
+        check_size("sampler", (self.width, self.height), (width, height))
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return what the pixels add to each coordinate, and the seeds of the orders of their samples."""
+        size, added, shuffles = self.of_samples.dims, {}, {}
+        for group in sorted({j // size for j in dims}):
+            position = self.orders.member(group).unchecked_position(x, y)
+            for j in dims:
+                if j // size == group:
+                    added[j] = self.of_positions.bit_reversed(position, j % size)
+            if group:
+                seed = hash_word(position ^ self.seeds[group, size])
+                shuffles[group] = seed, owen_hash(jnp.zeros_like(seed), seed)
+        return added, shuffles
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        size, (added, shuffles) = self.of_samples.dims, state
+        numbers = {0: sample}
+        for group, (seed, first) in shuffles.items():
+            # A nested permutation that keeps 0 keeps all sets of the first 2**k samples.
+            numbers[group] = reverse(owen_hash(reverse(sample), seed) ^ first)
+        words = []
+        for j in dims:
+            group, inside = divmod(j, size)
+            word = self.of_samples.bit_reversed(numbers[group], inside) ^ added[j]
+            words.append(reverse(owen_hash(word, self.seeds[group, inside])))
+        return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
+
+
+def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Progressive:
+    """Sample with nets over pixels and samples, in an order optimised for 1, 2, 4, ... samples together.
+
+    There is no fixed number of samples: an image can be shown after each of them, and more can follow.
+
+    Parameters
+    ----------
+    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
+    key : jax.random.key, or int in [0, 2**32)
+        A new key gives new scramblings, rotates or flips the tile of the order, and does not recompile.
+    dims : int, in [1, 65536]
+        Number of coordinates. Up to 2, points are in two dimensions, else groups of four coordinates are
+        padded: each has its own scrambling, order of the pixels and order of their samples.
+
+    Returns
+    -------
+    Progressive
+        For up to 2**32 samples of each pixel. The order was optimised for up to 4096.
+
+    Notes
+    -----
+    Points have 32 binary digits, and the nets up to 2**32 points. The samples of each aligned block of
+    ``2**k``, in all pixels of each aligned square of ``2**i`` pixels per side, are a (t, k + 2i, s)-net: in
+    one pixel as in a square, the first samples as later ones. In s = 2 dimensions t = 0. In four, t = 1 in
+    single pixels and in squares with 4, 16, 64, ... pixels per side for k > 1; elsewhere t was at most 3
+    in the cases that tests compute, without a proof.
+
+    The construction, from rational functions and those of an elliptic curve as in [1]_, is our own;
+    ``analysis/tables/make_progressive.py`` has the proof. It keeps any permutation of the quadrants of a
+    square. As in :func:`optimized`, these were searched for the least error after a Gaussian filter of 1.5
+    pixels, for half-spaces and over all nested uniform scramblings: here for the mean over 1, 2, 4, ..., 4096
+    samples. Owen scrambling makes each sample of each pixel uniform over the keys.
+
+    On integrands that the search did not know, filtered errors are 1.2 to 1.3 times those of
+    :func:`optimized` made for just that number, since all numbers share one permutation of each square. In
+    four dimensions they are at most 1.15 times those of a joint sequence along the Hilbert curve. The figure
+    ``progressive`` has each number. Integrands of several groups of coordinates are diffused less.
+
+    References
+    ----------
+    .. [1] C. Xing, H. Niederreiter, "A construction of low-discrepancy sequences using global function
+       fields", 1995.
+
+    Examples
+    --------
+    >>> sampler = progressive(64, 64, key=1, dims=4)
+    >>> print(sampler(3, 5, np.arange(4096), dims=(0, 1, 2, 3)).shape)
+    (4096, 4)
+    """
+    width, height = checks.image_size(width, height)
+    dims = checks.integer("dims", dims, 1, MAX_DIMS)
+    of_order, of_orders, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
+    size = 2 if dims <= 2 else 4
+    groups = -(-dims // size)
+    source = resources.files("qmcjax.samplers") / "_data" / "progressive.npz"
+    with source.open("rb") as stream, np.load(stream) as table:
+        positions, of_samples, of_positions = (
+            table[f"{name}_{size}"] for name in ("positions", "samples", "pixels")
+        )
+    order = orders.OptimizedOrder(
+        width, height, jnp.asarray(positions), jax.random.bits(of_order, (4,), jnp.uint32)
+    )
+    return Progressive(
+        order.family(of_orders, groups),
+        sobol(2) if size == 2 else digital(of_samples),
+        digital(of_positions),
+        jax.random.bits(of_seeds, (groups, size + 1), jnp.uint32),
+        width,
+        height,
+        dims,
+    )

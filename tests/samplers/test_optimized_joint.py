@@ -1,0 +1,224 @@
+"""Optimised samplers of three and more dimensions: a linear map of indices, and what it keeps and gains."""
+
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first, slow
+
+import analysis
+from figures.shared import integrands_of_dims
+from qmcjax import orders, samplers, sequences
+
+KEY = 5
+SEQUENCES = {4: sequences.niederreiter_xing, 8: sequences.sobol}
+"""By the dimensions of the table."""
+
+
+def slow_cases(*cases):
+    return [pytest.param(*case, marks=pytest.mark.slow) for case in cases]
+
+
+CASES = [(4, 1), (8, 4), *slow_cases((3, 16), (4, 4), (4, 64), (4, 512), (5, 1), (8, 64))]
+"""Dimensions and samples."""
+
+
+def rows():
+    """Return the words of the table, by dimensions and number of samples."""
+    text = (resources.files("qmcjax.samplers") / "_data" / "optimized_joint.txt").read_text()
+    lines = [line.split() for line in text.splitlines() if line[0] != "#"]
+    return {(int(d), 2 ** int(k)): [int(word, 16) for word in words] for d, k, *words in lines}
+
+
+def scrambled(dims, key=KEY):
+    return sequences.owen(SEQUENCES[4 if dims < 5 else 8](dims), key)
+
+
+def indices(dims, spp, x, y):
+    """Return the index of the first sample of pixels, bit by bit."""
+    words = rows()[4 if dims < 5 else 8, min(spp, 64)]
+    if spp > 64:
+        words = [word // 64 * spp for word in words]
+    found = np.zeros(x.shape, np.int64)
+    for k in range(8):
+        found ^= np.where(x >> k & 1, words[2 * k], 0) ^ np.where(y >> k & 1, words[2 * k + 1], 0)
+    return found
+
+
+def test_words_have_digits_of_their_level_and_finer_ones_and_are_independent():
+    table = rows()
+    assert set(table) == {(d, 2**k) for d in SEQUENCES for k in range(7)}
+    for (_, spp), words in table.items():
+        assert len(words) == 16
+        for level in range(8):
+            pair = [words[2 * level + k] // spp for k in (0, 1)]
+            assert max(pair) < 4 ** (level + 1)
+            assert sorted(
+                {0, pair[0] >> 2 * level, pair[1] >> 2 * level, (pair[0] ^ pair[1]) >> 2 * level}
+            ) == [
+                0,
+                1,
+                2,
+                3,
+            ]
+
+
+@pytest.mark.parametrize(("dims", "spp"), CASES)
+def test_points_are_those_of_the_sequence_at_mapped_indices(dims, spp):
+    """Also beyond the searched levels, whose digits are those of the Morton order."""
+    sampler = samplers.optimized(1024, 1024, spp, KEY, dims)
+    rng = np.random.default_rng(1)
+    x, y = rng.integers(0, 1024, (2, 200)).astype(np.uint32)
+    sample = rng.integers(0, spp, 200).astype(np.uint32)
+    index = indices(dims, spp, x & 255, y & 255)
+    for k in (8, 9):
+        index |= ((x >> k & 1).astype(np.int64) | (y >> k & 1).astype(np.int64) << 1) << 2 * k + (
+            spp.bit_length() - 1
+        )
+    index = index.astype(np.uint32) ^ sample
+    every = tuple(range(dims))
+    assert np.array_equal(sampler(x, y, sample, every), scrambled(dims)(index))
+    assert np.array_equal(sampler(x, y, sample, every[1:3]), scrambled(dims)(index)[:, 1:3])
+
+
+@pytest.mark.parametrize(("dims", "spp"), CASES)
+def test_aligned_squares_have_aligned_blocks(dims, spp):
+    y, x = np.mgrid[:32, :32]
+    index = indices(dims, spp, x, y)
+    for k in range(6):
+        size = 4**k * spp
+        squares = index.reshape(32 >> k, 1 << k, 32 >> k, 1 << k).swapaxes(1, 2).reshape(-1, 4**k)
+        assert np.all(squares // size == squares[:, :1] // size)
+        blocks = np.sort(squares // spp, axis=1) - squares[:, :1] // size * 4**k
+        assert np.array_equal(blocks, np.broadcast_to(np.arange(4**k), blocks.shape))
+
+
+@pytest.mark.parametrize("side", [1, *slow(2, 4)])
+def test_squares_and_first_samples_are_nets(side):
+    """With t = 1 in four dimensions, and one that is not aligned is none."""
+    spp = 64 // side**2
+    sampler = samplers.optimized(128, 64, spp, KEY, 4)
+    for left, top in ((0, 0), (8, 36), (60, 20)):
+        y, x, sample = np.mgrid[top : top + side, left : left + side, :spp].reshape(3, -1).astype(np.uint32)
+        points = np.asarray(sampler(x, y, sample, (0, 1, 2, 3)))
+        assert analysis.t_value(points) <= 1
+        for n in (4, 16):
+            if n < spp:
+                assert analysis.t_value(points[:n]) <= 1
+    if side > 1:
+        points = np.asarray(sampler(x + np.uint32(1), y, sample, (0, 1, 2, 3)))
+        assert analysis.t_value(points) > 1
+
+
+def test_more_points_than_a_word_has_are_those_of_sobol_s_sequence():
+    """2**36 of them: only the finest level has digits below 32."""
+    spp = 2**30
+    sampler = samplers.optimized(8, 8, spp, KEY, 3)
+    words = [word // 64 * spp for word in rows()[8, 64][:2]]
+    sobol = sequences.owen(sequences.sobol(3), KEY)
+    for x, y, sample in ((1, 0, 5), (7, 6, 2**29 + 3), (2, 5, 77)):
+        low = np.uint32((words[0] if x & 1 else 0) ^ (words[1] if y & 1 else 0) ^ sample)
+        high = np.uint32((x >> 1 & 1) + 2 * (y >> 1 & 1) + 4 * (x >> 2) + 8 * (y >> 2))
+        expected = sobol.with_high_word(jnp.asarray(high))(low)
+        assert np.array_equal(sampler(x, y, sample, (0, 1, 2)), expected)
+
+
+def test_bits_are_those_of_a_compiled_program_of_any_key():
+    traces = []
+
+    @jax.jit
+    def points(sampler, x):
+        traces.append(1)
+        return sampler(x, np.uint32(3), np.uint32(1), (0, 1, 2, 3, 4))
+
+    for key in (1, 2):
+        sampler = samplers.optimized(32, 32, 4, key, 5)
+        assert np.array_equal(points(sampler, first(32)), sampler(first(32), 3, 1, (0, 1, 2, 3, 4)))
+    assert len(traces) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dims", [4, 8])
+def test_samples_are_uniform_over_the_keys(dims):
+    """One sample of one pixel: chi-squares of 16 boxes, and the mean of a product."""
+    n = 4096
+
+    @jax.jit
+    @jax.vmap
+    def drawn(key):
+        return samplers.optimized(32, 32, 4, key, dims)(5, 9, 2, tuple(range(dims)))
+
+    found = np.asarray(drawn(jax.random.split(jax.random.key(7), n)))
+    for one, other in ((0, 1), (2, 3), (0, dims - 1)):
+        box = (found[:, one] * 4).astype(int) * 4 + (found[:, other] * 4).astype(int)
+        chi_square = np.sum(np.square(np.bincount(box, minlength=16) - n / 16)) / (n / 16)
+        assert abs(chi_square - 15) < 5 * np.sqrt(30)
+    values = np.prod(found, axis=1)
+    assert abs(values.mean() - 2.0**-dims) < 5 * np.sqrt((3.0**-dims - 4.0**-dims) / n)
+
+
+MARGIN = 0.9
+"""Of filtered errors along the Hilbert curve."""
+
+
+@pytest.mark.parametrize(("dims", "spp"), [(4, 1), *slow_cases((4, 4), (4, 16), (8, 1))])
+def test_errors_are_smaller_after_the_filter_than_along_the_hilbert_curve(dims, spp):
+    """Over random integrands, none searched with, of equal sequences, by 5 standard errors."""
+
+    def filtered(sampler):
+        image = integrands_of_dims.errors(sampler, 64, spp, dims)
+        error = [
+            analysis.filtered_error(one[..., None], 0 * one[..., None]) for one in np.moveaxis(image, 2, 0)
+        ]
+        return np.mean(np.log(error))
+
+    curve, logarithms = orders.hilbert(64, 64), []
+    for key in range(8):
+        along = samplers.contiguous(curve, scrambled(dims, key), spp)
+        searched = samplers.optimized(64, 64, spp, key, dims)
+        logarithms.append(filtered(searched) - filtered(along))
+    standard_error = np.std(logarithms, ddof=1) / np.sqrt(len(logarithms))
+    assert np.mean(logarithms) + 5 * standard_error < 0
+    assert np.mean(logarithms) < np.log(MARGIN) + standard_error
+
+
+make = pytest.importorskip("analysis.tables.make_joint_orders", exc_type=ImportError)
+
+
+def test_kernels_are_means_over_scramblings():
+    """Of distances up to a constant factor and summand, and of a Gaussian."""
+    rng, n, digits = np.random.default_rng(1), 10**5, 6
+    planes, smooth = make.kernels(digits)
+    found, expected = [], []
+    for common in ((0, 0, 0), (1, 3, 0), (4, 0, 2), (2, 6, 1), (0, 5, 5)):
+        k = np.array(common)
+        low, high = rng.random((2, n, 3)) / 2
+        apart = (0.5 + high - low) * np.where(k < digits, 2.0**-k, 0)
+        distance = np.sqrt(np.sum(apart**2, axis=1))
+        found.append(planes.weights @ np.prod(planes.factors[:, k], axis=1))
+        expected.append(-distance.mean())
+        gauss = np.exp(-4 * distance**2)
+        assert abs(np.prod(smooth.factors[0, k]) - gauss.mean()) < 5 * gauss.std() / np.sqrt(n)
+    slope, offset = np.polyfit(expected, found, 1)
+    assert slope > 0
+    np.testing.assert_allclose((np.array(found) - offset) / slope, expected, atol=2e-3)
+
+
+@pytest.mark.slow
+def test_the_objective_is_the_energy_of_all_pairs_of_pixels():
+    """A sum over xors is that over a filter of the order, and any order without a map is measured alike."""
+    of_points = make.covariances(np.asarray(sequences.niederreiter_xing(4).matrices), 0)[0]
+    xors = make.filter_xors()
+    side = 2**make.LOG_SIDE
+    y, x = np.mgrid[:side, :side]
+    position = indices(4, 1, x, y)
+    total, reach = 0.0, 7
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            apart = position ^ np.roll(position, (down, right), (0, 1))
+            total += np.exp(-(down**2 + right**2) / (4 * make.FILTER**2)) * of_points[apart].mean()
+    words = np.array(rows()[4, 1], np.int64)
+    assert abs(make._energy(of_points, 0, words, *xors) / total - 1) < 1e-3
+    assert total < 0.8 * make.hilbert_energy(of_points)

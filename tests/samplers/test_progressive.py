@@ -1,0 +1,240 @@
+"""A sampler for any number of samples: its nets, its search, and what a filter leaves of its errors."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from tables import first, slow
+
+import analysis
+import qmcjax as qj
+from analysis.tables import SAMPLERS as FOLDER
+from figures.shared import integrands_of_dims
+from qmcjax import orders, samplers, scenes, sequences
+
+SIDE = 64
+Y, X = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
+TABLE = FOLDER / "progressive.npz"
+
+
+@jax.jit
+def points_of(sampler, x, y, sample):
+    with jax.enable_x64(True):
+        return sampler(x, y, sample, tuple(range(sampler.dims)), jnp.float64)
+
+
+def words_of(sampler, x, y, sample):
+    return (np.asarray(points_of(sampler, x, y, sample)) * 2**32).astype(np.uint32)
+
+
+def block(sampler, corner, log_side, start, log_count):
+    """Return the points of a block of samples, in an aligned square of pixels."""
+    inside = slice(None, 2**log_side)
+    x, y = X[inside, inside, None] + np.uint32(corner[0]), Y[inside, inside, None] + np.uint32(corner[1])
+    sample = first(2**log_count) + np.uint32(start)
+    return words_of(sampler, x, y, sample).reshape(-1, sampler.dims)
+
+
+CASES = [(0, 10), (1, 0), (1, 1), (1, 3), (2, 0), (2, 2), (2, 4), (3, 1), (4, 0), (4, 3)]
+"""Binary logarithms of the side of a square and of a number of samples."""
+
+
+@pytest.mark.parametrize(("log_side", "log_count"), CASES)
+def test_samples_of_squares_are_nets(log_side, log_count):
+    """In two dimensions t is 0, in four 1 where the proof has all functions of a divisor, else at most 3."""
+    for dims, size in ((2, (64, 64)), (4, (100, 30))):
+        sampler = samplers.progressive(*size, key=5, dims=dims)
+        for corner, start in (((0, 0), 0), ((48, 16), 3 << 12)):
+            found = analysis.t_value(block(sampler, corner, log_side, start, log_count))
+            bound = 0 if dims == 2 else 1 if log_count > 1 and log_side % 2 == 0 else 3
+            assert found <= bound
+
+
+def test_squares_that_are_not_aligned_are_no_nets():
+    sampler = samplers.progressive(64, 64, key=5)
+    assert analysis.t_value(block(sampler, (3, 1), 2, 0, 2)) > 0
+    assert analysis.t_value(block(sampler, (0, 0), 2, 3, 2)) > 0
+
+
+def test_further_groups_of_coordinates_keep_prefixes():
+    """They have other orders of the samples, but the first 2**k of a square remain a net, as for k = 4."""
+    sampler = samplers.progressive(64, 64, key=5, dims=8)
+    words = block(sampler, (16, 32), 2, 0, 4)
+    assert analysis.t_value(words[:, :4]) <= 1 and analysis.t_value(words[:, 4:]) <= 1
+    ranks = np.argsort(np.argsort(words.reshape(16, 16, 8), axis=1), axis=1)
+    assert np.any(ranks[..., 0] != ranks[..., 4])
+    single = samplers.progressive(64, 64, key=5, dims=7)
+    assert np.array_equal(block(single, (16, 32), 2, 0, 4), words[:, :7])
+
+
+def test_tables_are_the_two_constructions():
+    with np.load(TABLE) as table:
+        found = dict(table)
+    assert TABLE.stat().st_size < 64_000
+    for dims in (2, 4):
+        assert np.array_equal(np.sort(found[f"positions_{dims}"].ravel()), first(4096))
+        for k in (1, 2, 3):
+            squares = (found[f"positions_{dims}"] >> 2 * k).reshape(SIDE >> k, 2**k, SIDE >> k, 2**k)
+            assert np.all(squares == squares[:, :1, :, :1])
+    assert np.array_equal(found["samples_2"], np.asarray(sequences.sobol(2).matrices))
+    # 1 / (1 + t + t**2) = (1 + t) / (1 + t**3) = 1 + t + t**3 + t**4 + ...
+    assert found["pixels_2"][0, 0] == 0b11011011011011011011011011011011
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sample", [0, 5])
+def test_each_sample_is_uniform_over_keys(sample):
+    """Chi-squares of 16 boxes of two coordinates, and the mean of a product of all."""
+    n = 4096
+
+    @jax.jit
+    @jax.vmap
+    def drawn(key):
+        return samplers.progressive(32, 32, key, dims=6)(5, 9, sample, (0, 1, 2, 3, 4, 5))
+
+    found = np.asarray(drawn(jax.random.split(jax.random.key(7), n)))
+    for one, other in ((0, 1), (2, 3), (0, 2), (1, 4), (4, 5)):
+        box = (found[:, one] * 4).astype(int) * 4 + (found[:, other] * 4).astype(int)
+        chi_square = np.sum(np.square(np.bincount(box, minlength=16) - n / 16)) / (n / 16)
+        assert abs(chi_square - 15) < 5 * np.sqrt(30)
+    values = np.prod(found, axis=1)
+    assert abs(values.mean() - 2.0**-6) < 5 * np.sqrt((3.0**-6 - 4.0**-6) / n)
+
+
+def test_a_new_key_does_not_recompile():
+    traced = []
+
+    @jax.jit
+    def points(sampler):
+        traced.append(sampler)
+        return sampler(X, Y, 3)
+
+    found = [np.asarray(points(samplers.progressive(64, 64, key))) for key in (1, 2)]
+    assert len(traced) == 1 and np.mean(found[0] == found[1]) < 0.01
+    assert np.array_equal(found[0], samplers.progressive(64, 64, 1)(X, Y, 3))
+
+
+def product(point):
+    return point[..., 0] * point[..., 1]
+
+
+def test_images_have_the_first_samples():
+    """Four samples are the first four of 4096; passes and adaptive rendering take any number."""
+    sampler = samplers.progressive(8, 8, key=1)
+    points = np.asarray(sampler(X[:8, :8, None], Y[:8, :8, None], first(4096)))
+    for spp in (1, 3, 4):
+        mean = analysis.pixel_means(product, sampler, 8, 8, spp)
+        assert np.allclose(mean, points[:, :, :spp].prod(axis=-1).mean(axis=-1), atol=1e-6)
+
+
+@pytest.mark.slow
+def test_adaptive_rendering_and_passes_take_it():
+    """Passes are images with fresh keys; adaptive rendering takes more samples where an edge is."""
+    scene, sampler = scenes.disc(), samplers.progressive(32, 32, key=1)
+    whole = np.asarray(qj.render(scene, sampler, 32, 32, 256))
+    adaptive = qj.render_adaptive(scene, sampler, 32, 32, 64)
+    assert np.ptp(np.asarray(adaptive.counts)) > 0
+    assert np.abs(np.asarray(adaptive.image) - whole).max() < 0.1
+    sampler = samplers.randomized(lambda key: samplers.progressive(32, 32, key), key=1, spp=16)
+    passes = qj.render_passes(scene, sampler, 32, 32, passes=8)
+    assert np.abs(np.asarray(passes.image) - whole).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        ({"width": 0}, r"width must be an integer in \[1, 65536\], got 0"),
+        ({"dims": 65537}, r"dims must be an integer in \[1, 65536\], got 65537"),
+        ({"key": -1}, r"key must be .* got -1"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, error):
+    with pytest.raises(ValueError, match=error):
+        samplers.progressive(**{"width": 8, "height": 8, "key": 1, **arguments})
+
+
+def filtered(sampler, spp, dims):
+    """Return logarithms of what a filter leaves of errors, by classes that were not searched."""
+    error = integrands_of_dims.errors(sampler, SIDE, spp, dims)
+    error = error - error.mean(axis=(0, 1))
+    parts = np.split(error, len(integrands_of_dims.CLASSES), axis=2)
+    return [np.log(analysis.filtered_error(part, np.zeros_like(part))) for part in parts]
+
+
+@pytest.mark.parametrize("case", [(2, 4), *slow((2, 1), (2, 16), (4, 1), (4, 4), (4, 16))])
+def test_first_samples_are_near_those_of_an_order_for_their_number(case):
+    """Over keys, as documented; those of drawn orders are worse, in the same nets, by 5 standard errors."""
+    dims, spp = case
+    bound = 1.3 if dims == 2 else 1.15
+    better, worse = [], []
+    for key in range(8):
+        sampler = samplers.progressive(SIDE, SIDE, key, dims)
+        if dims == 2:
+            other = samplers.optimized(SIDE, SIDE, spp, key)
+        else:
+            sequence = sequences.owen(sequences.sobol(4), key)
+            other = samplers.contiguous(orders.hilbert(SIDE, SIDE), sequence, spp)
+        drawn = np.asarray(orders.scrambled_morton(SIDE, SIDE, key).position(X, Y))
+        in_drawn = jax.tree.map(
+            lambda leaf, drawn=drawn: jnp.asarray(drawn, leaf.dtype) if leaf.shape == drawn.shape else leaf,
+            sampler,
+        )
+        ours = np.mean(filtered(sampler, spp, dims))
+        better.append(ours - np.mean(filtered(other, spp, dims)))
+        worse.append(ours - np.mean(filtered(in_drawn, spp, dims)))
+    assert np.mean(better) < np.log(bound)
+    assert np.mean(worse) + 5 * np.std(worse, ddof=1) / np.sqrt(len(worse)) < 0
+
+
+make = pytest.importorskip("analysis.tables.make_progressive", exc_type=ImportError)
+
+
+def test_mean_distances_are_those_of_points_in_halves_of_intervals():
+    rng, n = np.random.default_rng(1), 10**5
+    for dims in (2, 4):
+        found, cap = make.mean_distances(dims), make.DIGITS[dims]
+        for common in ((0,) * dims, (1, 3, 2, 5)[:dims], (cap, 4, cap, cap)[:dims]):
+            apart = np.square(rng.random((dims, n)) / 2 + 0.5 - rng.random((dims, n)) / 2)
+            apart = apart * np.array([4.0**-k if k < cap else 0 for k in common])[:, None]
+            distance = np.sqrt(apart.sum(axis=0))
+            assert abs(found[common] - distance.mean()) <= 5 * distance.std() / np.sqrt(n)
+
+
+def test_series_are_expansions_at_the_places():
+    for dims in (2, 4):
+        found = list(make.places(dims))
+        assert len(found) == dims
+        for x, y in found:
+            divisor = (make.ONE + x + make.product(x, x)) % 2
+            assert np.array_equal(make.product(make.inverse(divisor), divisor), make.ONE)
+            if dims == 4:
+                cube = make.product(make.product(x, x), x)
+                assert np.array_equal((make.product(y, y) + y) % 2, (cube + x) % 2)
+
+
+def test_there_are_35_planes():
+    found = list(make.planes())
+    spans = {frozenset((one, other, one ^ other)) for one, other, *_ in found}
+    assert len(found) == len(spans) == 35
+    for basis in found:
+        span = {0}
+        for function in basis:
+            span |= {function ^ known for known in span}
+        assert len(span) == 16
+
+
+@pytest.mark.slow
+def test_the_program_of_the_table(monkeypatch, tmp_path):
+    """In small: the same twice, and as the sampler reads it."""
+    for name, value in {"LOG_SIDE": 3, "LOG_COUNTS": 3, "SHORT_TRIALS": 1, "SHORT_COUNTS": (0, 1)}.items():
+        monkeypatch.setattr(make, name, value)
+    written = []
+    for run in ("one", "other"):
+        (tmp_path / run).mkdir()
+        make.main(tmp_path / run, 20)
+        with np.load(tmp_path / run / "progressive.npz") as table:
+            written.append(dict(table))
+    with np.load(TABLE) as table:
+        assert table.keys() == written[0].keys()
+    assert all(np.array_equal(written[0][name], written[1][name]) for name in written[0])
+    assert written[0]["positions_4"].shape == (8, 8)

@@ -49,6 +49,7 @@ from analysis._spectra.spectra import error_spectrum as error_spectrum
 from analysis._spectra.spectra import mean_spectrum as mean_spectrum
 from analysis._spectra.spectra import radial_anisotropy as radial_anisotropy
 from analysis._spectra.spectra import radial_average as radial_average
+from analysis._spectra.transfers import moving_average as moving_average
 from analysis._star.bounds import star_discrepancy_bounds as star_discrepancy_bounds
 from analysis._star.soft_star import soft_star_discrepancy as soft_star_discrepancy
 from analysis._star.star_discrepancy import star_discrepancy as star_discrepancy

@@ -85,13 +85,17 @@ def real_array(name: str, value: Any) -> Any:
     return value if jnp.issubdtype(value.dtype, np.floating) else value.astype(float)
 
 
-def error(image: Any, reference: Any) -> Any:
-    """Return the error of an image, shape (height, width, channels), traced if one of both is, or raise."""
+def error(image: Any, reference: Any, animated: bool = False) -> Any:
+    """Return the error of an image, shape (height, width, channels), traced if one of both is, or raise.
+
+    ``animated``: whether the first axis is time. The reference may be that of all frames then.
+    """
     given, exact = real_array("image", image), real_array("reference", reference)
-    if given.shape != exact.shape:
+    if exact.shape not in (given.shape, given.shape[1:] if animated else given.shape):
         raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
-    if given.ndim not in (2, 3) or given.size == 0:
-        raise ValueError(f"image must have shape (height, width) or (height, width, 3), got {given.shape}")
+    if given.ndim not in (2 + animated, 3 + animated) or given.size == 0:
+        pixels = "(frames, height, width" if animated else "(height, width"
+        raise ValueError(f"image must have shape {pixels}) or {pixels}, 3), got {given.shape}")
     for name, values in (("image", given), ("reference", exact)):
         if isinstance(values, Tracer):
             continue
@@ -102,7 +106,8 @@ def error(image: Any, reference: Any) -> Any:
     if traced := [values for values in (given, exact) if isinstance(values, Tracer)]:
         dtype = jnp.result_type(*traced)
         given, exact = jnp.asarray(given, dtype), jnp.asarray(exact, dtype)
-    return (given - exact).reshape(*given.shape[:2], -1)
+    exact = exact if exact.ndim == given.ndim else exact[None]
+    return (given - exact).reshape(*given.shape[: 2 + animated], -1)
 
 
 def real(name: str, value: Any, wanted: str, holds: Callable[[float], bool]) -> float:
@@ -118,6 +123,11 @@ def real(name: str, value: Any, wanted: str, holds: Callable[[float], bool]) -> 
 def positive(name: str, value: Any) -> float:
     """Return a positive finite number as a float."""
     return real(name, value, "positive and finite", lambda x: 0 < x < math.inf)
+
+
+def not_negative(name: str, value: Any) -> float:
+    """Return a finite number, at least 0, as a float."""
+    return real(name, value, "finite and at least 0", lambda x: 0 <= x < math.inf)
 
 
 def root(square: Array) -> Any:

@@ -1,8 +1,8 @@
 """Comparison of samplers: perceived errors, their spectra, and run time."""
 
 import inspect
+import itertools
 import statistics
-import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -10,27 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._comparing.comparison import Comparison, ComparisonRow
+from analysis._comparing.convergence import timed
 from analysis._comparing.promises import broken_promises, said
 from analysis._distances.distance import min_distance, packing_distance
-from analysis._spectra.filtered import filtered_error, low_frequency_power
-from analysis._spectra.perceived import perceived_error
-from analysis._spectra.spectra import error_spectrum, radial_average
 from analysis._star.star_discrepancy import star_discrepancy
 from analysis._structure.nets import t_value
 from qmcjax.core import checks
 from qmcjax.rendering import render
 from qmcjax.samplers import Sampler, as_sampler
 from qmcjax.scenes import as_scene
-
-MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
-    "RMS error": lambda image, reference: float(np.sqrt(np.mean((image - reference) ** 2))),
-    "filtered error": filtered_error,
-    "perceived error": perceived_error,
-    "low-frequency power": lambda image, reference: (
-        low_frequency_power(image, reference) if _has_spectrum(image, reference) else 0.0
-    ),
-}
-"""Measures of an image against its reference: smaller is better."""
 
 _BLOCK = 16
 """Side in pixels of the square whose points are measured together."""
@@ -103,8 +91,7 @@ def compare(
             raise TypeError(f"{name} must map names to {name}, got {checks.shown(value)}")
         if not value:
             raise ValueError(f"{name} must be one or more, got {value!r}")
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    checks.progress(progress)
     worlds = {name: as_scene(f"scenes[{name!r}]", scene) for name, scene in scenes.items()}
     for name, scene in worlds.items():
         if not callable(getattr(scene, "reference", None)):
@@ -143,7 +130,7 @@ def compare(
             progress(done / len(plan))
     places = list(worlds)
     rows.sort(key=lambda row: places.index(row.scene))
-    return Comparison(tuple(rows), points, promises, left_out, references)
+    return Comparison(tuple(rows), points, promises, left_out, references, dict(makers))
 
 
 class Maker:
@@ -183,41 +170,13 @@ class Maker:
 
 def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> ComparisonRow:
     height, width = reference.shape[:2]
-    values: dict[str, list[float]] = {measure: [] for measure in MEASURES}
-    powers, alike, sampler = [], True, maker(spp, 0)
+    sampler = maker(spp, 0)
     first = np.asarray(render(scene, sampler, width, height, spp))
-    seconds = []
-    for _ in range(_TIMED):
-        start = time.perf_counter()
-        np.asarray(render(scene, sampler, width, height, spp))  # The same object: another may compile anew.
-        seconds.append(time.perf_counter() - start)
-    for key in range(maker.keys):
-        image = np.asarray(render(scene, maker(spp, key), width, height, spp)) if key else first
-        image = image.astype(np.float64)
-        alike = alike and np.array_equal(image, first)
-        for measure, of in MEASURES.items():
-            values[measure].append(of(image, reference))
-        powers.append(_power(image, reference))
-    return ComparisonRow(
-        name,
-        maker.name,
-        spp,
-        {measure: tuple(each[:1] if alike else each) for measure, each in values.items()},
-        statistics.median(seconds),
-        np.arange(1, 1 + max(width, height) // 2) / max(width, height),
-        np.mean(powers, axis=0),
-        first,
-    )
-
-
-def _has_spectrum(image: NDArray, reference: NDArray) -> bool:
-    return bool(np.ptp(image - reference) > 0)
-
-
-def _power(image: NDArray, reference: NDArray) -> NDArray[np.float64]:
-    if not _has_spectrum(image, reference):
-        return np.zeros(max(image.shape[:2]) // 2)
-    return radial_average(error_spectrum(image, reference))[1]
+    # The same object: another one may compile anew.
+    seconds = [timed(scene, sampler, width, height, spp)[0] for _ in range(_TIMED)]
+    others = (np.asarray(render(scene, maker(spp, key), width, height, spp)) for key in range(1, maker.keys))
+    images = itertools.chain([first], others)
+    return ComparisonRow.of_images(name, maker.name, spp, images, reference, statistics.median(seconds))
 
 
 def _of_points(sampler: Sampler, side: int, spp: int) -> dict[str, float]:

@@ -1,13 +1,28 @@
 """Results of a comparison of samplers: means over keys with confidence intervals."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis._spectra.filtered import filtered_error, low_frequency_power
+from analysis._spectra.perceived import perceived_error
+from analysis._spectra.spectra import error_spectrum, radial_average
 from qmcjax.core import checks, student
+from qmcjax.samplers import Sampler
+
+MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
+    "RMS error": lambda image, reference: float(np.sqrt(np.mean((image - reference) ** 2))),
+    "filtered error": filtered_error,
+    "perceived error": perceived_error,
+    "low-frequency power": lambda image, reference: (
+        low_frequency_power(image, reference) if _has_spectrum(image, reference) else 0.0
+    ),
+}
+"""Measures of an image against its reference: smaller is better."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +42,32 @@ class ComparisonRow:
     """Of the errors at these frequencies, the mean over keys; 1 for white noise."""
     image: NDArray[np.float32]
     """With the first key."""
+
+    @classmethod
+    def of_images(
+        cls, scene: str, sampler: str, spp: int, images: Iterable[NDArray], reference: NDArray, seconds: float
+    ) -> "ComparisonRow":
+        """Return the row of images of one scene, one per key; ``seconds``: of one image."""
+        values: dict[str, list[float]] = {measure: [] for measure in MEASURES}
+        powers, alike, first = [], True, None
+        for image in images:
+            first = image if first is None else first
+            alike = alike and np.array_equal(image, first)
+            known = image.astype(np.float64)
+            for measure, of in MEASURES.items():
+                values[measure].append(of(known, reference))
+            powers.append(_power(known, reference))
+        side = max(reference.shape[:2])
+        return cls(
+            scene,
+            sampler,
+            spp,
+            {measure: tuple(each[:1] if alike else each) for measure, each in values.items()},
+            seconds,
+            np.arange(1, 1 + side // 2) / side,
+            np.mean(powers, axis=0),
+            np.asarray(first),
+        )
 
     def mean(self, measure: str) -> float:
         """Return the geometric mean over keys."""
@@ -63,6 +104,8 @@ class Comparison:
     left_out: dict[tuple[str, str, int], str]
     """Why a row is missing: by scene, sampler and number of samples."""
     references: dict[str, NDArray[np.float64]]
+    makers: dict[str, Callable[[int, int], Sampler]] = field(default_factory=dict)
+    """By sampler: from a number of samples and a key to the sampler."""
 
     def row(self, scene: str, sampler: str, spp: int) -> ComparisonRow:
         """Return one row.
@@ -155,3 +198,13 @@ class Comparison:
             }
             for row in self.rows
         ]
+
+
+def _has_spectrum(image: NDArray, reference: NDArray) -> bool:
+    return bool(np.ptp(image - reference) > 0)
+
+
+def _power(image: NDArray, reference: NDArray) -> NDArray[np.float64]:
+    if not _has_spectrum(image, reference):
+        return np.zeros(max(image.shape[:2]) // 2)
+    return radial_average(error_spectrum(image, reference))[1]

@@ -197,8 +197,7 @@ def convergence(
         raise TypeError(f"samplers must map names to samplers, got {checks.shown(samplers)}")
     if not samplers:
         raise ValueError(f"samplers must be one or more, got {samplers!r}")
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    checks.progress(progress)
     if regions is None:
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
     _check_regions(regions, width, height)
@@ -208,11 +207,11 @@ def convergence(
     for _, spp, sampler in plan:
         sampler.check(width, height, spp)
     exact, bound = _reference(scene, reference, width, height)
-    rows, kept = [], None
+    rows, saved = [], None
     if checkpoint is not None:
         of_rows = {"samplers": plan, "regions": dict(regions), "reference": exact, "repeats": repeats}
-        kept = checkpoints.begin(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
-        rows = [ConvergenceRow(**row) for row in json.loads(str(kept.state.get("rows", "[]")))]
+        saved = checkpoints.begin(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
+        rows = [ConvergenceRow(**row) for row in json.loads(str(saved.state.get("rows", "[]")))]
     process, own = devices.of_process(mesh)
     finished = {(row.sampler, row.spp) for row in rows}
     rest = [planned for planned in plan if planned[:2] not in finished]
@@ -223,14 +222,14 @@ def convergence(
         measured = np.zeros(2 + len(regions))
         if process < len(at_once):
             _, spp, sampler = at_once[process]
-            measured[0], image = _timed(scene, sampler, width, height, spp, own)
-            repeated = [_timed(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
+            measured[0], image = timed(scene, sampler, width, height, spp, own)
+            repeated = [timed(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
             measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
         told = devices.told(measured.view(np.uint32), mesh).view(np.float64).tolist()
         for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
             rows.append(ConvergenceRow(name, spp, dict(zip(regions, errors, strict=True)), seconds, first))
-        if kept is not None and kept.due(last=not rest):
-            kept.write(rows=json.dumps([asdict(row) for row in rows]))
+        if saved is not None and saved.due(last=not rest):
+            saved.write(rows=json.dumps([asdict(row) for row in rows]))
         if progress is not None:
             progress(len(rows) / len(plan))
     return ConvergenceTable(tuple(sorted(rows, key=lambda row: places[row.sampler, row.spp])), bound)
@@ -302,9 +301,10 @@ def _expected(rows: list[ConvergenceRow], sampler: str, spp: int) -> float:
     return 0.0 if last is None else last.seconds * spp / last.spp
 
 
-def _timed(
-    scene: Any, sampler: Any, width: int, height: int, spp: int, mesh: Mesh | None
+def timed(
+    scene: Any, sampler: Any, width: int, height: int, spp: int, mesh: Mesh | None = None
 ) -> tuple[float, Array]:
+    """Render, and return the seconds that it took, and the image."""
     start = time.perf_counter()
     image = render(scene, sampler, width, height, spp, mesh=mesh).block_until_ready()
     return time.perf_counter() - start, image

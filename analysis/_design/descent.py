@@ -36,7 +36,7 @@ def descend(
     *,
     settle: Callable[[Any], Any] = lambda parameters: parameters,
     progress: Callable[[float], object] | None = None,
-    kept: checkpoints.File | None = None,
+    saved: checkpoints.File | None = None,
 ) -> tuple[Any, NDArray[np.float64]]:
     """Return parameters after all chunks, and the mean loss of each chunk.
 
@@ -72,9 +72,9 @@ def descend(
         return jax.tree.unflatten(jax.tree.structure(state), [moved, *moments])
 
     state, losses = settled(begin(flat)), []
-    if kept is not None and len(kept.state.get("losses", [])):
-        losses = list(kept.state["losses"])
-        leaves = [jnp.asarray(kept.state[f"state_{k}"]) for k in range(3)]
+    if saved is not None and len(saved.state.get("losses", [])):
+        losses = list(saved.state["losses"])
+        leaves = [jnp.asarray(saved.state[f"state_{k}"]) for k in range(3)]
         state = jax.tree.unflatten(jax.tree.structure(state), leaves)
     for chunk in range(len(losses), chunks):
         state, mean = some(state, jnp.int32(chunk * TOGETHER))
@@ -82,9 +82,9 @@ def descend(
         if not np.isfinite(mean):
             raise ValueError(f"loss must stay finite, got {mean} before step {(chunk + 1) * TOGETHER}")
         losses.append(float(mean))
-        if kept is not None and kept.due(last=chunk == chunks - 1):
+        if saved is not None and saved.due(last=chunk == chunks - 1):
             leaves = jax.tree.leaves(state)
-            kept.write(losses=np.array(losses), **{f"state_{k}": leaf for k, leaf in enumerate(leaves)})
+            saved.write(losses=np.array(losses), **{f"state_{k}": leaf for k, leaf in enumerate(leaves)})
         if progress is not None:
             progress((chunk + 1) / chunks)
     return shaped(jax.tree.leaves(state)[0]), np.array(losses)

@@ -141,8 +141,7 @@ def design_samples(
         raise ValueError(f"dims must be 2 or 4, got {dims}")
     key = checks.prng_key("key", key)
     chunks = -(-checks.integer("steps", steps, TOGETHER, 2**31 - 1) // TOGETHER)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    checks.progress(progress)
     prefixes = shape[3].bit_length() if checks.flag("progressive", progressive) else 1
     if filters is None:
         filters = [Filter(1.5), Filter(0.0, weight=_OWN if spp > 1 else 0.0)]
@@ -176,10 +175,10 @@ def design_samples(
         parts = [count * square(points[:, :, :, :count], step) for count in counts]
         return sum(parts[1:], parts[0]) / (prefixes * shape[3])
 
-    kept = None
+    saved = None
     if checkpoint is not None:
         made_of = {"integrands": integrands, "weights": weights, "prefixes": prefixes}
-        kept = checkpoints.begin(checkpoint, key=key, shape=np.array(shape), steps=chunks, **made_of)
+        saved = checkpoints.begin(checkpoint, key=key, shape=np.array(shape), steps=chunks, **made_of)
     free, squares = descend(
         loss,
         _of_class(shape, key) if of_scenes else jax.random.uniform(key, shape, jnp.float32),
@@ -190,7 +189,7 @@ def design_samples(
         lambda points: jnp.clip(points, _EDGE, 1 - _EDGE),
         settle=(lambda points: points) if of_scenes else _to_strata,
         progress=progress,
-        kept=kept,
+        saved=saved,
     )
     tile = np.asarray(free, np.float64)
     return DesignedSamples(tile[:, :, 0] if frames is None else tile, np.sqrt(np.maximum(squares, 0)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import numbers
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._spectra.filtered import gaussian_transfer
+from analysis._spectra.transfers import SPACE, TIME, checked, transfer
 from qmcjax.core import checks
 
 
@@ -19,13 +18,14 @@ class Filter(NamedTuple):
 
     Examples
     --------
-    >>> after_10_frames = Filter(space=1.5, time=0.1 * 0.9 ** np.arange(100))
+    >>> from analysis import moving_average
+    >>> accumulated = Filter(space=1.5, time=moving_average(0.1))
     """
 
     space: float | ArrayLike = 1.5
     """Standard deviation of a Gaussian in pixels, 0 for none; or taps, shape (rows, columns)."""
     time: float | ArrayLike = 0.0
-    """Standard deviation of a Gaussian in frames, 0 for none; or taps, shape (frames,)."""
+    """Standard deviation of a Gaussian in frames, 0 for none; or taps, shape (frames,), as ``np.ones(n)``."""
     weight: float = 1.0
     """Of the mean square error, at least 0: weights are divided by their sum."""
 
@@ -39,32 +39,13 @@ def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]
     if not isinstance(known, list | tuple) or not known or not all(isinstance(one, Filter) for one in known):
         wanted = "a standard deviation, a Filter, or a list of Filter"
         raise TypeError(f"filters must be {wanted}, got {checks.shown(filters)}")
-    weights = [
-        _arguments.real("filters.weight", one.weight, "finite and at least 0", lambda w: 0 <= w < math.inf)
-        for one in known
-    ]
+    weights = [_arguments.not_negative("filters.weight", one.weight) for one in known]
     if not sum(weights) > 0:
         raise ValueError(f"filters must have a positive sum of weights, got {weights}")
     total: Any = 0.0
     for one, weight in zip(known, weights, strict=True):
-        space, time = _transfer("space", shape[:2], one.space), _transfer("time", shape[2:], one.time)
+        space = transfer(shape[:2], checked("filters.space", one.space, SPACE))
+        time = transfer(shape[2:], checked("filters.time", one.time, TIME))
         pairs = [np.fft.ifftn(np.square(np.abs(part))).real for part in (space, time)]
         total = total + weight / sum(weights) * pairs[0][:, :, None] * pairs[1]
     return total
-
-
-def _transfer(name: str, shape: tuple[int, ...], of: Any) -> NDArray[Any]:
-    """Return the transform of a filter of sum 1."""
-    if np.ndim(of) == 0:
-        sigma = _arguments.real(f"filters.{name}", of, "finite and at least 0", lambda s: 0 <= s < math.inf)
-        sides = [gaussian_transfer(size, sigma) if sigma else np.ones(size) for size in shape]
-        return np.outer(*sides) if len(sides) == 2 else sides[0]
-    taps = _arguments.array(f"filters.{name}", of, "an array of real numbers").astype(np.float64)
-    if taps.ndim != len(shape) or not np.isfinite(taps).all() or not taps.sum() > 0:
-        axes = "(rows, columns)" if len(shape) == 2 else "(frames,)"
-        raise ValueError(
-            f"filters.{name} must be finite taps, of shape {axes} and a positive sum, got {checks.shown(of)}"
-        )
-    whole = np.zeros(shape)
-    np.add.at(whole, tuple(np.indices(taps.shape) % np.reshape(shape, (-1, *[1] * len(shape)))), taps)
-    return np.fft.fftn(whole / taps.sum())

@@ -105,8 +105,7 @@ def minimize(
     chunks = -(-checks.integer("steps", steps, TOGETHER, 2**31 - 1) // TOGETHER)
     rate = _arguments.real("rate", rate, f"in (0, {_LONGEST:g}]", lambda size: 0 < size <= _LONGEST)
     noise = _arguments.real("noise", noise, f"in [0, {_LONGEST:g}]", lambda size: 0 <= size <= _LONGEST)
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress must be a function of the finished part, got {checks.shown(progress)}")
+    checks.progress(progress)
     project = (lambda free: free) if project is None else project
     like = _returned("loss", "a function of parameters and a key", loss, start, key)
     if getattr(like, "shape", None) != () or not jnp.issubdtype(like.dtype, jnp.floating):
@@ -114,10 +113,10 @@ def minimize(
     allowed = _returned("project", "a function of parameters", project, start)
     if allowed != jax.eval_shape(lambda free: free, start):
         raise ValueError(f"project must return parameters of the same shapes and dtypes, got {allowed}")
-    kept = None
+    saved = None
     if checkpoint is not None:
         made_of = {"loss": loss, "parameters": start, "rate": rate, "noise": noise, "project": project}
-        kept = checkpoints.begin(checkpoint, key=key, steps=chunks, **made_of)
+        saved = checkpoints.begin(checkpoint, key=key, steps=chunks, **made_of)
     found, losses = descend(
         lambda free, step: loss(free, jax.random.fold_in(jax.random.fold_in(key, 1), step)),
         start,
@@ -127,7 +126,7 @@ def minimize(
         noise,
         project,
         progress=progress,
-        kept=kept,
+        saved=saved,
     )
     return Minimized(jax.tree.map(np.asarray, found), losses)
 

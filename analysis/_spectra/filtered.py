@@ -1,4 +1,4 @@
-"""Errors of images after low-pass filtering, for an eye that does not resolve pixels."""
+"""Errors of images and frames after low-pass filtering, for an eye that does not resolve them."""
 
 from __future__ import annotations
 
@@ -11,28 +11,34 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._spectra.spectra import error_spectrum, radial_average
-
-_WIDE = 0.4
-"""About 1 / sqrt(2 pi): the Gaussian that is its own transform."""
-
-_TERMS = 8
-"""Both sums have fewer terms than this on each side: further terms are below 1e-60."""
+from analysis._spectra.transfers import TIME, checked, transfer
 
 
-def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -> float:
-    """Return the root mean square of an image's error after a Gaussian filter.
+def filtered_error(
+    image: ArrayLike, reference: ArrayLike, sigma: float = 1.5, time: float | ArrayLike | None = None
+) -> float:
+    """Return the root mean square of an image's error, or of many frames', after a low-pass filter.
 
     Parameters
     ----------
-    image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-        Of equal shape. The image is taken as periodic.
-    sigma : float, standard deviation of the filter in pixels, positive
+    image : float ArrayLike, shape (height, width) or (height, width, channels)
+        With ``time``, frames of these, shape (frames, height, width[, channels]). Taken as periodic in space,
+        and in time: the frames are repeated without end, so that a filter with memory is in its steady state.
+    reference : float ArrayLike, of the same shape
+        With ``time``, also of the shape of one frame, for all of them.
+    sigma : float
+        Standard deviation of a Gaussian filter in pixels, 0 for none.
+    time : float or float ArrayLike, shape (n,), optional
+        The filter in time, as in :class:`Filter`: the standard deviation of a Gaussian in frames, 0 for none,
+        or the weights of the frame itself, of the one before, and so on, which are divided by their sum:
+        ``np.ones(n)`` averages n frames, :func:`moving_average` is an average that forgets.
 
     Returns
     -------
     float
-        At most the root mean square error. If JAX traces an image (``jit``, ``grad``, ``vmap``), an Array of
-        its dtype, differentiable; the gradient is set to 0 where the error is 0.
+        For weights that are not negative, at most the root mean square error. If JAX traces an image
+        (``jit``, ``grad``, ``vmap``), an Array of its dtype, differentiable; the gradient is set to 0 where
+        the error is 0.
 
     Notes
     -----
@@ -42,45 +48,37 @@ def filtered_error(image: ArrayLike, reference: ArrayLike, sigma: float = 1.5) -
     waves. From ``sigma`` = 1.5 on, the factor for a wave of f cycles per pixel is within 2e-5 of the
     continuous Gaussian's exp(-2 (pi sigma f)^2).
 
+    Errors that are independent from frame to frame keep the root of the sum of squared weights: n^(-1/2) for
+    the average of n frames, (alpha / (2 - alpha))^(1/2) for a moving average over many more than 1 / alpha.
+
     Examples
     --------
     >>> print(f"{filtered_error([[1.0, -1.0], [-1.0, 1.0]], [[0.0, 0.0], [0.0, 0.0]], 0.5):.4f}")
     0.3297
+    >>> from analysis import moving_average
+    >>> flicker = np.array([1.0, -1.0, 1.0, -1.0]).reshape(4, 1, 1)
+    >>> print(f"{filtered_error(flicker, [[0.0]], sigma=0, time=moving_average(0.5)):.4f}")
+    0.3333
     """
-    error = _arguments.error(image, reference)
-    sigma = _arguments.positive("sigma", sigma)
-    height, width = error.shape[:2]
-    return weighted_rms(error, gaussian_transfer(height, sigma)[:, None] * gaussian_transfer(width, sigma))
+    in_time = None if time is None else checked("time", time, TIME)
+    error = _arguments.error(image, reference, animated=in_time is not None)
+    *frames, height, width, _ = error.shape
+    weights: Any = transfer((height, width), _arguments.not_negative("sigma", sigma))
+    if in_time is not None:
+        weights = np.abs(transfer(tuple(frames), in_time))[:, None, None] * weights
+    return weighted_rms(error, weights)
 
 
 def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float:
-    """Return the root mean square of an error, shape (height, width, channels), with its waves weighted."""
+    """Return the root mean square of an error, shape (..., channels), with its waves weighted."""
     traced = isinstance(error, Tracer)
     xp: Any = jnp if traced else np
-    power = xp.square(xp.abs(xp.fft.fft2(error, axes=(0, 1)))).sum(axis=2)
+    power = xp.square(xp.abs(xp.fft.fftn(error, axes=tuple(range(weights.ndim))))).sum(axis=-1)
     size = weights.size * error.size
     mean = xp.sum(np.square(weights).astype(power.dtype) * power) / size
     if not traced:
         return float(np.sqrt(mean))
     return _arguments.root(mean).astype(error.dtype)
-
-
-def gaussian_transfer(size: int, sigma: float) -> NDArray[np.float64]:
-    """Return the factors of the waves of one axis for a sampled Gaussian of sum 1.
-
-    The weights exp(-k^2 / (2 sigma^2)) of all integers k, or by Poisson's formula a sum of Gaussians of the
-    frequency: the shorter of both sums, with hardly any cancellation.
-    """
-    frequency = np.fft.fftfreq(size)
-    k = np.arange(1, _TERMS)
-    with np.errstate(over="ignore", under="ignore"):
-        if sigma < _WIDE:
-            weights = np.exp(-np.square(k / sigma) / 2)
-            waves = np.cos(2 * np.pi * np.outer(frequency, k))
-            return (1 + 2 * waves @ weights) / (1 + 2 * weights.sum())
-        whole = np.arange(-_TERMS, _TERMS + 1)
-        copies = np.exp(-2 * np.square(np.pi * sigma * (frequency[:, None] + whole))).sum(axis=1)
-        return copies / copies[0]
 
 
 def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:

@@ -63,8 +63,7 @@ def pixel_means(
     [[0.22070312 0.25097656]
      [0.25073242 0.25073242]]
     """
-    if isinstance(function, type) or not callable(function):
-        raise TypeError(f"function must be a function of points, got {checks.shown(function)}")
+    checks.function("function", function, "of points")
     sampler = as_sampler("sampler", sampler)
     width, height = checks.image_size(width, height)
     spp = checks.integer("spp", spp, 1, 2**32 - 1)
@@ -73,12 +72,12 @@ def pixel_means(
     sampler.check(width, height, spp)
     sampler = sampler.up_to(spp)
     mesh = devices.checked(mesh)
-    held = plug_ins.held("function", function)
+    wrapped = plug_ins.wrap("function", function)
     with checks.precision(dtype):
         traced = is_traced((function, sampler))
         # Derivatives sum over parts: if they may be requested, the parts must not depend on devices.
         rows = -(-height // (parts.FEW if traced else devices.count(mesh)))
-        arguments = devices.placed((held, sampler, np.uint32(spp)), mesh)
+        arguments = devices.placed((wrapped, sampler, np.uint32(spp)), mesh)
         made = _means(*arguments, (height, width), rows, wanted, dtype, mesh, traced)
         return devices.local(made, mesh)
 
@@ -106,7 +105,7 @@ def _means(
         def values(parameters: Any, sample: Array) -> Array:
             function, sampler, prepared = parameters
             (points,) = sampler.consecutive(prepared, jnp.broadcast_to(sample, x.shape), 1, dims, dtype)
-            made = plug_ins.unheld(function)(points)
+            made = plug_ins.unwrap(function)(points)
             if getattr(made, "shape", ())[:2] != x.shape:
                 raise ValueError(f"function must return values of shape ({rows}, {width}, ...), got {made}")
             return made.astype(dtype)

@@ -15,7 +15,7 @@ from analysis import _arguments
 from qmcjax.core import checks
 
 
-def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64]:
+def error_spectrum(image: ArrayLike, reference: ArrayLike, *, animated: bool = False) -> NDArray[np.float64]:
     """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.
 
     The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
@@ -23,13 +23,19 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
 
     Parameters
     ----------
-    image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-        Of equal shape. Powers and variances of channels are summed before they are divided.
+    image : float ArrayLike, shape (height, width) or (height, width, channels)
+        If animated, frames of these, shape (frames, height, width[, channels]), periodic in time, too.
+        Powers and variances of channels are summed before they are divided.
+    reference : float ArrayLike, of the same shape
+        If animated, also of the shape of one frame, for all of them.
+    animated : bool
+        Whether the first axis is time.
 
     Returns
     -------
-    float64 array, shape (height, width)
-        In the layout of ``numpy.fft.fft2``: element [0, 0] is the mean, which is removed, hence 0.
+    float64 array, shape (height, width) or (frames, height, width)
+        In the layout of ``numpy.fft.fftn``: element [0, 0] is the mean, which is removed, hence 0.
+        Of frames, :func:`radial_average` computes the power over frequencies in time and in space.
         If JAX traces an image (``jit``, ``grad``, ``vmap``), of its dtype, and differentiable.
 
     Raises
@@ -43,17 +49,19 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike) -> NDArray[np.float64
     [[0. 4.]
      [0. 0.]]
     """
-    channels = _arguments.error(image, reference)
+    channels = _arguments.error(image, reference, animated=checks.flag("animated", animated))
+    axes = tuple(range(channels.ndim - 1))
+    mean = (0,) * len(axes)
     traced = isinstance(channels, Tracer)
-    if not traced and (channels == channels[0, 0]).all():
-        raise ValueError(f"image must differ from reference by more than a constant, got {channels[0, 0]}")
+    if not traced and (channels == channels[mean]).all():
+        raise ValueError(f"image must differ from reference by more than a constant, got {channels[mean]}")
     xp: Any = jnp if traced else np
-    channels = channels - channels.mean(axis=(0, 1), keepdims=True)
-    power = xp.square(xp.abs(xp.fft.fft2(channels, axes=(0, 1)))).sum(axis=2)
+    channels = channels - channels.mean(axis=axes, keepdims=True)
+    power = xp.square(xp.abs(xp.fft.fftn(channels, axes=axes))).sum(axis=-1)
     total = xp.square(channels).sum()
     if traced:
-        return (power.at[0, 0].set(0) / jnp.where(total > 0, total, jnp.inf)).astype(channels.dtype)
-    power[0, 0] = 0.0
+        return (power.at[mean].set(0) / jnp.where(total > 0, total, jnp.inf)).astype(channels.dtype)
+    power[mean] = 0.0
     return power / total
 
 
@@ -62,15 +70,16 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
 
     Parameters
     ----------
-    spectrum : float ArrayLike, shape (height, width)
+    spectrum : float ArrayLike, shape (height, width) or (frames, height, width)
         In the layout of ``numpy.fft.fft2``, such as from :func:`error_spectrum` or :func:`point_spectrum`.
+        With frames, one for each frequency in time, ``numpy.fft.fftfreq(frames)`` cycles per frame.
 
     Returns
     -------
     frequency : float64 array, shape (max(height, width) // 2,)
         1, 2, ... up to the Nyquist frequency: cycles per longer side of the image. Annulus k contains
         frequencies in [k - 1/2, k + 1/2); the corners beyond the last are left out.
-    power : float64 array, of the same shape
+    power : float64 array, of the same shape, or (frames, max(height, width) // 2)
         The mean of each annulus. If JAX traces the spectrum, of its dtype, and differentiable.
 
     Notes
@@ -84,12 +93,18 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     >>> print(frequency, power)
     [1.] [3.]
     """
-    array = _checked(spectrum)
-    annulus = _annuli(*array.shape)
-    frequency = np.arange(1, max(array.shape) // 2 + 1)
-    count = np.bincount(annulus.ravel())[frequency]
-    total = _sums(annulus, array)[frequency]
-    return frequency.astype(np.float64), total / count.astype(total.dtype)
+    array = _checked(spectrum, (2, 3))
+    height, width = array.shape[-2:]
+    annulus = _annuli(height, width)
+    frequency = np.arange(1, max(height, width) // 2 + 1)
+    count = np.bincount(annulus.ravel())
+    times = array.reshape(-1, height, width)
+    places = annulus + len(count) * np.arange(len(times))[:, None, None]
+    total = _sums(places, times).reshape(*array.shape[:-2], -1)[..., frequency]
+    count = count[frequency]
+    return frequency.astype(np.float64), total / count.astype(total.dtype).reshape(
+        (1,) * (total.ndim - 1) + (-1,)
+    )
 
 
 def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -127,7 +142,7 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     >>> print(frequency, anisotropy.round(3))
     [1.] [-3.522]
     """
-    array = _checked(spectrum)
+    array = _checked(spectrum, (2,))
     annulus = _annuli(*array.shape)
     frequency, mean = radial_average(array)
     wanted = (annulus >= 1) & (annulus <= len(frequency))
@@ -167,8 +182,7 @@ def mean_spectrum(
     >>> print(mean, error)
     [2. 4.] [1. 2.]
     """
-    if not callable(make):
-        raise TypeError(f"make must be a function from a key to an array, got {checks.shown(make)}")
+    checks.function("make", make, "from a key to an array")
     try:
         keys = iter(keys)
     except TypeError:
@@ -190,10 +204,11 @@ def mean_spectrum(
     return mean, np.sqrt(squares / (count - 1) / count)
 
 
-def _checked(spectrum: ArrayLike) -> Any:
+def _checked(spectrum: ArrayLike, axes: tuple[int, ...]) -> Any:
     array = _arguments.real_array("spectrum", spectrum)
-    if array.ndim != 2 or array.size < 2:
-        raise ValueError(f"spectrum must have shape (height, width), more than one value, got {array.shape}")
+    if array.ndim not in axes or np.prod(array.shape[-2:]) < 2 or not array.size:
+        shapes = " or ".join(["(height, width)", "(frames, height, width)"][: len(axes)])
+        raise ValueError(f"spectrum must have shape {shapes}, more than one value, got {array.shape}")
     if not isinstance(array, Tracer) and not np.isfinite(array).all():
         raise ValueError(f"spectrum must be finite, got {array[~np.isfinite(array)][0]}")
     return array

@@ -13,6 +13,7 @@ from figures.docs import public
 from qmcjax import orders, sequences
 
 FRAME = np.zeros((9, 12, 2))
+FRAMES = np.zeros((5, 6, 4))
 
 
 def annuli(measure, spectrum_of):
@@ -22,6 +23,14 @@ def annuli(measure, spectrum_of):
 
 def error(given):
     return analysis.error_spectrum(given, FRAME)
+
+
+def error_in_time(given):
+    return analysis.error_spectrum(given, FRAMES, animated=True)
+
+
+def filtered(time, *sigma):
+    return lambda image: analysis.filtered_error(image, FRAMES, *sigma, time=time)
 
 
 def statistics(points, **options):
@@ -62,12 +71,16 @@ OF_POINTS = {
 }
 OF_IMAGES = {
     "error_spectrum": (error, FRAME.shape),
+    "error_spectrum in time": (error_in_time, FRAMES.shape),
     "filtered_error": (lambda image: analysis.filtered_error(image, FRAME), FRAME.shape),
     "filtered_error, narrow": (lambda image: analysis.filtered_error(FRAME, image, 0.3), FRAME.shape),
+    "filtered_error in time": (filtered(0.7), FRAMES.shape),
+    "filtered_error, moving average": (filtered(analysis.moving_average(0.3), 0), FRAMES.shape),
     "low_frequency_power": (lambda image: analysis.low_frequency_power(image, FRAME, 0.3), FRAME.shape),
     "perceived_error": (lambda image: analysis.perceived_error(image, FRAME), FRAME.shape),
     "radial_anisotropy": (annuli(analysis.radial_anisotropy, error), FRAME.shape),
     "radial_average": (annuli(analysis.radial_average, error), FRAME.shape),
+    "radial_average in time": (annuli(analysis.radial_average, error_in_time), FRAMES.shape),
 }
 DIFFERENTIABLE = OF_POINTS | OF_IMAGES
 NET = np.asarray(sequences.sobol(3)(np.arange(16)))
@@ -79,13 +92,14 @@ COUNTED = {
     "t_value": analysis.t_value,
 }
 OF_ORDERS = {"curve_length", "neighbour_differences", "segment_counts"}
-OTHERS = {  # searches, comparisons, readers and means: not measures of one array
+OTHERS = {  # searches, comparisons, filters, readers and means: not measures of one array
     "broken_promises",
     "compare",
     "convergence",
     "design_samples",
     "mean_spectrum",
     "minimize",
+    "moving_average",
     "optimize_points",
     "optimize_scrambling",
     "pixel_means",

@@ -116,7 +116,7 @@ test_bad_errors = refused(
 
 
 @pytest.mark.parametrize("measure", [radial_average, radial_anisotropy])
-@pytest.mark.parametrize("shape", [(4,), (1, 1), (0, 3), (2, 2, 3)])
+@pytest.mark.parametrize("shape", [(4,), (1, 1), (0, 3), (3, 1, 1), (0, 2, 2), (2, 2, 2, 3)])
 def test_bad_spectra(shape, measure):
     with pytest.raises(ValueError, match="spectrum"):
         measure(np.ones(shape))

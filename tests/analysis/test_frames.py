@@ -1,0 +1,162 @@
+"""Errors and spectra of frames: filters in time against SciPy, closed forms, and those of images."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from refusals import refused
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
+from scipy.signal import lfilter
+
+from analysis import Filter, error_spectrum, expected_error, filtered_error, moving_average, radial_average
+
+FRAMES = np.random.default_rng(1).normal(size=(24, 6, 8)) + 0.3
+ZERO = np.zeros_like(FRAMES)
+
+
+def rms(values):
+    return np.sqrt(np.mean(np.square(values)))
+
+
+def remembered(alpha):
+    """Run the recursion of a moving average over many rounds, and take the last."""
+    rounds = np.concatenate([FRAMES] * 60)
+    return lfilter([alpha], [1, alpha - 1], rounds, axis=0)[-len(FRAMES) :]
+
+
+TIMES = {
+    "none": (0.0, FRAMES),
+    "Gaussian": (1.5, gaussian_filter1d(FRAMES, 1.5, axis=0, mode="wrap", truncate=12)),
+    "2 frames": (np.ones(2), uniform_filter1d(FRAMES, 2, axis=0, mode="wrap")),
+    "8 frames": (np.ones(8), uniform_filter1d(FRAMES, 8, axis=0, mode="wrap")),
+    "more frames than there are": (np.ones(48), np.broadcast_to(FRAMES.mean(axis=0), FRAMES.shape)),
+    "moving average": (moving_average(0.1), remembered(0.1)),
+    "long moving average": (moving_average(0.03), remembered(0.03)),
+    "no memory": (moving_average(1), FRAMES),
+}
+
+
+@pytest.mark.parametrize("name", TIMES)
+def test_filters_in_time_are_scipys(name):
+    time, expected = TIMES[name]
+    found = filtered_error(FRAMES, ZERO, sigma=0, time=time)
+    assert found == pytest.approx(rms(expected), rel=1e-12)
+    both = filtered_error(FRAMES, ZERO, 0.8, time)
+    spread = [filtered_error(frame, np.zeros((6, 8)), 0.8) for frame in expected]
+    assert both == pytest.approx(rms(spread), rel=1e-12)
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.5, 0.1, 0.01])
+def test_taps_are_those_of_the_recursion(alpha):
+    taps = moving_average(alpha)
+    impulse = np.zeros(len(taps))
+    impulse[0] = 1
+    np.testing.assert_allclose(taps, lfilter([alpha], [1, alpha - 1], impulse), rtol=1e-10)
+    assert 0 <= 1 - taps.sum() < 1e-13
+    assert len(taps) <= 1 + 37 / alpha
+
+
+@pytest.mark.parametrize(
+    ("time", "kept"),
+    [
+        (moving_average(0.1), np.sqrt(0.1 / 1.9)),
+        (np.ones(8), 1 / np.sqrt(8)),
+        (2.0, (4 * np.pi * 2.0**2) ** -0.25),
+        ([2.0, 1.0, 1.0], np.sqrt(6) / 4),
+    ],
+)
+def test_of_an_impulse_and_of_white_noise_the_square_sum_of_weights_remains(time, kept):
+    """Exactly of one frame in 512, hence in expectation of noise: 5 standard deviations."""
+    impulse = np.zeros((512, 1, 1))
+    impulse[5] = np.sqrt(512)
+    assert filtered_error(impulse, [[0.0]], 0, time) == pytest.approx(kept, rel=1e-5)
+    noise = np.random.default_rng(2).normal(size=(512, 16, 16))
+    of_pixels = [filtered_error(noise[:, :, [k]], np.zeros((16, 1)), 0, time) ** 2 for k in range(16)]
+    assert abs(np.mean(of_pixels) - kept**2) < 5 * np.std(of_pixels, ddof=1) / 4
+
+
+def test_one_frame_is_an_image():
+    image, reference = FRAMES[0], FRAMES[1]
+    alone = filtered_error(image, reference)
+    for time in (0, 3.0, np.ones(4), moving_average(0.1)):
+        assert filtered_error(image[None], reference[None], time=time) == pytest.approx(alone, rel=1e-14)
+    assert filtered_error(image, reference, 0) == pytest.approx(rms(image - reference), rel=1e-14)
+    np.testing.assert_allclose(
+        error_spectrum(image[None], reference, animated=True)[0], error_spectrum(image, reference), atol=1e-12
+    )
+
+
+def test_a_reference_may_be_one_for_all_frames_and_channels_are_averaged():
+    still = np.random.default_rng(3).normal(size=(6, 8, 3))
+    frames = FRAMES[..., None] * np.array([1.0, 2.0, 3.0]) + still
+    each = [filtered_error(c * FRAMES, ZERO, 0.7, 1.2) for c in (1, 2, 3)]
+    assert filtered_error(frames, still, 0.7, 1.2) == pytest.approx(rms(each), rel=1e-12)
+    assert filtered_error(frames, np.stack([still] * 24), 0.7, 1.2) == pytest.approx(rms(each), rel=1e-12)
+
+
+@pytest.mark.parametrize("time", [1.5, np.ones(8), moving_average(0.1)], ids=["Gaussian", "box", "average"])
+def test_it_is_the_filter_of_expected_error(time):
+    """The root mean square of a linear integrand's errors, over points, is what the closed form has."""
+    points = np.random.default_rng(4).random((4, 4, 8, 1, 1))
+    frames = np.moveaxis(points[..., 0, 0] - 0.5, 2, 0)
+    expected = expected_error(
+        points, lambda x, y: jnp.prod((x - 0.5) * (y - 0.5), axis=-1), Filter(0.9, time)
+    )
+    assert filtered_error(frames, np.zeros((4, 4)), 0.9, time) == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("time", [1.5, np.ones(8), moving_average(0.1)], ids=["Gaussian", "box", "average"])
+def test_float32_has_the_same_digits(time):
+    traced = jax.jit(lambda frames: filtered_error(frames, ZERO, time=time))(jnp.asarray(FRAMES, jnp.float32))
+    assert traced.dtype == np.float32
+    assert float(traced) == pytest.approx(filtered_error(FRAMES, ZERO, time=time), rel=2e-6)
+
+
+def test_parseval():
+    """The mean power is 1, and filters weight it: spectra and filtered errors are one."""
+    spectrum = error_spectrum(FRAMES, ZERO, animated=True)
+    assert spectrum.shape == FRAMES.shape
+    assert spectrum.mean() == pytest.approx(1, rel=1e-12)
+    assert spectrum[0, 0, 0] == 0
+    kept = np.abs(np.fft.fft(np.ones(8) / 8, 24)) ** 2
+    weighted = np.sqrt(np.mean(spectrum * kept[:, None, None]) * FRAMES.var())
+    centred = FRAMES - FRAMES.mean()
+    assert filtered_error(centred, ZERO, 0, np.ones(8)) == pytest.approx(weighted, rel=1e-12)
+
+
+def test_a_moving_wave_has_its_frequencies_in_time_and_space():
+    t, x = np.arange(10)[:, None, None], np.arange(16)
+    wave = np.broadcast_to(np.cos(2 * np.pi * (3 * t / 10 + 4 * x / 16)), (10, 12, 16))
+    frequency, power = radial_average(error_spectrum(wave, np.zeros((12, 16)), animated=True))
+    assert power.shape == (10, len(frequency)) == (10, 8)
+    assert set(zip(*np.nonzero(power > 1e-9), strict=True)) == {(3, 3), (7, 3)}
+    np.testing.assert_allclose(np.fft.fftfreq(10)[[3, 7]], [0.3, -0.3])
+
+
+def test_annuli_of_frames_are_those_of_each():
+    powers = FRAMES**2
+    frequency, power = radial_average(powers)
+    for of_frame, expected in zip(power, powers, strict=True):
+        alone = radial_average(expected)
+        np.testing.assert_array_equal(frequency, alone[0])
+        np.testing.assert_allclose(of_frame, alone[1], rtol=1e-14)
+
+
+test_bad_input_is_named = refused(
+    (lambda: filtered_error(FRAMES[0], ZERO[0], time=1.0), r"image must have shape \(frames, height, width"),
+    (lambda: filtered_error(FRAMES, ZERO[:3], time=1.0), r"one shape, got \(24, 6, 8\) and \(3, 6, 8\)"),
+    (
+        lambda: filtered_error(FRAMES[..., None], ZERO),
+        r"image must have shape \(height, width\) or|one shape",
+    ),
+    (lambda: filtered_error(FRAMES, ZERO, time=-1.0), "time must be finite and at least 0, got -1.0"),
+    (
+        lambda: filtered_error(FRAMES, ZERO, time=[1.0, -1.0]),
+        r"time must be finite taps, of shape \(frames,\)",
+    ),
+    (lambda: filtered_error(FRAMES, ZERO, time=np.ones((2, 2))), "time must be finite taps"),
+    (lambda: filtered_error(FRAMES, ZERO, sigma=-1.0, time=1.0), "sigma must be finite and at least 0, got"),
+    (lambda: moving_average(0.0), r"alpha must be in \[1e-5, 1\], got 0.0"),
+    (lambda: moving_average(1.5), r"alpha must be in \[1e-5, 1\], got 1.5"),
+    (lambda: error_spectrum(FRAMES[0], ZERO[0], animated=True), r"image must have shape \(frames, height"),
+)

@@ -2,28 +2,38 @@
 
 import json
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import drjit
+import jax
+import jax.numpy as jnp
 import mitsuba as mi
 import numpy as np
+import tables
 
 from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba as bridge
+from qmcjax.bridges._padding import padding_pair, padding_pixel
+from qmcjax.bridges._source import read
+from qmcjax.bridges.mitsuba import _pixels as pixels
+from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
+from qmcjax.bridges.mitsuba._scalar import blocks
 
 OWEN = samplers.independent(sequences.sobol(6), 1)
 CURVE = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
 
 PATH = {"type": "path", "max_depth": 4}
 ASKED = {"type": "asked"}
-WHERE = {"type": "where"}
 
 SIZE = 40, 36
 
 
-def described(sampler: Any, size, integrator, crop=None, rfilter="box", film=None, plug_in=None):
+def described(sampler: Any, size, integrator, crop=None, rfilter="box", film=None, plug_in=None, sensor=None):
     """Return a ball below a sky and a lamp, seen with a sampler of ours, or of Mitsuba's by its name."""
     given = {
         "type": "hdrfilm",
@@ -41,7 +51,7 @@ def described(sampler: Any, size, integrator, crop=None, rfilter="box", film=Non
     if isinstance(sampler, str):
         sampling = {"type": sampler}
     elif hasattr(sampler, "dims"):
-        sampling["sampler"] = bridge.held(sampler)
+        sampling["sampler"] = bridge.wrap(sampler)
     lamp = {"type": "area", "radiance": {"type": "rgb", "value": [5, 4, 3]}}
     return mi.load_dict(
         {
@@ -52,7 +62,8 @@ def described(sampler: Any, size, integrator, crop=None, rfilter="box", film=Non
                 "film": loaded,
                 "sampler": sampling,
                 "to_world": mi.ScalarTransform4f().look_at([0, 1, 4], [0, 0, 0], [0, 1, 0]),
-            },
+            }
+            | (sensor or {}),
             "ball": {"type": "sphere"},
             "lamp": {"type": "sphere", "center": [1, 2, 1], "radius": 0.5, "emitter": lamp},
             "sky": {"type": "constant", "radiance": {"type": "rgb", "value": [0.2, 0.3, 0.4]}},
@@ -65,16 +76,9 @@ def image(*scene, spp=4, seed=0, **options):
 
 
 def set_up(variant):
-    """Register the plug-in, and integrators that show what it hands out."""
+    """Register the plug-in, and an integrator that shows what it hands out."""
     bridge.register(variant)
     mi.set_log_level(mi.LogLevel.Error)
-
-    class Where(mi.SamplingIntegrator):
-        """Shows column, row and number of a sample; in scalar variants."""
-
-        def sample(self, scene, sampler, ray, medium=None, active=True):
-            place = sampler.stream.samples.where(np.array([sampler.number], np.uint32))
-            return mi.Color3f(*(float(part[0]) for part in place)), True, []
 
     class Asked(mi.SamplingIntegrator):
         """Shows a single coordinate, the second of a pair, and the first of a pair of padding."""
@@ -83,38 +87,7 @@ def set_up(variant):
             values = sampler.next_1d(), sampler.next_2d()[1], sampler.next_2d()[0]
             return mi.Color3f(*values), mi.Bool(True), []
 
-    mi.register_integrator("where", Where)
     mi.register_integrator("asked", Asked)
-
-
-def places():
-    """Return for films of all kinds whether each pixel was told, and the means of the samples' numbers."""
-    set_up("scalar_rgb")
-    crop = 3, 7, 40, 37
-    later = {"first_sample": 10}
-    shown = {
-        "odd": image(OWEN, (70, 37), WHERE, plug_in=later),
-        "crop": image(OWEN, (70, 60), WHERE, crop=crop, plug_in=later),
-        "border": image(OWEN, (20, 10), WHERE, film={"sample_border": True}, plug_in=later),
-        "a block beyond the edge": image(OWEN, (64, 33), WHERE, plug_in=later),
-    } | {
-        f"blocks of {side}": image(
-            OWEN, (20, 20), WHERE | {"block_size": side}, plug_in=later | {"block_size": side}
-        )
-        for side in (4, 16)
-    }
-    found = {}
-    for name, values in shown.items():
-        left, top, width, height = crop if name == "crop" else (0, 0, *values.shape[1::-1])
-        y, x = np.mgrid[top : top + height, left : left + width]
-        same = np.array_equal(values[..., 0], x) and np.array_equal(values[..., 1], y)
-        found[name] = [same, np.unique(values[..., 2]).tolist()]
-    # Neighbours reach into each other's pixels there: what is shown is a mean of theirs.
-    blurred = image(OWEN, (24, 20), WHERE, rfilter="gaussian", film={"sample_border": True}, spp=8)
-    inside = np.s_[4:-4, 4:-4]
-    y, x = np.mgrid[:20, :24]
-    off = max(abs(blurred[..., k] - of - 2)[inside].max() for k, of in enumerate((x, y)))
-    return found | {"wide filter": [bool(off < 0.5), [11.5]]}
 
 
 def whole_bytes():
@@ -129,6 +102,17 @@ def points():
     return np.mean([np.asarray(OWEN(x, y, np.uint32(k), (2, 5)), np.float64) for k in range(8)], axis=0)
 
 
+def numbered():
+    """Return a sampler of which the integrator shows column, row and sample, over 256."""
+
+    def points(x, y, sample):
+        column, row, number = (word.astype(jnp.float32) / 256 for word in (x, y, sample))
+        half = jnp.full_like(column, 0.5)
+        return jnp.stack([half, half, column, half, half, row, number, half], -1)
+
+    return samplers.function(points, 8)
+
+
 def tiles():
     """Return that image from two halves."""
     crops = [(x, 0, SIZE[0] // 2, SIZE[1]) for x in (0, SIZE[0] // 2)]
@@ -140,7 +124,9 @@ def equal():
     set_up("scalar_rgb")
     whole = image(OWEN, SIZE, ASKED, spp=8)
     passes = [image(OWEN, SIZE, ASKED, spp=4, plug_in={"first_sample": n}) for n in (0, 4)]
-    sampler = described(OWEN, SIZE, ASKED).sensors()[0].sampler()
+    sensor = described(OWEN, SIZE, ASKED).sensors()[0]
+    sensor.film().prepare([])
+    sampler = sensor.sampler()
     sampler.seed(11)
     before = [sampler.next_1d(), *sampler.next_2d()]
     copy, forked = sampler.clone(), sampler.fork()
@@ -176,17 +162,22 @@ def refused():
         "passes": lambda: image(OWEN, small, ASKED | {"samples_per_pass": 2}),
         "size": lambda: image(CURVE, (8, 4), ASKED),
         "count": lambda: image(CURVE, small, ASKED, spp=8),
-        "nothing": lambda: mi.load_dict({"type": "qmcjax", "sampler": bridge.held(OWEN)}),
+        "nothing": lambda: mi.load_dict({"type": "qmcjax", "sampler": bridge.wrap(OWEN)}),
         "film": lambda: image(OWEN, small, ASKED, plug_in={"film": 3}),
         "sampler": lambda: image(3, small, ASKED),
         "key": lambda: image(OWEN, small, ASKED, plug_in={"key": -1}),
         "block": lambda: image(OWEN, small, ASKED, plug_in={"block_size": 3}),
         "variant": lambda: bridge.register("scalar_rbg"),
         "no name": lambda: bridge.register(3),  # pyright: ignore[reportArgumentType]
-        "held": lambda: bridge.held(sequences.sobol(2)),
+        "wrap": lambda: bridge.wrap(sequences.sobol(2)),
         "seek": lambda: sampler.seek(40, 0),
         "beyond": lambda: [[sampler.advance(), sampler.next_1d()] for _ in range(8)],
     }
+    return raised(calls)
+
+
+def raised(calls: dict[str, Callable[[], Any]]) -> dict[str, Any]:
+    """Return the errors of calls."""
     found = {}
     for name, call in calls.items():
         try:
@@ -196,14 +187,23 @@ def refused():
     return found
 
 
-def unbiased(variant):
+INTEGRATORS = {
+    "path": PATH,
+    "prb": {"type": "prb", "max_depth": 4},
+    "volpath": {"type": "volpath", "max_depth": 4},
+    "prbvolpath": {"type": "prbvolpath", "max_depth": 4},
+    "ptracer": {"type": "ptracer", "max_depth": 4},
+    "aov": {"type": "aov", "aovs": "depth:depth", "image": PATH},
+}
+
+
+def unbiased(variant, integrator="path"):
     """Return how much images with independent samples of ours and of Mitsuba's differ, in standard errors."""
     set_up(variant)
-    drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)
-    size, count = (12, 12), 24
+    size, count, kind = (12, 12), 24, INTEGRATORS[integrator]
     sampler_of = [samplers.independent(sequences.sobol(6), key) for key in range(count)]
-    ours = [image(of, size, PATH, plug_in={"key": key}) for key, of in enumerate(sampler_of)]
-    theirs = [image("independent", size, PATH, seed=seed, spp=16) for seed in range(count)]
+    ours = [image(of, size, kind, plug_in={"key": key}) for key, of in enumerate(sampler_of)]
+    theirs = [image("independent", size, kind, seed=seed, spp=16) for seed in range(count)]
     means = [np.mean(images, axis=0) for images in (ours, theirs)]
     variance = sum(np.var(images, axis=0, ddof=1) / count for images in (ours, theirs))
     whole = [np.mean(images, axis=(1, 2, 3)) for images in (ours, theirs)]
@@ -215,15 +215,255 @@ def unbiased(variant):
     }
 
 
-def wavefronts():
-    """Return the same for arrays, of LLVM."""
+def bits():
+    """Return for the samplers of all tests whether arrays of Dr.Jit have the same bits."""
     set_up("llvm_ad_rgb")
-    found: dict[str, Any] = {}
-    try:
-        image(OWEN, (8, 6), PATH)
-    except Exception as error:
-        found["symbolic"] = str(error.__context__ or error)
-    drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)
+    arrays, rng, word = Arrays(drjit, mi.Float), np.random.default_rng(5), jax.ShapeDtypeStruct((), np.uint32)
+    found = {}
+    for name, sampler in tables.SAMPLERS.items():
+        x, y, k = (rng.integers(0, min(end, 32), 4096, np.uint32) for end in sampler.limits)
+        dims = tuple(range(sampler.dims))
+        program = read(partial(sampler, dims=dims, dtype=jnp.float32), word, word, word)
+        ours = Evaluated(arrays, program, {})([arrays.uint(each) for each in (x, y, k)])
+        wanted = np.asarray(sampler(x, y, k, dims, jnp.float32)).T
+        found[name] = [bool(np.all(np.array(each) == of)) for each, of in zip(ours, wanted, strict=True)]
+    return found
+
+
+def compiled():
+    """Return for the samplers of all tests whether compiled functions return their pairs, and one more."""
+    set_up("scalar_rgb")
+    side, words = tables.SIDE, jax.random.bits(jax.random.key(0), (2,), jnp.uint32)
+    x, y = (np.array(each, np.uint32) for each in ([0, 5, 3], [0, 2, side - 1]))
+    # Blocks are halved until there is one for each thread.
+    window = pixels.Window(side, side, 0, 0)
+    block = pixels.block_side(window, drjit.thread_count() + 1, 0)
+    number = {tuple(corner): k for k, corner in enumerate(blocks(mi.Spiral, window, block).corners.tolist())}
+    found = {}
+    for name, sampler in tables.SAMPLERS.items():
+        if sampler.dims < 2:
+            continue
+        count = min(4, sampler.limits[2])
+        root = described(sampler, (side, side), ASKED).sensors()[0].sampler()
+        root.set_sample_count(count)
+        root.given.film.prepare([])
+        forked = root.fork()
+        pairs = sampler.dims // 2
+        values = []
+        for column, row in zip(x.tolist(), y.tolist(), strict=True):
+            corner = number[column // block * block, row // block * block]
+            forked.seed(
+                corner * block**2 + int(orders.morton(block, block).position(column % block, row % block))
+            )
+            for _ in range(count):
+                values += [[np.array(forked.next_2d()).tolist() for _ in range(pairs + 1)]]
+                forked.advance()
+        where = (
+            [np.repeat(each, count) for each in (x, y)],
+            np.tile(np.arange(count, dtype=np.uint32), len(x)),
+        )
+        own = np.asarray(sampler(*where[0], where[1], tuple(range(2 * pairs)))).reshape(-1, pairs, 2)
+        pixel = padding_pixel(words, *map(jnp.asarray, where[0]))
+        more = np.asarray(padding_pair(pixel, jnp.uint32(pairs), jnp.asarray(where[1])))
+        wanted = np.concatenate([own, more[:, None]], axis=1)
+        found[name] = [forked.class_name(), bool(np.array_equal(np.array(values, np.float32), wanted))]
+    return found
+
+
+def without_compilers():
+    """Return an image, and what is said about it."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = whole_bytes()
+        image(OWEN, SIZE, ASKED)
+    return {"bytes": found, "said": [str(each.message) for each in caught]}
+
+
+def replaced(variant):
+    """Return how much images of loaded scenes differ from those of scenes described with the plugin."""
+    set_up(variant)
+    size, found = (24, 20), {}
+    kinds: dict[str, dict[str, Any]] = {
+        "perspective": {},
+        "crop": {"crop": (3, 7, 15, 11)},
+        "border": {"film": {"sample_border": True}, "rfilter": "gaussian"},
+        "lens": {"sensor": {"type": "thinlens", "aperture_radius": 0.3, "focus_distance": 4.0}},
+        "parallel": {"sensor": {"type": "orthographic"}},
+        "fog": {"sensor": {"medium": {"type": "homogeneous", "albedo": 0.8, "sigma_t": 0.1}}},
+    }
+    for name, options in kinds.items():
+        integrator = {"type": "volpath" if name == "fog" else "path", "max_depth": 4}
+        for seed in (0, 2):
+            described_with = image(OWEN, size, integrator, plug_in={"first_sample": 4 * seed}, **options)
+            scene = described("independent", size, integrator, **options)
+            ours = np.array(bridge.render(scene, OWEN, spp=4, seed=seed))
+            found[f"{name}, {seed}"] = float(abs(ours - described_with).max())
+    return found
+
+
+def production(variant):
+    """Return images of all scenes in files, and the size of their crop windows."""
+    set_up(variant)
+    found = {}
+    for path in sorted((Path(__file__).parent / "mitsuba_scenes").glob("*.xml")):
+        scene = mi.load_file(str(path))
+        size = np.array(scene.sensors()[0].film().crop_size())[::-1]
+        found[path.stem] = [size.tolist(), np.array(bridge.render(scene, OWEN, spp=8)).tolist()]
+    return found
+
+
+FILE = """
+<scene version="3.0.0">
+    <default name="width" value="20"/>
+    <integrator type="path"><integer name="max_depth" value="4"/></integrator>
+    <sensor type="perspective">
+        <transform name="to_world"><lookat origin="0, 1, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
+        <film type="hdrfilm">
+            <integer name="width" value="$width"/><integer name="height" value="16"/>
+            <rfilter type="box"/>
+        </film>
+        <sampler type="independent"><integer name="sample_count" value="2"/></sampler>
+    </sensor>
+    <sensor type="orthographic"/>
+    <shape type="sphere"/>
+    <emitter type="constant"/>
+</scene>
+"""
+
+
+def files(variant, folder):
+    """Return what becomes of scenes in files, and messages of what goes wrong."""
+    set_up(variant)
+    path = Path(folder) / "scene.xml"
+    path.write_text(FILE, encoding="utf-8")
+    scene = mi.load_file(str(path), width=12)
+    sizes = []
+
+    def make(width, height, spp):
+        sizes.append([width, height, spp])
+        return OWEN
+
+    sensor = bridge.sensor_with(scene, OWEN)
+    half = mi.load_dict({"type": "hdrfilm", "width": 6, "height": 8, "rfilter": {"type": "box"}})
+    smaller = mi.render(scene, sensor=bridge.sensor_with(scene, OWEN, film=half), spp=16)
+    means = np.array(mi.render(scene, sensor=sensor, spp=16)).reshape(8, 2, 6, 2, -1).mean(axis=(1, 3))
+    theirs = mi.load_dict({"type": "independent"})
+    same = [
+        np.array_equal(bridge.render(scene, theirs, spp=2, seed=3), mi.render(scene, spp=2, seed=3)),
+        np.array_equal(bridge.render(str(path), OWEN), bridge.render(path, make, spp=2)),
+    ]
+    empty = mi.load_dict({"type": "scene", "ball": {"type": "sphere"}})
+    calls: dict[str, Callable[[], Any]] = {
+        "path": lambda: bridge.render(Path(folder) / "nothing.xml", OWEN),
+        "scene": lambda: bridge.render(3, OWEN),
+        "sensors": lambda: bridge.render(empty, OWEN),
+        "sensor": lambda: bridge.render(scene, OWEN, sensor=2),
+        "spp": lambda: bridge.render(scene, OWEN, spp=0),
+        "seed": lambda: bridge.render(scene, OWEN, seed=-1),
+        "key": lambda: bridge.render(scene, OWEN, key="a"),  # pyright: ignore[reportArgumentType]
+        "sampler": lambda: bridge.render(scene, sequences.sobol(2)),
+        "film": lambda: bridge.sensor_with(scene, OWEN, film=3),
+    }
+    return raised(calls) | {
+        "sizes": sizes,
+        "same": same,
+        "half": float(abs(np.array(smaller) - means).mean() / means.mean()),
+        "printed": str(sensor),
+    }
+
+
+def in_loops():
+    """Return whether pairs are the sampler's, and then those beyond, whose number varies in a loop."""
+    set_up("llvm_ad_rgb")
+    sampler = described(OWEN, SIZE, ASKED).sensors()[0].sampler()
+    x, y, rounds = (np.array(each, np.uint32) for each in ([3, 39, 0, 7], [5, 35, 1, 7], [1, 2, 3, 5]))
+    found = {}
+    for mode in ("symbolic", "evaluated"):
+        sampler.seek(mi.UInt(x), mi.UInt(y), 7)
+        first = np.array(sampler.next_2d())
+
+        def body(k, sums, sampler):
+            single, both = sampler.next_1d(), sampler.next_2d()
+            return k + 1, [sums[0] + single, *(sums[n + 1] + both[n] for n in range(2))], sampler
+
+        start = mi.UInt(0), [mi.Float(0), mi.Float(0), mi.Float(0)], sampler
+        _, sums, after = drjit.while_loop(start, lambda k, _, __: k < mi.UInt(rounds), body, mode=mode)
+        last = np.array(after.next_2d())
+        found[mode] = [first.tolist(), np.array(sums).tolist(), last.tolist()]
+    sampler.seek(mi.UInt(x), mi.UInt(y), 7)
+    sampler.next_1d()
+    # In some lanes two pairs are not taken.
+    taken = mi.Bool(rounds > 2)
+    _, sampler = drjit.if_stmt(
+        (sampler,),
+        taken,
+        lambda s: (s.next_1d() + s.next_1d(), s),
+        lambda s: (mi.Float(0), s),
+        mode="symbolic",
+    )
+    branch = np.array(sampler.next_2d()).T.tolist()
+    words = jax.random.bits(jax.random.key(0), (2,), jnp.uint32)
+
+    def pair(lane, number):
+        at = x[lane], y[lane], np.uint32(7)
+        if number < 3:
+            return np.asarray(OWEN(*at, (2 * number, 2 * number + 1)))
+        pixel = padding_pixel(words, *map(jnp.asarray, at[:2]))
+        return np.asarray(padding_pair(pixel, jnp.uint32(number), at[2]))
+
+    wanted = [[], [], []]
+    for lane, count in enumerate(rounds):
+        sums = np.zeros(3, np.float32)
+        for k in range(count):
+            sums += np.array([pair(lane, 2 * k + 1)[0], *pair(lane, 2 * k + 2)])
+        for kept, values in zip(wanted, (pair(lane, 0), sums, pair(lane, 2 * count + 1)), strict=True):
+            kept.append(values.tolist())
+    branches = [pair(lane, 3 if count > 2 else 1).tolist() for lane, count in enumerate(rounds)]
+    return {"branches": [branch == branches]} | {
+        mode: [np.array_equal(np.transpose(w), g) for w, g in zip(wanted, of, strict=True)]
+        for mode, of in found.items()
+    }
+
+
+def shown(variant):
+    """Return for films of all kinds whether pixels are the film's, and the mean of the samples' numbers."""
+    set_up(variant)
+    crop = 3, 7, 40, 37
+    later = {"plug_in": {"first_sample": 10}}
+    images = {
+        "odd": image(numbered(), (70, 37), ASKED, **later),
+        "crop": image(numbered(), (70, 60), ASKED, crop=crop, **later),
+        "border": image(numbered(), (20, 10), ASKED, film={"sample_border": True}, **later),
+        "a block beyond the edge": image(numbered(), (64, 33), ASKED, **later),
+    }
+    if variant == "scalar_rgb":
+        for side in (4, 16):
+            blocks = {"block_size": side}
+            images[f"blocks of {side}"] = image(
+                numbered(), (20, 20), ASKED | blocks, plug_in=later["plug_in"] | blocks
+            )
+    else:
+        images["passes"] = image(numbered(), (20, 10), ASKED | {"samples_per_pass": 2}, **later)
+        images["seed"] = image(numbered(), (20, 10), ASKED, seed=3)
+    found = {}
+    for name, values in images.items():
+        left, top, width, height = crop if name == "crop" else (0, 0, *values.shape[1::-1])
+        y, x = np.mgrid[top : top + height, left : left + width]
+        columns, rows, numbers = (values[..., k] * 256 for k in range(3))
+        found[name] = [bool(abs(columns - x).max() + abs(rows - y).max() < 1e-3), float(numbers.mean())]
+    # Neighbours reach into each other's pixels there: what is shown is a mean of theirs.
+    blurred = 256 * image(
+        numbered(), (24, 20), ASKED, rfilter="gaussian", film={"sample_border": True}, spp=8
+    )
+    inside = np.s_[4:-4, 4:-4]
+    y, x = np.mgrid[:20, :24]
+    off = max(abs(blurred[..., k] - of - 2)[inside].max() for k, of in enumerate((x, y)))
+    return found | {"wide filter": [bool(off < 0.5), 11.5]}
+
+
+def wavefronts():
+    """Return what differs between images of LLVM that should be equal, and what is refused."""
+    set_up("llvm_ad_rgb")
     whole = image(OWEN, SIZE, ASKED, spp=8)
     scene = described(OWEN, SIZE, ASKED)
     passes = [np.array(mi.render(scene, spp=4, seed=seed), np.float64) for seed in (0, 1)]
@@ -237,20 +477,23 @@ def wavefronts():
     sampler.advance()
     sought += [np.array(sampler.next_1d()).tolist()]
     wanted = [[float(OWEN(x, y, k, (0,))[0]) for x, y in ((3, 5), (39, 35))] for k in (7, 8)]
-    sampler.seed(0, 77)
-    with suppress(ValueError):
-        sampler.next_1d()
-        found["any wavefront"] = True
-    for name, call in {
-        "sample": lambda: image(CURVE, (8, 8), ASKED, spp=8),
-        "seed": lambda: image(OWEN, (8, 8), ASKED, seed=2**30),
-    }.items():
+    other = mi.load_dict({"type": "hdrfilm", "width": 8, "height": 8})
+    small = (8, 8)
+    by_numpy = samplers.function(lambda x, y, sample: np.stack([x, y], -1), 2)
+    calls: dict[str, Callable[[], Any]] = {
+        "sample": lambda: image(CURVE, small, ASKED, spp=8),
+        "seed": lambda: image(CURVE, small, ASKED, seed=1),
+        "film": lambda: image(OWEN, small, ASKED, plug_in={"film": other}),
+        "size": lambda: image(OWEN, (6, 6), ASKED, plug_in={"film": other}),
+        "wavefront": lambda: [sampler.seed(0, 77), sampler.next_1d()],
+        "NumPy": lambda: image(by_numpy, small, ASKED),
+    }
+    found: dict[str, Any] = {}
+    for name, call in calls.items():
         try:
             call()
-        except RuntimeError as error:
+        except (RuntimeError, ValueError) as error:
             found[name] = str(error.__context__ or error.__cause__ or error)
-    gradients = {"type": "prb", "max_depth": 4}
-    same_seed = [image(OWEN, (8, 6), gradients, seed=seed) for seed in (0, 0, 1)]
     return found | {
         "clone": bool(same),
         "seek": sought == wanted,
@@ -259,8 +502,173 @@ def wavefronts():
         "split": float(abs(whole - split).max()),
         "tiles": float(abs(whole - tiles()).max()),
         "image": whole.tolist(),
-        "gradients": [bool(np.array_equal(same_seed[0], other)) for other in same_seed[1:]],
     }
+
+
+def modes():
+    """Return how much images of LLVM differ between symbolic and evaluated loops, by integrators."""
+    set_up("llvm_ad_rgb")
+    found = {}
+    for name, kind in INTEGRATORS.items():
+        images = []
+        for symbolic in (True, False):
+            with drjit.scoped_set_flag(drjit.JitFlag.SymbolicLoops, symbolic):
+                images += [image(OWEN, (16, 12), kind, spp=4)]
+        found[name] = float(abs(images[0] - images[1]).max())
+    return found
+
+
+def gradients():
+    """Return derivatives of the mean by the sky's red, and differences of images, by seeds."""
+    set_up("llvm_ad_rgb")
+    scene = described(OWEN, (16, 12), INTEGRATORS["prb"])
+    parameters = mi.traverse(scene)
+    key, found = "sky.radiance.value", []
+    for seed in range(8):
+        values = []
+        for red in (0.2, 0.7):
+            parameters[key] = mi.Color3f(red, 0.3, 0.4)
+            parameters.update()
+            values.append(float(np.array(mi.render(scene, spp=16, seed=seed))[..., 0].mean()))
+        drjit.enable_grad(parameters[key])
+        parameters.update()
+        drjit.backward(drjit.mean(mi.render(scene, parameters, spp=16, seed=seed)[..., 0], axis=None))
+        found.append([(values[1] - values[0]) / 0.5, float(drjit.grad(parameters[key])[0][0])])
+        drjit.disable_grad(parameters[key])
+    return found
+
+
+def of_size(variant):
+    """Return the sizes that a function is called with, and whether its sampler is used."""
+    set_up(variant)
+    asked = []
+
+    def make(width, height, spp):
+        asked.append((width, height, spp))
+        return OWEN
+
+    options: dict[str, Any] = {"plug_in": {"sampler": bridge.wrap(make)}}
+    same = [
+        np.array_equal(image(make, SIZE, ASKED, spp=spp, **options), image(OWEN, SIZE, ASKED, spp=spp))
+        for spp in (2, 8)
+    ]
+    return {"asked": asked, "same": same}
+
+
+def printed():
+    """Return scenes with our samplers as text."""
+    found = {}
+    for variant in ("scalar_rgb", "llvm_ad_rgb"):
+        set_up(variant)
+        found[variant] = str(described(OWEN, SIZE, PATH))
+    return found
+
+
+def passes(key=1, dims=6, spp=4):
+    return samplers.randomized(lambda key: samplers.independent(sequences.sobol(dims), key), key, spp)
+
+
+def never_stopped(variant):
+    """Return how much images in tiles differ from means of plain ones, by films, and what was taken."""
+    set_up(variant)
+    size, found = (24, 20), {}
+    crop = 3, 7, 15, 11
+    kinds: dict[str, dict[str, Any]] = {
+        "box": {},
+        "wide filter": {"rfilter": "gaussian"},
+        "border": {"rfilter": "gaussian", "film": {"sample_border": True}},
+        "crop": {"rfilter": "mitchell", "crop": crop},
+        "crop, border": {"rfilter": "gaussian", "crop": crop, "film": {"sample_border": True}},
+        "alpha": {"film": {"pixel_format": "rgba"}},
+        "lens": {"sensor": {"type": "thinlens", "aperture_radius": 0.3, "focus_distance": 4.0}},
+    }
+    # No request is beyond its dimensions: keys of those differ.
+    sampler = passes(dims=10)
+    for name, options in kinds.items():
+        scene = described("independent", size, {"type": "direct"}, **options)
+        tiles = bridge.render_adaptive(scene, sampler, 16, 1e-9, tile=7)
+        plain = [np.array(bridge.render(scene, sampler.of_pass(k), spp=4), np.float64) for k in range(4)]
+        off = abs(np.array(tiles.image) - np.mean(plain, axis=0)).max()
+        found[name] = [float(off), tiles.counts.shape == plain[0].shape[:2], tiles.saving]
+    return found
+
+
+def adaptive(variant):
+    """Return squared errors of tiles beside a reference of Mitsuba's own samples, and what was taken."""
+    set_up(variant)
+    scene, found = described("independent", SIZE, PATH), {}
+    references = np.array([mi.render(scene, spp=1024, seed=seed) for seed in range(8)], np.float64)
+    for unbiased in (False, True):
+        result = bridge.render_adaptive(scene, passes(spp=8), 512, 0.004, tile=4, unbiased=unbiased)
+        squares = (np.array(result.image) - references.mean(axis=0)) ** 2
+        squares -= references.var(axis=0, ddof=1) / len(references)
+        found[str(unbiased)] = {
+            "counts": result.counts[::4, ::4].ravel().tolist(),
+            "squares": squares.reshape(9, 4, 10, 4, 3).mean(axis=(1, 3, 4)).ravel().tolist(),
+            "saving": result.saving,
+        }
+    # Only the position in the pixel is the sampler's: what is shown is not.
+    beyond = bridge.render_adaptive(described("independent", (4, 4), ASKED), passes(dims=2), 64, 0.001)
+    return found | {"beyond": [int(beyond.counts.min()), float(np.array(beyond.image).mean())]}
+
+
+def spikes(variant):
+    """Return means of images of a thin line, by keys, and the smallest and largest number of samples."""
+    set_up(variant)
+    given = {"type": "hdrfilm", "width": 2, "height": 2, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    line = mi.ScalarTransform4f().translate([0, 0, 1]).scale([0.004, 1, 1]).rotate([0, 1, 0], 180)
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "direct"},
+            "sensor": {"type": "orthographic", "film": mi.load_dict(given)},
+            "line": {"type": "rectangle", "to_world": line, "emitter": {"type": "area"}},
+        }
+    )
+    found = {}
+    for unbiased in (False, True):
+        results = [
+            bridge.render_adaptive(scene, passes(key, 2), 256, 0.002, unbiased=unbiased) for key in range(40)
+        ]
+        found[str(unbiased)] = {
+            "means": [float(np.array(result.image).mean()) for result in results],
+            "counts": [int(result.counts.max()) for result in results],
+        }
+    return found
+
+
+def adaptive_refused(variant):
+    """Return messages of what goes wrong, and the sizes that a function is called with."""
+    set_up(variant)
+    scene, asked = described("independent", (8, 6), ASKED), []
+
+    def make(width, height, spp):
+        asked.append([width, height, spp])
+        return passes()
+
+    same = [np.array(bridge.render_adaptive(scene, each, 16, 1e-9).image) for each in (make, passes())]
+    traced = described("independent", (8, 6), {"type": "ptracer"})
+
+    def call(scene=scene, sampler=None, spp=16, tolerance: Any = 0.1, **more):
+        return lambda: bridge.render_adaptive(scene, sampler or passes(), spp, tolerance, **more)
+
+    return raised(
+        {
+            "scene": call(scene=3),
+            "sensor": call(sensor=1),
+            "integrator": call(scene=traced),
+            "sampler": call(sampler=OWEN),
+            "made": call(sampler=lambda width, height, spp: OWEN),
+            "multiple": call(spp=18),
+            "least": call(spp=12),
+            "pilot": call(unbiased=True),
+            "tolerance": call(tolerance=0.0),
+            "one": call(tolerance=np.ones(2)),
+            "unbiased": call(unbiased=1),
+            "tile": call(tile=0),
+            "key": call(key=-1),
+        }
+    ) | {"asked": asked, "same": np.array_equal(*same)}
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Interfaces to other programs: plain Python, tables for shaders, files.
+"""Interfaces to other programs: plain Python, source code, tables for shaders, files.
 
 ``import qmcjax`` does not import them. Arguments are checked: TypeError and ValueError name the argument,
 what it must be and what was given.
@@ -16,4 +16,6 @@ from qmcjax.bridges._images import write_image as write_image
 from qmcjax.bridges._plain import PlainSampler as PlainSampler
 from qmcjax.bridges._points import read_points as read_points
 from qmcjax.bridges._points import write_points as write_points
+from qmcjax.bridges._source import seeds as seeds
+from qmcjax.bridges._source import source as source
 from qmcjax.bridges._table import BakedTable as BakedTable

@@ -42,6 +42,9 @@ def bake(
 
     Notes
     -----
+    :func:`source` writes the sampler itself as source code, with all bits, for all pixels, samples and keys:
+    it is better where arithmetic is faster than memory, or the tile would be large.
+
     Coordinates are truncated, not rounded, so that each point stays in its elementary intervals down to a
     side of ``2**-bits``: in all of them if spp = 2**m <= 2**bits. For more samples, the points of pixels are
     counted in elementary intervals of volume 2**-m of the first and second coordinate, the third and fourth,

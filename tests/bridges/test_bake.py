@@ -17,7 +17,6 @@ from qmcjax.bridges._layout import Layout
 SAMPLER = samplers.independent(sequences.sobol(5), key=3)
 TILE, SPP, DIMS = (6, 4), 8, (0, 1, 2, 3, 4)
 X, Y, S = np.meshgrid(np.arange(6), np.arange(4), np.arange(8))
-WORDS = (np.asarray(SAMPLER(X, Y, S, DIMS, np.float64)) * 2.0**32).astype(np.uint32)
 compiles = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
 
 GLSL_TYPES = """
@@ -97,12 +96,13 @@ def tables():
 
 
 def test_values_are_the_leading_bits(tables):
+    words = (np.asarray(SAMPLER(X, Y, S, DIMS, np.float64)) * 2.0**32).astype(np.uint32)
     for bits, table in tables.items():
         values = table.values * 2.0**24 if bits == 24 else table.values
-        assert np.array_equal(values, WORDS >> np.uint32(32 - bits))
+        assert np.array_equal(values, words >> np.uint32(32 - bits))
     assert np.array_equal(tables[24].points, SAMPLER(X, Y, S, DIMS))
-    assert np.array_equal(tables[16].points, ((WORDS >> 16) + 0.5) / 2**16)
-    assert np.array_equal(tables[32].points, SAMPLER(X, Y, S, DIMS, np.float64))
+    assert np.array_equal(tables[16].points, ((words >> 16) + 0.5) / 2**16)
+    assert np.array_equal(tables[32].points, words / 2.0**32)
 
 
 @compiles

@@ -17,66 +17,63 @@ from figures.ours import mitsuba_samplers
 from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba
 from qmcjax.bridges.mitsuba import _pixels as pixels
+from qmcjax.bridges.mitsuba._compiled import NotCompiled, compiler, library
+from qmcjax.bridges.mitsuba._given import as_pixels
 from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
 from qmcjax.bridges.mitsuba._streams import TILE, Stream
+from qmcjax.core.checks import prng_key
 
 ROOT = Path(__file__).parents[2]
 
 needs_mitsuba = pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
 
 
-def all_pairs(spp, width=8, height=8):
-    return pixels.Wavefront(pixels.Window(width, height, 0, 0), spp, 0)
+def stream_of(sampler, samples, key=0):
+    """Return a stream of coordinates of samples."""
+    stream = Stream()
+    stream.put(PaddedPairs(sampler, prng_key("key", key)), samples)
+    return stream
+
+
+def requested(stream, number, pairs):
+    """Return the first pairs of one sample, shape (pairs, 2)."""
+    stream.restart()
+    return [stream.next(number) for _ in range(pairs)]
 
 
 def test_pairs_of_the_sampler_are_its_own():
-    """Also those that are computed together, of all samples in order and of one alone."""
+    """Also those that are computed together, and those of one sample alone."""
     sampler = samplers.independent(sequences.sobol(11), 3)
-    stream = Stream(PaddedPairs(sampler, 0))
     samples = pixels.Wavefront(pixels.Window(5, 3, 7, 2), 4, 6)
-    stream.put(samples)
     x, y, sample = samples.where(np.arange(60, dtype=np.uint32))
     assert (x[:5].tolist(), y[-1], sample[:5].tolist()) == ([7, 7, 7, 7, 8], 4, [6, 7, 8, 9, 6])
-    points = np.asarray(sampler(x, y, sample, tuple(range(10))))
-    for pair in range(5):
-        wanted = points[:, 2 * pair : 2 * pair + 2]
-        assert np.array_equal(np.transpose(stream.of_all(pair)), wanted)
-        stream.put(samples)
-        assert stream.of_sample(pair, 17) == tuple(wanted[17].tolist())
-
-
-def test_requests_keep_pairs_together():
-    """A single coordinate takes the first of a pair, the next one what is left of it."""
-    stream = Stream(PaddedPairs(samplers.independent(sequences.sobol(4), 0), 0))
-    asked = [stream.two(), stream.one(), stream.two(), stream.one(), stream.one(), stream.two(), stream.one()]
-    assert asked == [0, (1, 0), 2, (1, 1), (3, 0), 4, (3, 1)]
-    stream.restart()
-    assert (stream.two(), stream.one()) == (0, (1, 0))
+    points = np.asarray(sampler(x, y, sample, tuple(range(10)))).reshape(60, 5, 2)
+    stream = stream_of(sampler, samples)
+    assert np.array_equal([requested(stream, number, 5) for number in range(60)], points)
+    assert np.array_equal(requested(stream_of(sampler, samples), 17, 5), points[17])
 
 
 def test_tiles_do_not_show():
     """Samples on both sides of the border of two tiles, and in a last one that is not full."""
     sampler = samplers.independent(sequences.sobol(2), 1)
-    stream = Stream(PaddedPairs(sampler, 0))
     samples = pixels.Wavefront(pixels.Window(300, 73, 0, 0), 4, 0)
     assert samples.count > TILE and samples.count % TILE
-    stream.put(samples)
-    first, second = stream.of_all(0)
+    stream = stream_of(sampler, samples)
     some = np.array([0, TILE - 1, TILE, samples.count - 1], np.uint32)
     wanted = np.asarray(sampler(*samples.where(some)))
-    assert np.array_equal(np.stack([first[some], second[some]], axis=-1), wanted)
-    assert [stream.of_sample(0, int(k)) for k in some] == [tuple(row) for row in wanted.tolist()]
+    assert [requested(stream, int(k), 1) for k in some] == [[tuple(row)] for row in wanted.tolist()]
     with pytest.raises(
         ValueError, match=f"sample must be one of {samples.count}, got number {samples.count}"
     ):
-        stream.of_sample(0, samples.count)
+        requested(stream, samples.count, 1)
 
 
 def padded(spp, pairs=(1, 2), key=5, side=16):
     """Return pairs behind those of a sampler, shape (pairs, pixels, spp, 2)."""
-    stream = Stream(PaddedPairs(samplers.independent(sequences.sobol(2), 0), key))
-    stream.put(all_pairs(spp, side, side))
-    values = [np.transpose(stream.of_all(pair)) for pair in pairs]
+    made = PaddedPairs(samplers.independent(sequences.sobol(2), 0), prng_key("key", key))
+    samples = pixels.Wavefront(pixels.Window(side, side, 0, 0), spp, 0)
+    where = samples.where(np.arange(samples.count, dtype=np.uint32))
+    values = [np.transpose(made.coordinates(made.group(pair), *where)) for pair in pairs]
     return np.reshape(values, (len(pairs), side**2, spp, 2))
 
 
@@ -139,16 +136,15 @@ def test_a_seed_is_told_or_refused():
 
 def test_what_is_no_sampler_is_refused():
     with pytest.raises(TypeError, match="sampler must be a sampler"):
-        PaddedPairs(sequences.sobol(2), 0)
+        as_pixels("sampler", sequences.sobol(2))
     with pytest.raises(ValueError, match="at least the two coordinates of a pixel, got 1"):
-        PaddedPairs(samplers.independent(sequences.van_der_corput(), 0), 0)
-    outside = samplers.function(lambda x, y, sample: jax.numpy.full((*x.shape, 2), 1.5), 2)
-    stream = Stream(PaddedPairs(outside, 0))
+        as_pixels("sampler", samplers.independent(sequences.van_der_corput(), 0))
     with pytest.raises(ValueError, match="seed or seek must set the pixels"):
-        stream.of_all(0)
-    stream.put(all_pairs(1))
+        Stream().next(0)
+    outside = samplers.function(lambda x, y, sample: jax.numpy.full((*x.shape, 2), 1.5), 2)
+    stream = stream_of(outside, pixels.Wavefront(pixels.Window(8, 8, 0, 0), 1, 0))
     with pytest.raises(ValueError, match=r"points in \[0, 1\), got \[1.5, 1.5\] in pixel \(0, 0\), sample 0"):
-        stream.of_sample(0, 0)
+        stream.next(0)
 
 
 @pytest.mark.slow
@@ -172,16 +168,10 @@ def found_by(*arguments):
     return json.loads(run("tests/mitsuba_runs.py", *arguments))
 
 
+VARIANTS = ["scalar_rgb", "llvm_ad_rgb"]
+
 ROUNDING = 8 * 2.0**-24
 """Mitsuba adds 8 numbers below 1 in float32."""
-
-
-@needs_mitsuba
-@pytest.mark.slow
-def test_scalar_variants_are_told_the_pixel():
-    """For films of any size, crops, borders and blocks: an integrator shows which."""
-    for name, found in found_by("places").items():
-        assert found == [True, [11.5]], name
 
 
 @needs_mitsuba
@@ -205,14 +195,195 @@ def test_what_cannot_be_is_refused():
         "count": "spp must be at most 4 samples in the block of a pixel, got 8",
         "nothing": "film must be a parameter of the plugin",
         "film": "TypeError: film must be the sensor's film, got 3",
-        "sampler": "TypeError: sampler must be made by qmcjax.bridges.mitsuba.held, got 3",
+        "sampler": "TypeError: sampler must be made by qmcjax.bridges.mitsuba.wrap, got 3",
         "key": "key must be an integer",
         "block": "block_size must be a power of two, got 3",
         "variant": "ValueError: variant must be one of",
         "no name": "TypeError: variant must be the name of a variant, got 3",
-        "held": "TypeError: sampler must be a sampler",
+        "wrap": "TypeError: sampler must be a sampler",
         "seek": "ValueError: x must be an integer in [0, 39], got 40",
         "beyond": "sample_count must be the number of samples taken, got 4",
+    }.items():
+        assert words in found[name], found[name]
+
+
+def compilers():
+    """Skip unless there is what compiles the plugin of scalar variants."""
+    for language in ("c", "c++"):
+        try:
+            compiler(language)
+        except NotCompiled as error:
+            pytest.skip(str(error))
+
+
+@needs_mitsuba
+@pytest.mark.slow
+def test_compiled_functions_have_the_bits_of_the_sampler():
+    """Each sampler of the tests' table, all its pairs and one of padding, at corners and edges of blocks."""
+    compilers()
+    found = found_by("compiled")
+    assert len(found) > 30
+    for name, equal in found.items():
+        assert equal == ["QmcjaxSampler", True], name
+
+
+@needs_mitsuba
+@pytest.mark.slow
+def test_without_a_compiler_images_are_the_same(monkeypatch, tmp_path):
+    """What is missing, and what helps, is said once."""
+    compilers()
+    whole = found_by("whole_bytes")
+    for variable in ("CC", "CXX"):
+        monkeypatch.setenv(variable, "no-such-compiler")
+        found = found_by("without_compilers")
+        assert found["bytes"] == whole
+        (text,) = found["said"]
+        assert "there is no compiler 'no-such-compiler' (Debian: apt install g++" in text
+        monkeypatch.delenv(variable)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    (tmp_path / "file").write_text("")
+    found = found_by("without_compilers")
+    assert found["bytes"] == whole and "Not a directory" in found["said"][0]
+
+
+def test_source_is_compiled_once(monkeypatch, tmp_path):
+    """In a folder of the user alone, under a name that depends on the text; errors are the compiler's."""
+    compilers()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert library("int two(void) { return 2; }", "c").two() == 2
+    (path,) = (tmp_path / "qmcjax" / "mitsuba").iterdir()
+    assert path.parent.stat().st_mode & 0o777 == 0o700
+    before = path.stat().st_mtime_ns
+    assert library("int two(void) { return 2; }", "c").two() == 2 and path.stat().st_mtime_ns == before
+    assert library("int two(void) { return 3; }", "c").two() == 3
+    with pytest.raises(NotCompiled, match=r"ended with 1: .*error"):
+        library("int two(void) { return }", "c")
+    assert len(list(path.parent.iterdir())) == 2
+
+
+@needs_mitsuba
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_loaded_scenes_have_the_images_of_described_ones(variant, request):
+    """For sensors with crop windows, borders, lenses, parallel rays and media, and for seeds."""
+    if variant != "scalar_rgb":
+        request.getfixturevalue("llvm")
+    for name, off in found_by("replaced", variant).items():
+        assert off < 1e-5, name
+
+
+@needs_mitsuba
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_scenes_of_files(variant, request, tmp_path):
+    """Paths and loaded scenes, samplers made for the film, and what goes wrong."""
+    if variant != "scalar_rgb":
+        request.getfixturevalue("llvm")
+    found = found_by("files", variant, str(tmp_path))
+    assert found["same"] == [True, True] and found["sizes"] == [[20, 16, 2]]
+    assert found["half"] < 0.1
+    assert "crop_size = [12, 16]" in found["printed"]
+    assert "\n  sampler = QmcSampler[\n    sampler = Independent(sobol(dims=6))" in found["printed"]
+    for name, words in {
+        "path": "ValueError: scene must be the path of a file, got",
+        "scene": "TypeError: scene must be the path of a scene's file, or a scene loaded in the variant",
+        "sensors": "ValueError: scene must have a sensor, got one without",
+        "sensor": "ValueError: sensor must be an integer in [0, 1], got 2",
+        "spp": "ValueError: spp must be an integer in [1, 4294967295], got 0",
+        "seed": "ValueError: seed must be an integer in [0, 4294967295], got -1",
+        "key": "TypeError: key must be an integer in [0, 4294967295], got 'a'",
+        "sampler": "TypeError: sampler must be a sampler",
+        "film": "TypeError: film must be a film of the current variant, got 3",
+    }.items():
+        assert words in found[name], found[name]
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_scenes_like_those_of_production():
+    """Lenses, many lamps, glass, smoke, skies, masks, hair and rooms: variants have the same images.
+
+    Up to rounding. In glass and smoke scalar variants do not request pairs that are not used: other pairs
+    follow, and only the means of images are the same, to 5 standard errors of the difference of pixels.
+    """
+    scalar, llvm = (found_by("production", variant) for variant in VARIANTS)
+    assert len(scalar) == 8 and scalar.keys() == llvm.keys()
+    for name, (size, image) in scalar.items():
+        one, other = np.array(image), np.array(llvm[name][1])
+        assert one.shape == other.shape == (*size, 3) and one.mean() > 0.05, name
+        if name in ("glass", "volume"):
+            difference = np.mean(one - other, axis=2)
+            error = difference.std() / np.sqrt(difference.size)
+            assert 0 < abs(difference.mean()) < 5 * error, name
+        else:
+            assert abs(one - other).max() < 1e-3, name
+
+
+@needs_mitsuba
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_tiles_that_never_stop_have_the_mean_of_all_passes(variant, request):
+    """Without seams, for filters wider than a pixel, borders and crop windows.
+
+    In scalar variants weights of filters differ a little where a tile begins elsewhere than the image.
+    Without the border around tiles pixels are off by 0.005 or more.
+    """
+    if variant != "scalar_rgb":
+        request.getfixturevalue("llvm")
+    found = found_by("never_stopped", variant)
+    for name, (off, size, saving) in found.items():
+        table = variant == "scalar_rgb" and name in ("wide filter", "crop")
+        assert off < (1e-3 if table else 1e-6) and size, name
+        assert saving < 0 or name == "box", "samples around tiles count"
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_passes_go_on_in_tiles_until_the_error_is_small():
+    """To five standard deviations of the mean of some 50 tiles of 16 pixels, colours alike."""
+    found = found_by("adaptive", "llvm_ad_rgb")
+    assert found.pop("beyond")[0] == 64
+    for unbiased, of in found.items():
+        counts, squares = np.array(of["counts"]), np.array(of["squares"]) / 0.004**2
+        least = 40 if unbiased == "True" else 32
+        assert counts.min() == least and least < counts.max() < 512 and of["saving"] > 0.8
+        assert of["saving"] == pytest.approx(1 - counts.mean() / 512)
+        later = squares[counts > least]
+        assert len(later) > 40 and squares.mean() < 1
+        assert abs(later.mean() - 1) < 5 * np.sqrt(2 / 16 / len(later))
+
+
+@needs_mitsuba
+@pytest.mark.slow
+def test_tiles_are_unbiased_when_asked_for():
+    """Four passes of four samples in four pixels see no line with probability (1 - width)^64, 0.77."""
+    for unbiased, of in found_by("spikes", "scalar_rgb").items():
+        means, counts = np.array(of["means"]), of["counts"]
+        assert min(counts) == (20 if unbiased == "True" else 16) and max(counts) == 256
+        deviation = (means.mean() - 0.004) / (means.std(ddof=1) / np.sqrt(len(means)))
+        assert (abs(deviation) < 5) == (unbiased == "True")
+
+
+@needs_mitsuba
+@pytest.mark.slow
+def test_what_tiles_refuse():
+    """And a function makes the sampler for the film."""
+    found = found_by("adaptive_refused", "scalar_rgb")
+    assert found["asked"] == [[8, 6, 16]] and found["same"]
+    for name, words in {
+        "scene": "TypeError: scene must be the path of a scene's file, or a scene loaded in the variant",
+        "sensor": "ValueError: sensor must be an integer in [0, 0], got 1",
+        "integrator": "ValueError: scene must have an integrator that starts from the sensor",
+        "sampler": "TypeError: sampler must be made by samplers.randomized for a tolerance",
+        "made": "TypeError: sampler must be made by samplers.randomized for a tolerance",
+        "multiple": "ValueError: spp must be a multiple of the 4 samples of a pass",
+        "least": "ValueError: spp must be a multiple of the 4 samples of a pass and at least 16",
+        "pilot": "ValueError: spp must be a multiple of the 4 samples of a pass and at least 20",
+        "tolerance": "ValueError: tolerance must be positive and finite, got 0.0",
+        "one": "TypeError: tolerance must be one number for all pixels",
+        "unbiased": "TypeError: unbiased must be True or False, got 1",
+        "tile": "ValueError: tile must be an integer in [1, 65536], got 0",
+        "key": "ValueError: key must be an integer in [0, 4294967295], got -1",
     }.items():
         assert words in found[name], found[name]
 
@@ -231,24 +402,99 @@ def test_scalar_images_are_unbiased():
     check_unbiased(found_by("unbiased", "scalar_rgb"))
 
 
-@needs_mitsuba
-@pytest.mark.slow
-def test_wavefronts():
-    """What holds in scalar variants holds with LLVM, where there is one that Mitsuba runs with."""
+@pytest.fixture(scope="module")
+def llvm():
+    """Skip unless Mitsuba runs with LLVM."""
+    if find_spec("mitsuba") is None:
+        pytest.skip("Mitsuba is not installed")
     try:
         mitsuba.check_llvm()
     except RuntimeError as error:
         assert "need LLVM 19" in str(error)
         pytest.skip(str(error))
-    check_unbiased(found_by("unbiased", "llvm_ad_rgb"))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_arrays_have_the_bits_of_the_sampler():
+    """Each sampler of the tests' table, all its coordinates."""
+    for name, equal in found_by("bits").items():
+        assert all(equal), (name, equal)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_pairs_in_loops():
+    """Of the sampler first, then of padding, in lanes whose loops have different lengths."""
+    for mode, equal in found_by("in_loops").items():
+        assert all(equal), (mode, equal)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_pixels_are_the_films(variant):
+    """For films of any size, crops, borders and blocks, passes and seeds: an integrator shows which."""
+    found = found_by("shown", variant)
+    for name, (places, mean) in found.items():
+        assert places and mean == (13.5 if name == "seed" else 11.5), name
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+@pytest.mark.parametrize("integrator", ["path", "prb", "volpath", "prbvolpath", "ptracer", "aov"])
+def test_vectorized_images_are_unbiased(integrator):
+    check_unbiased(found_by("unbiased", "llvm_ad_rgb", integrator))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_symbolic_and_evaluated_loops_are_the_same():
+    """The same images; particle tracers add to pixels in any order."""
+    found = found_by("modes")
+    assert found.pop("ptracer") < 1e-5
+    assert found == dict.fromkeys(found, 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_gradients_of_the_sky():
+    """The image is linear in it: 5.4 is what 5 is of a normal variable, with 7 degrees of freedom 11."""
+    found = np.array(found_by("gradients"))
+    difference = found[:, 1] - found[:, 0]
+    assert abs(difference.mean()) < 11 * difference.std(ddof=1) / np.sqrt(8)
+    assert abs(difference).max() < 0.2 * found[:, 0].mean() and found[:, 0].mean() > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_wavefronts():
+    """What holds in scalar variants holds with LLVM."""
     found = found_by("wavefronts")
-    assert "symbolic loops must be off" in found["symbolic"]
-    assert "any wavefront" not in found
-    assert "spp must be at most 4" in found["sample"] and "seed must leave" in found["seed"]
-    assert found["clone"] and found["seek"] and found["gradients"] == [True, False]
+    assert "spp must be at most 4" in found["sample"] and "spp must be at most 4" in found["seed"]
+    assert "film must be the sensor's film, got another" in found["film"]
+    assert "film must be the sensor's film" in found["size"]
+    assert "size of a wavefront must be the number of pixels" in found["wavefront"]
+    assert "mitsuba_runs.py" in found["NumPy"], found["NumPy"]
+    assert found["clone"] and found["seek"]
     assert max(found[name] for name in ("points", "passes", "split", "tiles")) < ROUNDING
     scalar = np.frombuffer(bytes.fromhex(found_by("whole_bytes"))).reshape(36, 40, 3)
     assert abs(np.array(found["image"]) - scalar).max() < ROUNDING
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_samplers_of_one_image_size_are_made_for_it(variant):
+    found = found_by("of_size", variant)
+    assert found == {"asked": [[40, 36, 2], [40, 36, 8]], "same": [True, True]}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("llvm")
+def test_scenes_can_be_printed():
+    for text in found_by("printed").values():
+        assert "sampler = Independent(sobol(dims=6))" in text and "sample_count = 4" in text
 
 
 @needs_mitsuba
@@ -276,7 +522,7 @@ def test_without_it_the_extra_is_named():
 def test_the_page_of_the_documentation_runs(tmp_path):
     page = (ROOT / "figures" / "docs" / "bridges" / "mitsuba.rst").read_text(encoding="utf-8")
     blocks = re.findall(r"\.\. code-block:: python\n\n((?: {3}.*\n|\n)+)", page)
-    assert len(blocks) == 5
+    assert len(blocks) == 6
     script = f"import os\nos.chdir({str(tmp_path)!r})\n" + "\n".join(map(textwrap.dedent, blocks))
     printed = run("-c", script)
     assert printed.splitlines()[0] == "True" and (tmp_path / "box.png").stat().st_size > 1000

@@ -9,10 +9,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
-from qmcjax.core.bits import hash_pair, owen_hash, reverse
-from qmcjax.samplers import as_sampler, independent
-from qmcjax.sequences import sobol
+from qmcjax.bridges._padding import padding_pair, padding_pixel
+from qmcjax.samplers import Sampler
 
 _TOGETHER = 4
 """Number of the sampler's pairs that one program computes."""
@@ -21,22 +19,12 @@ _TOGETHER = 4
 class PaddedPairs:
     """Pairs of coordinates (2 k, 2 k + 1): the sampler's, followed by padding.
 
-    A padding pair has the first points of the Sobol' sequence, Owen-scrambled with one key per pixel and
-    pair, in an order shuffled per pixel: otherwise the same half of all pairs would contain the same samples
-    [1]_. An odd last coordinate of the sampler is left out.
-
-    References
-    ----------
-    .. [1] T. Kollig, A. Keller, "Efficient Multidimensional Sampling", 2002, Sect. 3.
+    An odd last coordinate of the sampler is left out.
     """
 
-    def __init__(self, sampler: Any, key: Any) -> None:
-        self.sampler = as_sampler("sampler", sampler)
-        if self.sampler.dims < 2:
-            raise ValueError(
-                f"sampler must have at least the two coordinates of a pixel, got {self.sampler.dims}"
-            )
-        self.key = checks.prng_key("key", key)
+    def __init__(self, sampler: Sampler, key: Any) -> None:
+        self.sampler = sampler
+        self.words = jax.random.bits(key, (2,), jnp.uint32)
 
     def group(self, pair: int) -> tuple[int, int]:
         """Return the first pair of the group that is computed with a given pair, and the group's size."""
@@ -50,7 +38,7 @@ class PaddedPairs:
         """Return the coordinates of a group of pairs, shape (2 * count, samples)."""
         first, count = pairs
         if first >= self.sampler.dims // 2:
-            return np.asarray(_padding(self.key, np.uint32(first), x, y, sample))
+            return np.asarray(_padding(self.words, np.uint32(first), x, y, sample))
         dims = tuple(range(2 * first, 2 * (first + count)))
         values = np.asarray(_of_sampler(self.sampler, x, y, sample, dims))
         if not np.all((values >= 0) & (values < 1)):
@@ -68,16 +56,5 @@ def _of_sampler(sampler: Any, x: Array, y: Array, sample: Array, dims: tuple[int
 
 
 @jax.jit
-def _padding(key: Array, pair: Array, x: Array, y: Array, sample: Array) -> Array:
-    of_points, of_numbers = jax.random.split(jax.random.fold_in(key, pair))
-    seed = pixel_seeds(of_numbers, x, y)
-    # Nested from the highest bit on: aligned blocks of 2**k numbers stay together, and so do (0,k,2)-nets.
-    number = reverse(owen_hash(reverse(sample), seed))
-    points = independent(sobol(2), of_points)(x, y, number, (0, 1), jnp.float32)
-    return jnp.moveaxis(points, -1, 0)
-
-
-def pixel_seeds(key: Array, x: Array, y: Array) -> Array:
-    """Return one random word per pixel."""
-    words = jax.random.bits(key, (2,), jnp.uint32)
-    return hash_pair(x ^ words[0], y ^ words[1])
+def _padding(words: Array, pair: Array, x: Array, y: Array, sample: Array) -> Array:
+    return jnp.moveaxis(padding_pair(padding_pixel(words, x, y), pair, sample), -1, 0)

@@ -1,6 +1,6 @@
 """Pixels and sample indices for Mitsuba's samplers, which only get counts and a seed."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,20 +37,11 @@ class Wavefront:
         """Number of samples."""
         return len(self.window) * self.per_pixel
 
-    @property
-    def end(self) -> int:
-        """One more than the largest sample index in a pixel."""
-        return self.first + self.per_pixel
-
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
         """Return column, row, and index in its pixel, of some of the samples."""
         pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
         y, x = np.divmod(pixel, np.uint32(self.window.width))
         return x + np.uint32(self.window.left), y + np.uint32(self.window.top), sample + np.uint32(self.first)
-
-    def following(self) -> "Wavefront":
-        """Return the next samples of the same pixels."""
-        return replace(self, first=self.first + self.per_pixel)
 
 
 @dataclass(frozen=True)
@@ -78,30 +69,6 @@ class Block:
             for axis, end in enumerate(last)
         )
         return x + np.uint32(self.window.left), y + np.uint32(self.window.top), sample + np.uint32(self.first)
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """Samples of arbitrary pixels."""
-
-    x: Words
-    y: Words
-    sample: Words
-
-    @property
-    def count(self) -> int:
-        return len(self.x)
-
-    @property
-    def end(self) -> int:
-        return int(self.sample.max()) + 1
-
-    def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        return self.x[numbers], self.y[numbers], self.sample[numbers]
-
-    def following(self) -> "Chosen":
-        """Return the next sample of each pixel."""
-        return replace(self, sample=self.sample + np.uint32(1))
 
 
 def block_side(window: Window, threads: int, chosen: int) -> int:

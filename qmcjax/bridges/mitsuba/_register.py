@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from qmcjax.bridges.mitsuba import _plug_in
+from qmcjax.bridges.mitsuba._given import as_pixels, of_size
 from qmcjax.bridges.mitsuba._llvm import check_llvm, imported
-from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
+from qmcjax.bridges.mitsuba._scalar import scalar
+from qmcjax.bridges.mitsuba._vectorized import vectorized
 from qmcjax.core import checks
-from qmcjax.samplers import as_sampler
 
 NAME = "qmcjax"
 """Name of the plugin: ``"type"`` in dictionaries."""
@@ -17,7 +17,7 @@ def register(variant: str | None = None) -> None:
 
     Its parameters in dictionaries:
 
-    - ``sampler``: made by :func:`held`,
+    - ``sampler``: made by :func:`wrap`,
     - ``film``: the same object as the sensor's film, which defines the pixels,
     - ``sample_count``: samples per pixel, 4 by default; ``mitsuba.render(spp=...)`` overrides it,
     - ``first_sample``: the index of the first sample, 0 by default,
@@ -40,20 +40,17 @@ def register(variant: str | None = None) -> None:
     Notes
     -----
     2D requests get the pairs 0 and 1, 2 and 3, ... of the sampler; 1D requests get the first coordinate of
-    the next pair and then its second. The pairs beyond the sampler's are Sobol' points, scrambled and
-    shuffled per pixel with one key per pair.
+    the next pair. The pairs beyond the sampler's are Sobol' points, scrambled and shuffled per pixel with one
+    key per pair.
 
     In scalar variants the seed identifies the pixel: ``mitsuba.render(seed=...)`` must be 0 there. Use
-    ``first_sample`` for other samples. Each thread stores 8 bytes per sample for each pair of coordinates
-    that it requested, for at most 2**14 samples.
+    ``first_sample`` for other samples. Compiled functions return the samples of an image: the system's C and
+    C++ compilers make them when the first one is rendered. A warning says if there is no compiler: then
+    Python returns the same samples, which takes 5 to 30 times as long.
 
-    LLVM and CUDA variants get arrays, computed in tiles of 2**14 samples: a wavefront of n samples takes 4 n
-    more bytes per coordinate in use, and 32 n bytes in main memory. Seed s takes the samples from
-    ``first_sample + s * sample_count`` on. Turn symbolic loops off, since they would request coordinates only
-    once: ``drjit.set_flag(drjit.JitFlag.SymbolicLoops, False)``.
-
-    Integrators must trace rays from the camera, pixel by pixel: particle tracers such as ``ptracer`` do not
-    work.
+    In LLVM and CUDA variants the sampler's operations become part of what Dr.Jit compiles, in symbolic and
+    evaluated loops. Seed s takes the samples from ``first_sample + s * sample_count`` on. Particle tracers
+    such as ``ptracer`` work there only: in scalar variants they request samples of no pixel.
 
     For custom loops, the plugin has ``seek(x, y, sample=0)``: the next coordinates are those of this sample
     of this pixel of the film; ``advance()`` proceeds to the pixel's next sample. In LLVM and CUDA variants
@@ -69,32 +66,36 @@ def register(variant: str | None = None) -> None:
         mitsuba.set_variant(variant)
     if mitsuba.variant() is None:
         raise ValueError(f"variant must be one of {tuple(mitsuba.variants())} if none is set, got None")
-    scalar = mitsuba.variant().startswith("scalar")
-    of_variant = _plug_in.scalar if scalar else _plug_in.vectorized
+    of_variant = scalar if mitsuba.variant().startswith("scalar") else vectorized
     mitsuba.register_sampler(NAME, of_variant(mitsuba))
 
 
-def held(sampler: Any) -> Any:
+def wrap(sampler: Any) -> Any:
     """Wrap a sampler for Mitsuba's dictionaries, which do not take Python objects.
 
     Parameters
     ----------
-    sampler : Sampler, or object with the methods of one
-        With two dimensions or more; 0 and 1 are the position in the pixel.
+    sampler : Sampler, object with the methods of one, or function
+        With two dimensions or more; 0 and 1 are the position in the pixel. A function of
+        ``(width, height, spp)`` that returns one is called with the size of the film and the number of
+        samples per pixel.
 
     Returns
     -------
-    mitsuba.Object, for ``{"type": "qmcjax", "sampler": held(sampler), "film": film}``
+    mitsuba.Object, for ``{"type": "qmcjax", "sampler": wrap(sampler), "film": film}``
     """
     mitsuba = imported()
-    sampler = as_sampler("sampler", sampler)
-    PaddedPairs(sampler, 0)
+    if not of_size(sampler):
+        sampler = as_pixels("sampler", sampler)
 
-    class Held(mitsuba.Object):
+    class Wrapped(mitsuba.Object):
         """A sampler, opaque to Mitsuba."""
 
         def __init__(self) -> None:
             super().__init__()
-            self.held = sampler
+            self.wrapped = sampler
 
-    return Held()
+        def to_string(self) -> str:
+            return checks.shown(sampler)
+
+    return Wrapped()

@@ -1,0 +1,259 @@
+"""Values made of values: constants are folded, and the same value is made once."""
+
+from typing import Any
+
+import numpy as np
+
+from qmcjax.bridges._source._errors import Origin
+from qmcjax.bridges._source._operations import COMMUTATIVE, COMPARISONS, FOLDED, interval, limits_of
+from qmcjax.bridges._source._program import BOOL, UINT, Loop, Table, Value
+
+TINY = 4
+"""Largest table that is selected from."""
+
+
+class Builder:
+    """Makes the values of one program."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._made: dict[Any, Value] = {}
+        self._tables: dict[Any, Table] = {}
+        self.origin: Origin = None
+
+    def _new(
+        self, kind: str, dtype: np.dtype, arguments: tuple[Value, ...] = (), detail: Any = None
+    ) -> Value:
+        known = (detail.dtype.str, detail.tobytes()) if kind == "constant" else detail
+        name = (kind, dtype, tuple(a.number for a in arguments), known)
+        if name not in self._made:
+            self._made[name] = self._numbered(Value(kind, dtype, arguments, detail))
+        return self._made[name]
+
+    def _numbered(self, value: Value) -> Value:
+        self._count += 1
+        value.number = self._count
+        value.origin = self.origin
+        return value
+
+    def constant(self, scalar: Any, dtype: np.dtype | None = None) -> Value:
+        """Return a known scalar, 8 and 16 bits as 32."""
+        known = np.asarray(scalar)
+        dtype = widened(known.dtype) if dtype is None else dtype
+        return self._new("constant", dtype, (), known.astype(dtype)[()])
+
+    def input(self, number: int, dtype: np.dtype) -> Value:
+        """Return an input of the program."""
+        return self._new("input", dtype, (), number)
+
+    def loop(self, initial: list[Value], around: Loop | None) -> Loop:
+        """Return a loop with its variables; ``condition`` and ``following`` are to be set."""
+        loop = Loop(initial, around)
+        loop.variables = [
+            self._numbered(Value("variable", v.dtype, (), n, loop)) for n, v in enumerate(initial)
+        ]
+        return loop
+
+    def results(self, loop: Loop) -> list[Value]:
+        """Return the variables after the loop."""
+        return [self._numbered(Value("result", v.dtype, (), n, loop)) for n, v in enumerate(loop.initial)]
+
+    def apply(self, kind: str, *arguments: Value) -> Value:
+        """Return an operation of values of one dtype."""
+        dtype = BOOL if kind in COMPARISONS else arguments[0].dtype
+        if all(a.kind == "constant" for a in arguments) and (kind in FOLDED):
+            with np.errstate(all="ignore"):
+                return self.constant(FOLDED[kind](*(a.detail for a in arguments)), dtype)
+        if kind in COMMUTATIVE:
+            # Constants come last.
+            arguments = tuple(sorted(arguments, key=lambda a: (a.kind == "constant", a.number)))
+        made = self._simpler(kind, dtype, arguments) or self._new(kind, dtype, arguments)
+        if dtype.kind in "iu" and made.kind != "constant":
+            low, high = limits_of(made)
+            return self.constant(low, dtype) if low == high else made
+        return made
+
+    def _simpler(self, kind: str, dtype: np.dtype, arguments: tuple[Value, ...]) -> Value | None:
+        """Return an equal value that is simpler, if one is known."""
+        first, last = arguments[0], arguments[-1]
+        if kind in ("min", "max") or (kind in COMPARISONS and kind not in ("eq", "ne")):
+            return self._decided(kind, first, last)
+        if kind == "not":
+            return first.arguments[0] if first.kind == "not" else None
+        if len(arguments) == 2 and first is last and dtype.kind in "iu":
+            if kind in ("and", "or"):
+                return first
+            if kind in ("xor", "sub"):
+                return self.constant(0, dtype)
+        if last.kind != "constant" or len(arguments) == 1:
+            return None
+        known, ones = last.detail, np.bitwise_not(dtype.type(0)) if dtype.kind in "iu" else dtype.type(1)
+        if kind in ("mul", "div") and known == 1:
+            return first
+        if dtype.kind == "f":
+            return self._vanishing(kind, first, last)
+        if kind in ("add", "sub", "or", "xor") or kind.startswith("shift"):
+            if known == 0:
+                return first
+        if kind in ("mul", "and") and known == 0:
+            return last
+        if dtype.kind == "b":
+            return {"and": first, "or": last, "xor": self.apply("not", first)}.get(kind)
+        bounds = interval(first)
+        if kind == "and" and bounds is not None and bounds[0] >= 0:
+            # All bits that can be set are in the mask.
+            mask = (1 << int(bounds[1]).bit_length()) - 1
+            return first if int(known) & mask == mask else None
+        if kind == "rem" and bounds is not None and 0 <= bounds[0] and bounds[1] < known:
+            return first
+        if kind in ("or",) and known == ones:
+            return last
+        if kind in ("div", "rem", "mul") and dtype.kind == "u" and known & (known - dtype.type(1)) == 0:
+            return self._by_power(kind, first, int(known).bit_length() - 1)
+        return None
+
+    def _by_power(self, kind: str, first: Value, exponent: int) -> Value:
+        if kind == "rem":
+            return self.apply("and", first, self.constant((1 << exponent) - 1, first.dtype))
+        by = self.constant(exponent, first.dtype)
+        return self.apply("shift_left" if kind == "mul" else "shift_right_logical", first, by)
+
+    def _vanishing(self, kind: str, first: Value, last: Value) -> Value | None:
+        """Return what is left of a finite float times 0, and of its sum with something that is not 0."""
+        if kind == "mul" and last.detail == 0:
+            bounds = interval(first)
+            return last if bounds is not None and bounds[0] >= 0 else None
+        return first if kind == "add" and last.detail == 0 and (interval(first) or (-1,))[0] >= 0 else None
+
+    def _decided(self, kind: str, first: Value, last: Value) -> Value | None:
+        """Return a comparison, minimum or maximum that ranges decide."""
+        a, b = interval(first), interval(last)
+        if a is None or b is None:
+            return None
+        if kind in ("lt", "le", "gt", "ge"):
+            if kind in ("gt", "ge"):
+                a, b = b, a
+            strict = kind in ("lt", "gt")
+            if a[1] < b[0] or (not strict and a[1] <= b[0]):
+                return self.constant(np.True_)
+            if a[0] > b[1] or (strict and a[0] >= b[1]):
+                return self.constant(np.False_)
+            return None
+        if a[1] <= b[0]:
+            return first if kind == "min" else last
+        if b[1] <= a[0]:
+            return last if kind == "min" else first
+        return None
+
+    def select(self, condition: Value, if_true: Value, if_false: Value) -> Value:
+        """Return one of two values."""
+        if condition.kind == "constant":
+            return if_true if condition.detail else if_false
+        if if_true is if_false:
+            return if_true
+        if condition.kind == "not":
+            return self.select(condition.arguments[0], if_false, if_true)
+        if if_true.dtype == BOOL:
+            either = self.apply("and", self.apply("not", condition), if_false)
+            return self.apply("or", self.apply("and", condition, if_true), either)
+        return self._new("select", if_true.dtype, (condition, if_true, if_false))
+
+    def convert(self, value: Value, dtype: np.dtype) -> Value:
+        """Return a value in another dtype: modulo 2**32 or 2**64 between integers, clamped from floats."""
+        if value.dtype == dtype:
+            return value
+        if dtype == BOOL:
+            return self.apply("ne", value, self.constant(0, value.dtype))
+        if value.kind == "convert" and dtype.kind in "iu" and value.dtype.kind in "iu":
+            inner = value.arguments[0]
+            if inner.dtype.kind in "iu" and dtype.itemsize <= value.dtype.itemsize:
+                return self.convert(inner, dtype)
+        if value.dtype.kind == "f" and dtype.kind in "iu":
+            value = self._clamped(value, dtype)
+        if value.kind == "constant":
+            return self.constant(value.detail.astype(dtype), dtype)
+        if value.dtype == BOOL:
+            return self.select(value, self.constant(1, dtype), self.constant(0, dtype))
+        return self._new("convert", dtype, (value,))
+
+    def _clamped(self, value: Value, dtype: np.dtype) -> Value:
+        """Return a float in the range of an integer dtype."""
+        limits, wide = np.iinfo(dtype), value.dtype
+        largest = wide.type(limits.max)
+        if int(largest) > limits.max:
+            largest = np.nextafter(largest, wide.type(0))
+        value = self.apply("max", value, self.constant(wide.type(limits.min)))
+        return self.apply("min", value, self.constant(largest))
+
+    def bitcast(self, value: Value, dtype: np.dtype) -> Value:
+        """Return the same bits in another dtype of the same size."""
+        if value.dtype == dtype:
+            return value
+        if value.kind == "constant":
+            return self.constant(value.detail.view(dtype))
+        if value.dtype.kind in "iu" and dtype.kind in "iu":
+            return self.convert(value, dtype)
+        return self._new("bitcast", dtype, (value,))
+
+    def divided(self, kind: str, first: Value, last: Value) -> Value:
+        """Return a quotient or remainder of integers as in XLA, where divisors may be 0."""
+        zero, one = self.constant(0, first.dtype), self.constant(1, first.dtype)
+        ones = self.apply("not", zero)
+        by_zero = ones if kind == "div" else first
+        bounds = interval(last)
+        if bounds is None or not bounds[0] <= 0 <= bounds[1]:
+            is_zero = self.constant(np.False_)
+        else:
+            is_zero = self.apply("eq", last, zero)
+        safe = self.select(is_zero, one, last)
+        if first.dtype.kind == "i" and (bounds is None or bounds[0] <= -1 <= bounds[1]):
+            # The negative of the smallest integer is itself.
+            is_minus = self.apply("eq", last, ones)
+            safe = self.select(is_minus, one, safe)
+            negative = self.apply("sub", zero, first) if kind == "div" else zero
+            quotient = self.select(is_minus, negative, self.apply(kind, first, safe))
+        else:
+            quotient = self.apply(kind, first, safe)
+        return self.select(is_zero, by_zero, quotient)
+
+    def shifted(self, kind: str, first: Value, by: Value) -> Value:
+        """Return a shift by any number: by too many it is 0, or the sign."""
+        bits = 8 * first.dtype.itemsize
+        bounds = interval(by)
+        if bounds is not None and 0 <= bounds[0] and bounds[1] < bits:
+            return self.apply(kind, first, by)
+        unsigned = self.convert(by, np.dtype(f"u{by.dtype.itemsize}"))
+        limit = self.constant(bits - 1, unsigned.dtype)
+        safe = self.convert(self.apply("min", unsigned, limit), by.dtype)
+        if kind == "shift_right_arithmetic":
+            return self.apply(kind, first, safe)
+        inside = self.apply("le", unsigned, limit)
+        return self.select(inside, self.apply(kind, first, safe), self.constant(0, first.dtype))
+
+    def load(self, entries: np.ndarray, index: Value) -> Value:
+        """Return an entry of a flat array of constants, at a uint32 index below its size."""
+        if index.kind == "constant":
+            return self.constant(entries[int(index.detail)])
+        if np.all(entries == entries[0]) and entries.dtype.kind != "f":
+            return self.constant(entries[0])
+        if len(entries) <= TINY:
+            return self.chosen([self.constant(entry) for entry in entries], index)
+        if entries.dtype == BOOL:
+            return self.convert(self.load(entries.astype(np.uint8), index), BOOL)
+        known = entries.dtype.str, entries.tobytes()
+        table = self._tables.setdefault(known, Table(entries))
+        return self._new("load", widened(entries.dtype), (index,), table)
+
+    def chosen(self, values: list[Value], index: Value) -> Value:
+        """Return one of a few values, at a uint32 index below their number."""
+        if len(values) == 1:
+            return values[0]
+        middle = 1 << ((len(values) - 1).bit_length() - 1)
+        before = self.apply("lt", index, self.constant(middle, UINT))
+        rest = self.apply("sub", index, self.constant(middle, UINT))
+        return self.select(before, self.chosen(values[:middle], index), self.chosen(values[middle:], rest))
+
+
+def widened(dtype: np.dtype) -> np.dtype:
+    """Return the dtype of values for integers of 8 and 16 bits, and other dtypes themselves."""
+    return np.dtype(f"{dtype.kind}4") if dtype.kind in "iu" and dtype.itemsize < 4 else dtype

@@ -1,0 +1,195 @@
+"""Rules of primitives that read and replace entries of arrays at places that vary."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from jax.lax import GatherScatterMode
+
+from qmcjax.bridges._source._errors import Untranslatable
+from qmcjax.bridges._source._program import BOOL, UINT, Value
+from qmcjax.bridges._source._reader import Entries, Reader, Rule, lifted
+
+MOST_SELECTED = 64
+"""Largest array of unknown values with a place that varies."""
+
+
+class _Places:
+    """Places along the axes of an array, of values."""
+
+    def __init__(self, reader: Reader) -> None:
+        self.builder = reader.builder
+
+    def start(self, index: Value, limit: int) -> Value:
+        """Return an index as a uint32, clamped to [0, limit]."""
+        builder = self.builder
+        if index.dtype.kind == "i":
+            index = builder.apply("max", index, builder.constant(0, index.dtype))
+        last = builder.constant(limit, index.dtype)
+        return builder.convert(builder.apply("min", index, last), UINT)
+
+    def inside(self, index: Value, limit: int) -> Value:
+        """Return whether an index is in [0, limit]."""
+        builder = self.builder
+        below = builder.apply("le", index, builder.constant(limit, index.dtype))
+        if index.dtype.kind != "i":
+            return below
+        return builder.apply("and", below, builder.apply("ge", index, builder.constant(0, index.dtype)))
+
+    def entry(self, entries: Entries, place: Sequence[Value]) -> Value:
+        """Return the entry of an array at a place inside."""
+        builder = self.builder
+        flat = builder.constant(0, UINT)
+        for size, index in zip(entries.shape, place, strict=True):
+            flat = builder.apply("mul", flat, builder.constant(size, UINT))
+            flat = builder.apply("add", flat, index)
+        if entries.dtype != object:
+            return builder.load(np.ascontiguousarray(entries).ravel(), flat)
+        if flat.kind == "constant":
+            return entries.ravel()[int(flat.detail)]
+        if entries.size > MOST_SELECTED:
+            raise Untranslatable(f"an array of {entries.size} values that vary, at a place that varies")
+        return builder.chosen(list(entries.ravel()), flat)
+
+    def moved(self, start: Value, by: int) -> Value:
+        """Return a uint32 index plus a constant."""
+        return self.builder.apply("add", start, self.builder.constant(by, UINT))
+
+    def at(self, place: Sequence[Value], known: Sequence[int]) -> Value:
+        """Return whether a place is a known one."""
+        builder, same = self.builder, self.builder.constant(np.True_, BOOL)
+        for index, wanted in zip(place, known, strict=True):
+            same = builder.apply("and", same, builder.apply("eq", index, builder.constant(wanted, UINT)))
+        return same
+
+
+def _dynamic_slice(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    places, entries = _Places(reader), given[0]
+    sizes = equation.params["slice_sizes"]
+    starts = _starts(reader, given[1:], entries.shape, sizes)
+    made = np.empty(sizes, object)
+    for offset in np.ndindex(made.shape):
+        place = [places.moved(start, by) for start, by in zip(starts, offset, strict=True)]
+        made[offset] = places.entry(entries, place)
+    return [made]
+
+
+def _starts(reader: Reader, given: list[Entries], shape: Any, sizes: Any) -> list[Value]:
+    places = _Places(reader)
+    return [
+        places.start(lifted(reader.builder, index)[()], whole - size)
+        for index, whole, size in zip(given, shape, sizes, strict=True)
+    ]
+
+
+def _dynamic_update_slice(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    places = _Places(reader)
+    made, update = (lifted(reader.builder, entries).copy() for entries in given[:2])
+    starts = _starts(reader, given[2:], made.shape, update.shape)
+    for offset in np.ndindex(update.shape):
+        place = [places.moved(start, by) for start, by in zip(starts, offset, strict=True)]
+        _replace(places, made, place, update[offset])
+    return [made]
+
+
+def _replace(
+    places: _Places, made: Entries, place: list[Value], value: Value, valid: Value | None = None
+) -> None:
+    """Replace the entry at a place, if ``valid``."""
+    known = [index.kind == "constant" for index in place]
+    if not all(known) and made.size > MOST_SELECTED:
+        raise Untranslatable(f"an entry of {made.size} at a place that varies")
+    for at in np.ndindex(made.shape):
+        here = places.at(place, at)
+        if valid is not None:
+            here = places.builder.apply("and", here, valid)
+        made[at] = places.builder.select(here, value, made[at])
+
+
+def _gather(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    builder, places = reader.builder, _Places(reader)
+    entries, indices = given
+    indices = lifted(builder, indices)
+    numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
+    out = equation.outvars[0].aval
+    batching = dict(zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True))
+    outside = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
+    free = [axis for axis in range(entries.ndim) if axis not in outside]
+    fills = equation.params["mode"] == GatherScatterMode.FILL_OR_DROP
+    made = np.empty(out.shape, object)
+    for at in np.ndindex(made.shape):
+        batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.offset_dims)
+        offsets = dict(zip(free, (at[axis] for axis in numbers.offset_dims), strict=True))
+        starts = dict(zip(numbers.start_index_map, indices[batch], strict=True))
+        place, valid = [], builder.constant(np.True_, BOOL)
+        for axis, whole in enumerate(entries.shape):
+            start = builder.constant(batch[batching[axis]] if axis in batching else 0, UINT)
+            if axis in starts:
+                limit = whole - sizes[axis]
+                valid = builder.apply("and", valid, places.inside(starts[axis], limit))
+                start = places.start(starts[axis], limit)
+            place.append(places.moved(start, offsets.get(axis, 0)))
+        value = places.entry(entries, place)
+        made[at] = builder.select(valid, value, _filling(reader, equation, value)) if fills else value
+    return [made]
+
+
+def _filling(reader: Reader, equation: Any, value: Value) -> Value:
+    """Return what stands for entries outside, as documented for jax.lax.gather."""
+    filling, dtype = equation.params["fill_value"], np.dtype(equation.outvars[0].aval.dtype)
+    if filling is None:
+        filling = {"f": np.nan, "b": True}.get(dtype.kind)
+    if filling is None:
+        filling = np.iinfo(dtype).min if dtype.kind == "i" else np.iinfo(dtype).max
+    return reader.builder.constant(filling, value.dtype)
+
+
+def _scatter(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    builder, places = reader.builder, _Places(reader)
+    made, indices, updates = (lifted(builder, entries).copy() for entries in given)
+    numbers = equation.params["dimension_numbers"]
+    if numbers.operand_batching_dims:
+        raise Untranslatable("with batches")
+    combine = {"scatter": None, "scatter-add": "add", "scatter_add": "add"}[equation.primitive.name]
+    free = [axis for axis in range(made.ndim) if axis not in numbers.inserted_window_dims]
+    windows = [updates.shape[axis] for axis in numbers.update_window_dims]
+    sizes = dict(zip(free, windows, strict=True))
+    clips = equation.params["mode"] == GatherScatterMode.CLIP
+    for at in np.ndindex(updates.shape):
+        batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.update_window_dims)
+        offsets = dict(zip(free, (at[axis] for axis in numbers.update_window_dims), strict=True))
+        starts = dict(zip(numbers.scatter_dims_to_operand_dims, indices[batch], strict=True))
+        place, valid = [], builder.constant(np.True_, BOOL)
+        for axis, whole in enumerate(made.shape):
+            start = builder.constant(0, UINT)
+            if axis in starts:
+                limit = whole - sizes.get(axis, 1)
+                start = places.start(starts[axis], limit)
+                if not clips:
+                    valid = builder.apply("and", valid, places.inside(starts[axis], limit))
+            place.append(places.moved(start, offsets.get(axis, 0)))
+        value = updates[at]
+        if combine:
+            value = builder.apply(combine, places.entry(made, place), value)
+        _replace(places, made, place, value, valid)
+    return [made]
+
+
+def entry_at(reader: Reader, entries: Entries, number: Value) -> Entries:
+    """Return one of the rows of an array, at a uint32 index below their number."""
+    places = _Places(reader)
+    made = np.empty(entries.shape[1:], object)
+    for at in np.ndindex(made.shape):
+        place = [number, *(reader.builder.constant(i, UINT) for i in at)]
+        made[at] = places.entry(entries, place)
+    return made
+
+
+RULES: dict[str, Rule] = {
+    "dynamic_slice": _dynamic_slice,
+    "dynamic_update_slice": _dynamic_update_slice,
+    "gather": _gather,
+    "scatter": _scatter,
+    "scatter-add": _scatter,
+    "scatter_add": _scatter,
+}

@@ -1,0 +1,226 @@
+"""Programs without integers of 64 bits and float64: these become pairs of words."""
+
+from collections.abc import Callable
+from typing import TypeAlias
+
+import numpy as np
+
+from qmcjax.bridges._source._builder import Builder
+from qmcjax.bridges._source._errors import source_line
+from qmcjax.bridges._source._floats import Floats
+from qmcjax.bridges._source._program import (
+    DOUBLE,
+    FLOAT,
+    INT,
+    UINT,
+    ULONG,
+    Compute,
+    Loop,
+    Program,
+    Repeat,
+    Statement,
+    Value,
+    scheduled,
+)
+from qmcjax.bridges._source._words import Pair, Words
+
+Lowered: TypeAlias = Value | Pair
+"""What stands for a value: a pair of words for one of 64 bits."""
+
+
+def lowered(program: Program) -> Program:
+    """Return a program of the same inputs and outputs, which have 32 bits, without values of 64 bits."""
+    if all(value.dtype.itemsize < 8 for value in program.computed()):
+        return program
+    lowering = _Lowering(program)
+    return scheduled(lowering.inputs, [lowering.one(value) for value in program.outputs], program.shapes)
+
+
+class _Lowering:
+    def __init__(self, program: Program) -> None:
+        self.builder = Builder()
+        self.words = Words(self.builder)
+        self.floats = Floats(self.words)
+        self._made: dict[Value, Lowered] = {}
+        self._results: dict[tuple[Loop | None, int], Lowered] = {}
+        self._loops: dict[Loop, Loop] = {}
+        self.inputs = [self.builder.input(v.detail, v.dtype) for v in program.inputs]
+        for made, value in zip(self.inputs, program.inputs, strict=True):
+            made.interval = value.interval
+        self._made.update(zip(program.inputs, self.inputs, strict=True))
+        self._block(program.statements)
+
+    def _block(self, statements: list[Statement]) -> None:
+        for statement in statements:
+            if isinstance(statement, Compute):
+                self.builder.origin = statement.value.origin
+                self._made[statement.value] = self._value(statement.value)
+            else:
+                self._repeat(statement)
+
+    def of(self, value: Value) -> Lowered:
+        """Return what stands for a value."""
+        if value.kind == "result":
+            return self._results[value.loop, value.detail]
+        if value.kind != "constant":
+            return self._made[value]
+        if value.dtype.itemsize < 8:
+            return self.builder.constant(value.detail)
+        return self.words.pair(int(value.detail.view(np.uint64)))
+
+    def one(self, value: Value) -> Value:
+        """Return what stands for a value of 32 bits."""
+        made = self.of(value)
+        assert isinstance(made, Value)
+        return made
+
+    def two(self, value: Value) -> Pair:
+        """Return what stands for a value of 64 bits."""
+        made = self.of(value)
+        assert isinstance(made, tuple)
+        return made
+
+    def _value(self, value: Value) -> Lowered:
+        wide = value.dtype.itemsize == 8 or any(a.dtype.itemsize == 8 for a in value.arguments)
+        if not wide:
+            return self._same(value, [self.one(argument) for argument in value.arguments])
+        if value.kind == "load":
+            return self._loaded(value)
+        if value.kind == "select":
+            condition, if_true, if_false = value.arguments
+            return self.words.choose(self.one(condition), self.two(if_true), self.two(if_false))
+        if value.kind == "bitcast":
+            return self.two(value.arguments[0])
+        if value.kind == "convert":
+            return self._converted(value.arguments[0], value.dtype) or self._refuse(value)
+        operate = self._of_floats if value.arguments[0].dtype == DOUBLE else self._of_integers
+        found = operate(value) if value.arguments[0].dtype in (DOUBLE, ULONG) else None
+        return found if found is not None else self._refuse(value)
+
+    def _refuse(self, value: Value) -> Lowered:
+        to = f" to {value.dtype}" if value.kind == "convert" else ""
+        raise ValueError(
+            f"language must be 'c' or 'cuda' for {value.kind} of {value.arguments[0].dtype}{to} "
+            f"{source_line(value.origin)}: others have 32 bits"
+        )
+
+    def _same(self, value: Value, given: list[Value]) -> Value:
+        if value.kind == "load":
+            return self.builder.load(value.detail.entries, given[0])
+        if value.kind == "select":
+            return self.builder.select(*given)
+        if value.kind == "convert":
+            return self.builder.convert(given[0], value.dtype)
+        if value.kind == "bitcast":
+            return self.builder.bitcast(given[0], value.dtype)
+        return self.builder.apply(value.kind, *given)
+
+    def _loaded(self, value: Value) -> Pair:
+        entries = value.detail.entries.view(np.uint64)
+        index = self.one(value.arguments[0])
+        upper, lower = (part.astype(np.uint32) for part in (entries >> np.uint64(32), entries))
+        return self.builder.load(upper, index), self.builder.load(lower, index)
+
+    def _converted(self, value: Value, dtype: np.dtype) -> Lowered | None:
+        builder, words, floats = self.builder, self.words, self.floats
+        before = value.dtype
+        if before == DOUBLE:
+            if dtype == FLOAT:
+                return floats.to_float(self.two(value))
+            if dtype in (UINT, ULONG):
+                whole = floats.to_integer(self.two(value))
+                return whole[1] if dtype == UINT else whole
+            return self._signed(self.two(value)) if dtype == INT else None
+        if before == ULONG:
+            if dtype == DOUBLE:
+                return floats.of_integer(words.word(0), self.two(value))
+            low = self.two(value)[1]
+            return builder.convert(low, dtype) if dtype in (UINT, INT) else None
+        one = self.one(value)
+        if before == FLOAT:
+            return floats.of_float(one) if dtype == DOUBLE else None
+        sign = words.word(0)
+        if before == INT:
+            negative = builder.apply("lt", one, builder.constant(0, INT))
+            sign = builder.select(negative, words.word(1 << 31), sign)
+        bits = builder.convert(one, UINT)
+        if dtype == ULONG:
+            upper = words.op("sub", words.word(0), words.op("shift_right_logical", sign, words.word(31)))
+            return upper, bits
+        if dtype != DOUBLE:
+            return None
+        minus = words.op("sub", words.word(0), bits)
+        size = builder.select(words.op("ne", sign, words.word(0)), minus, bits)
+        high, low = floats.of_word(size)
+        return words.op("or", sign, high), low
+
+    def _signed(self, a: Pair) -> Value:
+        words = self.words
+        size = self.floats.to_integer((words.op("and", a[0], words.word(0x7FFFFFFF)), a[1]))[1]
+        negative = words.op("ne", words.op("and", a[0], words.word(1 << 31)), words.word(0))
+        bits = self.builder.select(negative, words.op("sub", words.word(0), size), size)
+        return self.builder.convert(bits, INT)
+
+    def _of_integers(self, value: Value) -> Lowered | None:
+        words, kind = self.words, value.kind
+        a, b = self.two(value.arguments[0]), self.two(value.arguments[-1])
+        if kind in ("add", "sub", "mul"):
+            return {"add": words.add, "sub": words.sub, "mul": words.mul}[kind](a, b)
+        if kind in ("and", "or", "xor"):
+            return words.both(kind, a, b)
+        if kind == "not":
+            return words.op("not", a[0]), words.op("not", a[1])
+        if kind in ("div", "rem"):
+            return words.divided(a, b)[0 if kind == "div" else 1]
+        if kind in ("shift_left", "shift_right_logical"):
+            return (words.left if kind == "shift_left" else words.right)(a, b[1])
+        return self._compared(value, words.less, words.equal(a, b), a, b)
+
+    def _of_floats(self, value: Value) -> Lowered | None:
+        floats, kind = self.floats, value.kind
+        a, b = self.two(value.arguments[0]), self.two(value.arguments[-1])
+        two = {"add": floats.add, "mul": floats.mul, "div": floats.div}
+        if kind in two:
+            return two[kind](a, b)
+        if kind == "sub":
+            return floats.add(a, floats.neg(b))
+        one = {"neg": floats.neg, "floor": floats.floor, "ceil": floats.ceil, "sqrt": floats.sqrt}
+        if kind in one:
+            return one[kind](a)
+        return self._compared(value, floats.less, self.words.equal(a, b), a, b)
+
+    def _compared(
+        self, value: Value, less: Callable[[Pair, Pair], Value], same: Value, a: Pair, b: Pair
+    ) -> Lowered | None:
+        words, kind = self.words, value.kind
+        if kind in ("min", "max"):
+            return words.choose(less(a, b) if kind == "min" else less(b, a), a, b)
+        if kind in ("eq", "ne"):
+            return same if kind == "eq" else words.op("not", same)
+        if kind in ("lt", "gt"):
+            return less(a, b) if kind == "lt" else less(b, a)
+        if kind in ("le", "ge"):
+            return words.op("not", less(b, a) if kind == "le" else less(a, b))
+        return None
+
+    def _repeat(self, statement: Repeat) -> None:
+        builder, old = self.builder, statement.loop
+        initial = [self.of(old.initial[number]) for number in statement.kept]
+        flat = [word for value in initial for word in (value if isinstance(value, tuple) else (value,))]
+        around = None if old.around is None else self._loops[old.around]
+        loop = builder.loop(flat, around)
+        self._loops[old] = loop
+
+        def grouped(values: list[Value]) -> list[Lowered]:
+            left = iter(values)
+            return [(next(left), next(left)) if isinstance(v, tuple) else next(left) for v in initial]
+
+        variables = [old.variables[number] for number in statement.kept]
+        self._made.update(zip(variables, grouped(loop.variables), strict=True))
+        self._block(statement.head)
+        loop.condition = self.one(old.condition)
+        self._block(statement.body)
+        after = [self.of(old.following[number]) for number in statement.kept]
+        loop.following = [w for value in after for w in (value if isinstance(value, tuple) else (value,))]
+        results = zip(statement.kept, grouped(builder.results(loop)), strict=True)
+        self._results.update({(old, number): value for number, value in results})

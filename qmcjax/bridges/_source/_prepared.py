@@ -1,0 +1,113 @@
+"""Programs in two parts: what is computed once, and what uses it many times."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from qmcjax.bridges._source._builder import Builder
+from qmcjax.bridges._source._operations import limits_of
+from qmcjax.bridges._source._program import UINT, ULONG, Program, Value, scheduled
+from qmcjax.bridges._source._read import finished, inputs_of, reader_of, traced
+from qmcjax.bridges._source._reader import Entries, Key, words
+
+
+class Prepared:
+    """What a function of seeds and words prepares for others: the values of its result that vary.
+
+    Constants, and seeds that the result only hands on, are not among them: ``members`` are the others, with
+    ``has_64=False`` as words if they have 64 bits. The last examples are below limits, ``below``.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        seeds: Any,
+        *examples: Any,
+        has_64: bool = True,
+        below: Sequence[int] = (),
+    ) -> None:
+        closed, self._shapes = traced(function, seeds, *examples)
+        builder = Builder()
+        inputs = inputs_of(builder, [var.aval for var in closed.jaxpr.invars], below=below)
+        flat = [value for entries in inputs for value in words(entries)]
+        self._seeds = [jax.ShapeDtypeStruct(np.shape(leaf), leaf.dtype) for leaf in jax.tree.leaves(seeds)]
+        self._tree = jax.tree.structure(seeds)
+        self._handed = [value for entries in inputs[: len(self._seeds)] for value in words(entries)]
+        self._state = reader_of(builder).closed(closed, inputs)
+        values = dict.fromkeys(value for entries in self._state for value in _varying(entries))
+        self._wide = [value for value in values if value not in self._handed]
+        self._has_64 = has_64
+        self.members = [part for value in self._wide for part in self._parts(builder, value)]
+        self._inputs = flat
+
+    def program(self, numbers: Sequence[int] | None = None) -> Program:
+        """Return the program of the members, or of some: its inputs are the seeds and the words."""
+        members = self.members if numbers is None else [self.members[number] for number in numbers]
+        return scheduled(self._inputs, members, [(len(members),)])
+
+    def used(self, *programs: Program) -> list[int]:
+        """Return the numbers of the members that programs use."""
+        first = len(self._handed)
+        inputs = {v.detail for p in programs for v in p.reached() if v.kind == "input"}
+        return [number for number in range(len(self.members)) if first + number in inputs]
+
+    def _parts(self, builder: Builder, value: Value) -> list[Value]:
+        """Return the members that hold a value: its two words, if the language has no 64 bits."""
+        if self._has_64 or value.dtype.itemsize < 8:
+            return [value]
+        bits = builder.bitcast(value, ULONG)
+        upper = builder.apply("shift_right_logical", bits, builder.constant(32, ULONG))
+        return [builder.convert(part, UINT) for part in (upper, bits)]
+
+    def _member(self, builder: Builder, value: Value, flat: list[Value]) -> Value:
+        """Return a value made of its members, which become inputs."""
+        if self._has_64 or value.dtype.itemsize < 8:
+            flat.append(builder.input(len(flat), value.dtype))
+            flat[-1].interval = limits_of(value)
+            return flat[-1]
+        parts = [builder.input(len(flat) + k, UINT) for k in range(2)]
+        flat += parts
+        upper, lower = (builder.convert(part, ULONG) for part in parts)
+        upper = builder.apply("shift_left", upper, builder.constant(32, ULONG))
+        return builder.bitcast(builder.apply("or", upper, lower), value.dtype)
+
+    def then(self, function: Callable[..., Any], *examples: Any, below: Sequence[int] = ()) -> Program:
+        """Return the program of a function of the seeds, the result of the first one, and more words.
+
+        Its inputs are the seeds, the members, and the words, the last ones below limits.
+        """
+        closed, _ = traced(function, self._tree.unflatten(self._seeds), self._shapes, *examples)
+        builder, avals = Builder(), [var.aval for var in closed.jaxpr.invars]
+        seeds = inputs_of(builder, avals[: len(self._seeds)])
+        flat = [value for entries in seeds for value in words(entries)]
+        found = dict(zip(self._handed, flat, strict=True))
+        for value in self._wide:
+            found[value] = self._member(builder, value, flat)
+        rest = inputs_of(builder, avals[len(seeds) + len(self._state) :], len(flat), below)
+        flat += [value for entries in rest for value in words(entries)]
+        state = [_put(builder, entries, found) for entries in self._state]
+        outputs = reader_of(builder).closed(closed, [*seeds, *state, *rest])
+        return finished(builder, flat, outputs)
+
+
+def _varying(entries: Entries) -> Sequence[Value]:
+    return [v for v in words(entries) if v.kind != "constant"] if entries.dtype == object else []
+
+
+def _put(builder: Builder, entries: Entries, known: dict[Value, Value]) -> Entries:
+    """Return the entries of an array as values of another builder."""
+    if entries.dtype != object:
+        return entries
+
+    def value(old: Value) -> Value:
+        return builder.constant(old.detail) if old.kind == "constant" else known[old]
+
+    made = np.empty(entries.shape, object)
+    for place in np.ndindex(entries.shape):
+        entry = entries[place]
+        made[place] = (
+            Key((value(entry.words[0]), value(entry.words[1]))) if isinstance(entry, Key) else value(entry)
+        )
+    return made

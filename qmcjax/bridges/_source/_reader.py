@@ -1,0 +1,185 @@
+"""The reading of a jaxpr: calls are inlined, arrays are unrolled to scalars, constants are folded."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+
+from qmcjax.bridges._source._builder import Builder, widened
+from qmcjax.bridges._source._errors import ADVICE, Untranslatable, source_line
+from qmcjax.bridges._source._operations import COMPARISONS, FOLDED
+from qmcjax.bridges._source._program import DTYPES, Value
+from qmcjax.core import checks
+
+Entries: TypeAlias = Any
+"""What an array of a jaxpr is read into: a NumPy array of known numbers, or of one Value each (object)."""
+
+MOST_ENTRIES = 2**12
+"""Largest number of scalars that an array of unknown values may have."""
+
+Rule = Callable[["Reader", Any, list[Entries]], Sequence[Entries]]
+"""What makes of the arrays that an equation is given those that it returns."""
+
+
+@dataclass(frozen=True, eq=False)
+class Key:
+    """The two words of one key, as one entry of an array."""
+
+    words: tuple[Value, Value]
+
+
+def as_keys(pairs: Entries) -> Entries:
+    """Return an array of keys from its words, shape (..., 2)."""
+    made = np.empty(pairs.shape[:-1], object)
+    for place in np.ndindex(made.shape):
+        made[place] = Key(tuple(pairs[place]))
+    return made
+
+
+def words(entries: Entries) -> list[Value]:
+    """Return all values of an array, those of keys included."""
+    return [v for entry in entries.ravel() for v in (entry.words if isinstance(entry, Key) else (entry,))]
+
+
+def lifted(builder: Builder, entries: Entries) -> Entries:
+    """Return an array of values."""
+    if entries.dtype == object:
+        return entries
+    if entries.size > MOST_ENTRIES:
+        raise Untranslatable(f"arithmetic on a table of shape {entries.shape} with values that vary")
+    made = np.empty(entries.shape, object)
+    for place in np.ndindex(entries.shape):
+        made[place] = builder.constant(entries[place])
+    return made
+
+
+class Reader:
+    """Reads jaxprs into the values of one builder."""
+
+    def __init__(self, builder: Builder, rules: Mapping[str, Rule]) -> None:
+        self.builder, self.rules = builder, rules
+
+    def closed(self, closed: ClosedJaxpr, arguments: Sequence[Entries]) -> list[Entries]:
+        """Read a jaxpr with its constants."""
+        return self.jaxpr(closed.jaxpr, [self.known(constant) for constant in closed.consts], arguments)
+
+    def jaxpr(
+        self, jaxpr: Jaxpr, constants: Sequence[Entries], arguments: Sequence[Entries]
+    ) -> list[Entries]:
+        """Read the equations of a jaxpr, and return its results."""
+        found: dict[Any, Entries] = {}
+
+        def value(atom: Any) -> Entries:
+            if not isinstance(atom, Literal):
+                return found[atom]
+            aval: Any = atom.aval
+            return self.known(atom.val, aval.dtype)
+
+        found.update(zip(jaxpr.constvars, constants, strict=True))
+        found.update(zip(jaxpr.invars, arguments, strict=True))
+        for equation in jaxpr.eqns:
+            results = self._equation(equation, [value(atom) for atom in equation.invars])
+            found.update(zip(equation.outvars, results, strict=True))
+        return [value(atom) for atom in jaxpr.outvars]
+
+    def known(self, constant: Any, dtype: Any = None) -> Entries:
+        """Return a constant of a jaxpr."""
+        if hasattr(constant, "dtype") and jnp.issubdtype(constant.dtype, jax.dtypes.prng_key):
+            return as_keys(lifted(self.builder, np.asarray(jax.random.key_data(constant))))
+        return np.asarray(constant, dtype)
+
+    def _equation(self, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+        name, around = equation.primitive.name, self.builder.origin
+        apply = self.rules.get(name)
+        if apply is None and name in FOLDED:
+            apply = elementwise
+        if all(entries.dtype != object for entries in given) and name not in _ALWAYS:
+            return [self.known(result) for result in _evaluated(equation, given)]
+        self.builder.origin = equation.source_info, around
+        try:
+            if apply is None:
+                raise Untranslatable(ADVICE.get(name, ""))
+            for var in equation.outvars:
+                _check(var.aval)
+            results = apply(self, equation, given)
+        except Untranslatable as error:
+            raise ValueError(
+                f"sampler must be made of operations that can be translated, got {name!r}"
+                f"{f' ({error})' if str(error) else ''} {source_line((equation.source_info, around))}"
+            ) from None
+        finally:
+            self.builder.origin = around
+        return [simplest(entries) for entries in results]
+
+    def map(self, function: Callable[..., Value], dtype: Any, *given: Entries) -> Entries:
+        """Apply a function of values to the entries of arrays, wrapped to the dtype of 8 or 16 bits."""
+        arrays = np.broadcast_arrays(*(lifted(self.builder, entries) for entries in given))
+        made = np.empty(arrays[0].shape, object)
+        for place in np.ndindex(made.shape):
+            made[place] = self._wrapped(function(*(array[place] for array in arrays)), np.dtype(dtype))
+        return made
+
+    def _wrapped(self, value: Value, dtype: np.dtype) -> Value:
+        if dtype.kind not in "iu" or dtype.itemsize >= 4:
+            return value
+        builder, bits = self.builder, 8 * dtype.itemsize
+        if dtype.kind == "u":
+            return builder.apply("and", value, builder.constant((1 << bits) - 1, value.dtype))
+        by = builder.constant(32 - bits, value.dtype)
+        return builder.apply("shift_right_arithmetic", builder.apply("shift_left", value, by), by)
+
+
+_ALWAYS = frozenset(("jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"))
+"""Primitives with a rule even for known arguments: others are evaluated by JAX."""
+
+
+def elementwise(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    """Apply an operation entry by entry."""
+    name, out = equation.primitive.name, equation.outvars[0].aval
+    builder = reader.builder
+    if name.startswith("shift"):
+        return [reader.map(lambda a, b: builder.shifted(name, a, b), out.dtype, *given)]
+    if name in ("div", "rem") and np.dtype(out.dtype).kind in "iu":
+        return [reader.map(lambda a, b: builder.divided(name, a, b), out.dtype, *given)]
+    dtype = np.bool_ if name in COMPARISONS else out.dtype
+    return [reader.map(lambda *values: builder.apply(name, *values), dtype, *given)]
+
+
+def simplest(entries: Entries) -> Entries:
+    """Return an array of numbers if all its values are constants."""
+    if entries.dtype != object or not entries.size:
+        return entries
+    flat = entries.ravel()
+    if not all(isinstance(value, Value) and value.kind == "constant" for value in flat):
+        return entries
+    return np.array([value.detail for value in flat], flat[0].dtype).reshape(entries.shape)
+
+
+_BY_NUMPY = frozenset(FOLDED) - {"div", "rem"}
+"""Operations that NumPy does at once, with the results of JAX, which compiles each of them first."""
+
+
+def _evaluated(equation: Any, given: list[Entries]) -> Sequence[Any]:
+    """Return what JAX makes of known arrays."""
+    name = equation.primitive.name
+    if name in _BY_NUMPY and len({entries.shape for entries in given}) == 1:
+        with np.errstate(all="ignore"):
+            return [np.asarray(FOLDED[name](*given))]
+    with jax.ensure_compile_time_eval(), jax.enable_x64(True):
+        results = equation.primitive.bind(*given, **equation.params)
+    return results if equation.primitive.multiple_results else [results]
+
+
+def _check(aval: Any) -> None:
+    """Raise unless arrays of this shape and dtype can be scalars of a program."""
+    dtype = getattr(aval, "dtype", None)
+    if dtype is None or jnp.issubdtype(dtype, jax.dtypes.prng_key):
+        return
+    if np.dtype(dtype).kind not in "biuf" or widened(np.dtype(dtype)) not in DTYPES:
+        raise Untranslatable(f"of dtype {dtype}")
+    if np.prod(aval.shape) > MOST_ENTRIES:
+        raise Untranslatable(f"of {checks.shown(aval)}, more than {MOST_ENTRIES} values")

@@ -1,0 +1,218 @@
+"""Source code of samplers, sequences, orders and scenes."""
+
+import re
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from qmcjax.bridges._padding import padding_pair, padding_pixel
+from qmcjax.bridges._source._c import C, Cuda
+from qmcjax.bridges._source._header import Header
+from qmcjax.bridges._source._language import RESERVED, Language
+from qmcjax.bridges._source._nouns import Seeded, noun
+from qmcjax.bridges._source._prepared import Prepared
+from qmcjax.bridges._source._program import FLOAT, UINT
+from qmcjax.bridges._source._read import read
+from qmcjax.bridges._source._seeds import seed_words
+from qmcjax.bridges._source._shaders import Glsl, Hlsl, Wgsl
+from qmcjax.bridges._source._writer import Source, Writer
+from qmcjax.core import checks
+from qmcjax.orders import Order
+from qmcjax.samplers import Sampler
+from qmcjax.sequences import Sequence
+
+LANGUAGES: dict[str, Language] = {"c": C(), "glsl": Glsl(), "wgsl": Wgsl(), "hlsl": Hlsl(), "cuda": Cuda()}
+
+_WORD = jax.ShapeDtypeStruct((), np.uint32)
+
+
+def source(
+    sampler: Any,
+    dims: tuple[int, ...] | None = (0, 1),
+    language: str = "c",
+    name: str = "mine",
+    width: int | None = None,
+    height: int | None = None,
+    spp: int | None = None,
+) -> Source:
+    """Translate a sampler, a sequence, an order or a scene into source code.
+
+    Parameters
+    ----------
+    sampler : Sampler, Sequence, Order or Scene, or object with the methods of one
+        Made of operations of JAX on 32-bit integers and floats.
+    dims : tuple of int, optional
+        The wanted coordinates of a sampler or sequence, all for None.
+    language : {"c", "glsl", "wgsl", "hlsl", "cuda"}
+        C99, which is C++ as well; GLSL ES 3.00; WGSL; HLSL; CUDA C++ for device code.
+    name : str
+        An identifier: the names of all functions, types and tables begin with it.
+    width, height : int, optional
+        The size of the image, checked against the sampler's.
+    spp : int, optional
+        The number of samples of a pixel, likewise. The program is made for pixels and samples of this size
+        only: it may then be shorter, with the same bits.
+
+    Returns
+    -------
+    str
+        Functions that compute the same bits as ``sampler`` for float32, coordinates in [0, 1); the comment at
+        the head says how to call them. A sampler becomes a structure ``mine_pixel`` with ``mine_prepare``,
+        ``mine_sample``, the function ``mine`` that is both, and ``mine_pair`` for pairs of coordinates beyond
+        the sampler's. Seeds are arguments: other seeds need no other program. Constant arrays become tables;
+        the attribute ``tables``, uint32 of shape (n,), has the words of large ones that the caller of a
+        shader binds.
+
+    Raises
+    ------
+    TypeError
+        If ``sampler`` is none of these.
+    ValueError
+        If it uses an operation that cannot be translated: the message names the operation, the line of the
+        caller's file, and often what to use instead. If ``name`` is not an identifier, or the size is not the
+        sampler's.
+
+    Notes
+    -----
+    Integers of 64 bits and float64 stay what they are in C and CUDA, and become words in other languages.
+
+    Samplers, sequences and orders have equal bits in all languages. Scenes compute with float32, where
+    compilers may fuse products and sums and functions such as the sine are rounded differently: the page
+    "Samplers as source code" of the documentation says by how much, and what can be translated.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> text = source(samplers.independent(sequences.sobol(2), key=1), language="glsl")
+    >>> print(text.splitlines()[0])
+    // A sampler, by qmcjax: Independent(sobol(dims=2)).
+    """
+    made = noun("sampler", sampler)
+    written = LANGUAGES[checks.choice("language", language, LANGUAGES)]
+    _check_name(name)
+    if isinstance(made, Sampler):
+        size = _checked_size(made, width, height, spp)
+        made = made if size[2] is None else made.up_to(size[2])
+        return _of_sampler(made, dims, written, name, _limits(made, size))
+    for argument, value in (("width", width), ("height", height), ("spp", spp)):
+        if value is not None:
+            raise ValueError(f"{argument} must be None, except for samplers, got {checks.shown(value)}")
+    if isinstance(made, Sequence):
+        return _of_sequence(made, dims, written, name)
+    return _of_order(made, written, name) if isinstance(made, Order) else _of_scene(made, written, name)
+
+
+def _check_name(name: Any) -> None:
+    if not isinstance(name, str):
+        raise TypeError(f"name must be an identifier, got {checks.shown(name)}")
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]*(_[A-Za-z0-9]+)*", name):
+        raise ValueError(
+            f"name must be an identifier of letters, digits and single underscores, got {checks.shown(name)}"
+        )
+    if name in RESERVED:
+        raise ValueError(f"name must not be a word of one of the languages, got {name!r}")
+
+
+def _checked_size(sampler: Sampler, *size: int | None) -> list[int | None]:
+    """Return columns, rows and number of samples if they are the sampler's."""
+    width, height, spp = size
+    if (width is None) != (height is None):
+        raise ValueError(f"width and height must be given together, got {width} and {height}")
+    if width is not None and height is not None:
+        sampler.check(width, height, 1 if spp is None else spp)
+    elif spp is not None and checks.integer("spp", spp, 1, checks.INDEX_LIMIT) > sampler.limits[2]:
+        raise ValueError(f"spp must be at most {sampler.limits[2]}, the sampler's, got {spp}")
+    return [None if number is None else int(number) for number in size]
+
+
+def _limits(sampler: Sampler, size: list[int | None]) -> list[int]:
+    """Return limits of column, row and number of the sample: the sampler's, or those that are asked for."""
+    pairs = zip(size, sampler.limits, strict=True)
+    return [limit if asked is None else min(asked, limit) for asked, limit in pairs]
+
+
+def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limits: list[int]) -> Source:
+    wanted, seeded = checks.dimensions(dims, sampler.dims), Seeded.of(sampler)
+    writer = Writer(language, name, seed_words(sampler, seeded))
+
+    def prepare(seeds: Any, x: Any, y: Any) -> Any:
+        own, padding = seeds
+        return seeded.put(own).prepare(x, y, wanted), padding_pixel(padding, x, y)
+
+    def points(seeds: Any, state: Any, sample: Any) -> Any:
+        return seeded.put(seeds[0]).points(state[0], sample, wanted, jnp.float32)
+
+    def pair(seeds: Any, state: Any, number: Any, sample: Any) -> Any:
+        return padding_pair(state[1], number, sample)
+
+    seeds = (seeded.seeds, jax.ShapeDtypeStruct((2,), np.uint32))
+    prepared = Prepared(prepare, seeds, _WORD, _WORD, has_64=language.has_64, below=limits[:2])
+    of_sample = prepared.then(points, _WORD, below=limits[2:])
+    of_pair = prepared.then(pair, _WORD, _WORD)
+    used = prepared.used(of_sample, of_pair)
+    kind, pixel = f"{name}_pixel", language.parameter(f"{name}_pixel", "pixel")
+    writer.structure(f"{name}_prepare", kind, ("x", "y"), prepared.program(used), used)
+    state = [f"pixel.a{number}" for number in range(len(prepared.members))]
+    writer.fill(f"{name}_sample", of_sample, state, ("s",), FLOAT, pixel)
+    writer.fill(f"{name}_pair", of_pair, state, ("pair", "s"), FLOAT, pixel)
+    writer.both(("x", "y"), ("s",), len(wanted), FLOAT)
+    about = Header(sampler, "A sampler", name, language, writer.seeds.size)
+    about.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
+    about.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_listed(wanted)}")
+    about.call(name, "x, y, s", "both")
+    about.call(f"{name}_pair", "pixel, pair, s", "two coordinates beyond the sampler's, for any number")
+    named = zip("xys", limits, strict=True)
+    known = [f"{letter} < {limit}" for letter, limit in named if limit < checks.INDEX_LIMIT]
+    about.add(f"Arguments: {', '.join(known) or 'any words'}.")
+    about.exact()
+    return writer.text(about, seeded, sampler, wanted, padded=True)
+
+
+def _listed(dims: tuple[int, ...]) -> str:
+    last = len(dims) - 1
+    whole = dims == tuple(range(last + 1)) and last > 3
+    return f"0 to {last}" if whole else ", ".join(map(str, dims))
+
+
+def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -> Source:
+    wanted, seeded = checks.dimensions(dims, sequence.dims), Seeded.of(sequence)
+    writer = Writer(language, name, seeded.words())
+
+    def point(seeds: Any, index: Any) -> Any:
+        return seeded.put(seeds).coordinates(index, wanted, jnp.float32)
+
+    writer.fill(name, read(point, seeded.seeds, _WORD, below=[sequence.limit]), (), ("index",), FLOAT)
+    about = Header(sequence, "A sequence", name, language, writer.seeds.size)
+    about.call(name, "index", f"coordinates {_listed(wanted)} of a point")
+    about.add(f"The index is below {sequence.limit}.")
+    about.exact()
+    return writer.text(about, seeded, sequence, wanted)
+
+
+def _of_order(order: Order, language: Language, name: str) -> Source:
+    seeded = Seeded.of(order)
+    writer = Writer(language, name, seeded.words())
+
+    def position(seeds: Any, x: Any, y: Any) -> Any:
+        return seeded.put(seeds).unchecked_position(x, y)
+
+    size = order.width, order.height
+    writer.scalar(name, read(position, seeded.seeds, _WORD, _WORD, below=size), ("x", "y"), UINT)
+    about = Header(order, "An order", name, language, writer.seeds.size)
+    about.call(name, "x, y", f"of a pixel, below {order.length}", "position")
+    about.add(f"Arguments: x < {order.width}, y < {order.height}.")
+    return writer.text(about, seeded, order, ())
+
+
+def _of_scene(scene: Any, language: Language, name: str) -> Source:
+    needs = tuple(range(len(scene.needs)))
+    writer = Writer(language, name, np.empty(0, np.uint32))
+    program = read(scene, jax.ShapeDtypeStruct((len(needs),), np.float32))
+    parameter = language.parameter(language.type(FLOAT), "p", len(needs))
+    writer.fill(name, program, [f"p[{k}]" for k in needs], (), FLOAT, parameter)
+    about = Header(scene, "A scene", name, language, 0)
+    about.call(name, "p", f"its value at p: {', '.join(scene.needs)}")
+    about.floats()
+    return writer.text(about, Seeded.of(()), scene, ())

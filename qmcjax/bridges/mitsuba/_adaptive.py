@@ -1,0 +1,161 @@
+"""Images of Mitsuba without unnecessary samples."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from qmcjax._pilot import PILOT, check_passes, pilot_of, predicted
+from qmcjax.bridges.mitsuba._given import LIMIT, of_size
+from qmcjax.bridges.mitsuba._sensors import loaded, sensor_of
+from qmcjax.bridges.mitsuba._tiles import TiledPass, Tiles
+from qmcjax.core import checks
+from qmcjax.rendering import AdaptiveImage
+from qmcjax.samplers import Randomized
+
+
+def render_adaptive(
+    scene: Any,
+    sampler: Any,
+    spp: int,
+    tolerance: float,
+    *,
+    unbiased: bool = False,
+    tile: int = 32,
+    key: int = 0,
+    sensor: int = 0,
+) -> AdaptiveImage:
+    """Render a scene of Mitsuba 3 in passes, which stop in each tile when its error is small enough.
+
+    Parameters
+    ----------
+    scene : path of an XML file, or mitsuba.Scene
+        As for :func:`render`. The film must be of type ``hdrfilm``.
+    sampler : Sampler, made by :func:`qmcjax.samplers.randomized`, or function
+        A function of ``(width, height, spp)`` that returns one is called with the size of the film.
+    spp : int, the largest number of samples per pixel: a multiple of the samples of a pass
+    tolerance : float
+        Take passes in each tile until the root mean square of the standard errors of its pixels and channels
+        is at most this, or until they have ``spp`` samples. At least four passes are taken. Positive.
+    unbiased : bool
+        Decide the number of passes of each tile from four passes that are not part of the image. Otherwise a
+        tile whose first passes happen to agree stops early, and rare bright values are underestimated.
+        ``counts`` has the samples of both. The error is then a prediction from four passes: some tiles remain
+        above the tolerance.
+    tile : int, the largest width and height of tiles in pixels, in [1, 65536]
+        Errors of small tiles are less certain, and the reconstruction filter needs more samples around them.
+    key : int
+        For requests beyond the sampler's dimensions, which are independent in each pass.
+    sensor : int
+        Which of the scene's sensors.
+
+    Returns
+    -------
+    AdaptiveImage
+        ``image`` as from :func:`render`, ``counts`` (samples taken in each pixel of it) and ``saving``, the
+        fraction of samples saved: those around tiles, for filters wider than a pixel, count as taken.
+
+    Raises
+    ------
+    ImportError
+        If Mitsuba is not installed.
+    TypeError, ValueError
+        As for :func:`render`, if passes of the sampler cannot be stopped by this tolerance, if the film is of
+        another type, or if the integrator traces particles from lights, which reach all tiles.
+
+    See Also
+    --------
+    qmcjax.render_adaptive : for scenes of qmcjax, pixel by pixel
+
+    Notes
+    -----
+    A tile that is never stopped has the mean of :func:`render` with each of ``sampler.of_pass(k)``, up to
+    rounding. Channels beyond the colours, such as depths, are rendered, but do not decide. Tiles with values
+    that are not finite take all passes.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> owen = samplers.randomized(lambda key: samplers.independent(sequences.sobol(8), key), key=1, spp=16)
+    >>> result = render_adaptive("scene.xml", owen, spp=1024, tolerance=0.01)  # doctest: +SKIP
+    """
+    mitsuba, scene = loaded(scene)
+    own = sensor_of(scene, sensor)
+    if isinstance(scene.integrator(), mitsuba.AdjointIntegrator):
+        raise ValueError(
+            "scene must have an integrator that starts from the sensor, since particles from lights reach "
+            f"all tiles, got {scene.integrator().class_name()}"
+        )
+    tiles = Tiles(mitsuba, own, tile)
+    spp, key = checks.integer("spp", spp, 1, LIMIT), checks.integer("key", key, 0, LIMIT)
+    unbiased = checks.flag("unbiased", unbiased)
+    if of_size(sampler):
+        sampler = sampler(*tiles.whole, spp)
+    check_passes(sampler, spp, tolerance, unbiased)
+    tolerance, limit = float(tolerance), spp // sampler.spp
+    passes = _Passes(mitsuba, scene, tiles, pilot_of(sampler) if unbiased else sampler, key, unbiased)
+    every = np.ones(len(tiles), bool)
+    for number in range(PILOT):
+        passes.add(number, every)
+    spent = PILOT * every
+    if unbiased:
+        wanted = predicted(passes.variance(), tolerance, limit - PILOT)
+        passes = _Passes(mitsuba, scene, tiles, sampler, key, False)
+        for number in range(int(wanted.max())):
+            passes.add(number, wanted > number)
+        spent = spent + wanted
+    else:
+        for number in range(PILOT, limit):
+            active = (np.sqrt(passes.variance() / passes.count) > tolerance) & (passes.count == number)
+            if not active.any():
+                break
+            passes.add(number, active)
+        spent = passes.count
+    return _result(mitsuba, tiles, passes.mean, spent * sampler.spp, spp)
+
+
+class _Passes:
+    """Means of the passes of each tile so far, and the sums of their squared deviations."""
+
+    def __init__(
+        self, mitsuba: Any, scene: Any, tiles: Tiles, sampler: Randomized, key: int, pilot: bool
+    ) -> None:
+        self.mitsuba, self.scene, self.tiles, self.sampler = mitsuba, scene, tiles, sampler
+        self.key = jax.random.fold_in(checks.prng_key("key", key), pilot)
+        self.count = np.zeros(len(tiles), np.int64)
+        self.mean: list[Any] = [0.0] * len(tiles)
+        self.squares: list[Any] = [0.0] * len(tiles)
+
+    def add(self, number: int, active: NDArray[np.bool_]) -> None:
+        """Add a pass in the active tiles (B. P. Welford, 1962)."""
+        beyond = int(jax.random.bits(jax.random.fold_in(self.key, number), (), jnp.uint32))
+        of_pass = self.sampler.of_pass(number)
+        one = TiledPass(self.mitsuba, self.scene, self.tiles, of_pass, beyond, self.sampler.spp)
+        for k in np.flatnonzero(active).tolist():
+            values = one.rendered(k).astype(np.float64)
+            self.count[k] += 1
+            deviation = values - self.mean[k]
+            self.mean[k] = self.mean[k] + deviation / self.count[k]
+            self.squares[k] = self.squares[k] + deviation * (values - self.mean[k])
+
+    def variance(self) -> NDArray[np.float64]:
+        """Return the variance of a pass: its mean over the pixels and colours of each tile."""
+        colours = self.tiles.channels
+        means = [squares[..., :colours].mean() for squares in self.squares]
+        # Infinity asks for all passes.
+        return np.nan_to_num(np.array(means) / (self.count - 1), nan=np.inf, posinf=np.inf)
+
+
+def _result(
+    mitsuba: Any, tiles: Tiles, means: list[NDArray], samples: NDArray[np.int64], spp: int
+) -> AdaptiveImage:
+    """Return an image from its tiles, with the numbers of samples taken in them."""
+    width, height = tiles.size
+    image = np.empty((height, width, means[0].shape[2]), np.float32)
+    counts = np.empty((height, width), np.uint32)
+    for k, mean in enumerate(means):
+        image[tiles.inside(k)], counts[tiles.inside(k)] = mean, samples[k]
+    taken = int(samples.sum()) * tiles.region[0] * tiles.region[1]
+    return AdaptiveImage(mitsuba.TensorXf(image), counts, 1 - taken / (width * height * spp))

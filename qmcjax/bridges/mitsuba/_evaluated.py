@@ -1,0 +1,181 @@
+"""Programs of scalars, evaluated on arrays of Dr.Jit: recorded, for LLVM and CUDA, not run."""
+
+import operator
+from collections.abc import Callable, Iterable, Sequence
+from types import ModuleType
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from qmcjax.bridges._source import Compute, Program, Repeat, Table, Value
+from qmcjax.bridges._source._program import Statement
+
+Step: TypeAlias = Callable[[list[Any]], None]
+"""What adds a value to the list of those that are known."""
+
+
+class Arrays:
+    """The array types of a variant, and the operations of programs on them."""
+
+    def __init__(self, drjit: ModuleType, real: type) -> None:
+        self.drjit = drjit
+        self.uint = drjit.uint32_array_t(real)
+        self.types: dict[np.dtype, Any] = {
+            np.dtype(name): of(real)
+            for name, of in (
+                ("bool", drjit.mask_t),
+                ("uint32", drjit.uint32_array_t),
+                ("int32", drjit.int32_array_t),
+                ("float32", drjit.float32_array_t),
+                ("uint64", drjit.uint64_array_t),
+                ("int64", drjit.int64_array_t),
+                ("float64", drjit.float64_array_t),
+            )
+        }
+        self.operations: dict[str, Callable[..., Any]] = {
+            "add": operator.add,
+            "sub": operator.sub,
+            "mul": operator.mul,
+            "rem": operator.mod,
+            "and": operator.and_,
+            "or": operator.or_,
+            "xor": operator.xor,
+            "not": operator.invert,
+            "neg": operator.neg,
+            "eq": operator.eq,
+            "ne": operator.ne,
+            "lt": operator.lt,
+            "le": operator.le,
+            "gt": operator.gt,
+            "ge": operator.ge,
+            "shift_left": operator.lshift,
+            "select": drjit.select,
+            "min": drjit.minimum,
+            "max": drjit.maximum,
+            "round_even": drjit.round,
+            "popcount": drjit.popcnt,
+        }
+
+    def constant(self, value: np.generic) -> Any:
+        """Return a constant as an array of one entry, which is part of what is recorded."""
+        return self.types[value.dtype](value.item())
+
+    def operation(self, value: Value) -> Callable[..., Any]:
+        """Return the function that computes a value from its arguments."""
+        kind, made = value.kind, self.types[value.dtype]
+        if kind in ("convert", "bitcast"):
+            return self._converted(value)
+        if kind in ("shift_right_logical", "shift_right_arithmetic"):
+            sign = "u" if kind == "shift_right_logical" else "i"
+            word = self.types[np.dtype(f"{sign}{value.dtype.itemsize}")]
+            if word is made:
+                return operator.rshift
+            cast = self.drjit.reinterpret_array
+            return lambda a, b: cast(made, cast(word, a) >> cast(word, b))
+        if kind == "div":
+            return operator.truediv if value.dtype.kind == "f" else operator.floordiv
+        return self.operations[kind] if kind in self.operations else getattr(self.drjit, kind)
+
+    def _converted(self, value: Value) -> Callable[..., Any]:
+        made, given = self.types[value.dtype], value.arguments[0].dtype
+        if value.kind == "bitcast":
+            return lambda a: self.drjit.reinterpret_array(made, a)
+        if value.dtype == np.bool_:
+            return lambda a: a != 0
+        if given == np.bool_:
+            return lambda a: self.drjit.select(a, made(1), made(0))
+        return made
+
+
+class Evaluated:
+    """A program on arrays: ``evaluated(inputs)`` returns its outputs.
+
+    ``tables``: the constant tables that are in memory already, to which those of the program are added.
+    """
+
+    def __init__(self, arrays: Arrays, program: Program, tables: dict[Table, Any]) -> None:
+        self._arrays, self._tables = arrays, tables
+        reached = program.reached()
+        self.used = {place for place, value in enumerate(program.inputs) if value in reached}
+        """Which inputs it uses."""
+        self._places: dict[Any, int] = {}
+        self._constants: list[tuple[int, np.generic]] = []
+        self._inputs = [self._place(value) for value in program.inputs]
+        self._steps = self._block(program.statements)
+        self._outputs = [self._place(value) for value in program.outputs]
+
+    def __call__(self, inputs: Sequence[Any]) -> list[Any]:
+        known: list[Any] = [None] * len(self._places)
+        for place, value in zip(self._inputs, inputs, strict=True):
+            known[place] = value
+        for place, value in self._constants:
+            known[place] = self._arrays.constant(value)
+        for step in self._steps:
+            step(known)
+        return [known[place] for place in self._outputs]
+
+    def _place(self, value: Value) -> int:
+        """Return the place of a value in the list of what is known."""
+        key = (value.loop, value.detail) if value.kind == "result" else value
+        if key not in self._places:
+            self._places[key] = len(self._places)
+            if value.kind == "constant":
+                self._constants.append((self._places[key], value.detail))
+        return self._places[key]
+
+    def _block(self, statements: Iterable[Statement]) -> list[Step]:
+        return [
+            self._compute(statement.value) if isinstance(statement, Compute) else self._repeat(statement)
+            for statement in statements
+        ]
+
+    def _compute(self, value: Value) -> Step:
+        function = self._load(value) if value.kind == "load" else self._arrays.operation(value)
+        places, place = [self._place(argument) for argument in value.arguments], self._place(value)
+
+        def step(known: list[Any]) -> None:
+            known[place] = function(*[known[k] for k in places])
+
+        return step
+
+    def _load(self, value: Value) -> Callable[[Any], Any]:
+        bools = value.dtype == np.bool_
+        if value.detail not in self._tables:
+            dtype = np.dtype(np.uint32) if bools else value.dtype
+            self._tables[value.detail] = self._arrays.types[dtype](value.detail.entries.astype(dtype))
+        table, gather = self._tables[value.detail], self._arrays.drjit.gather
+        made = type(table)
+        return lambda index: gather(made, table, index) != 0 if bools else gather(made, table, index)
+
+    def _repeat(self, statement: Repeat) -> Step:
+        loop, kept = statement.loop, statement.kept
+        first = [self._place(loop.initial[n]) for n in kept]
+        variables = [self._place(loop.variables[n]) for n in kept]
+        head = self._block(statement.head)
+        condition = self._place(loop.condition)
+        body = self._block(statement.body)
+        following = [self._place(loop.following[n]) for n in kept]
+        results = [self._places.setdefault((loop, n), len(self._places)) for n in kept]
+
+        def step(known: list[Any]) -> None:
+            def inside(state: Sequence[Any], steps: Iterable[Step]) -> list[Any]:
+                found = list(known)
+                for place, value in zip(variables, state, strict=True):
+                    found[place] = value
+                for each in steps:
+                    each(found)
+                return found
+
+            def going(*state: Any) -> Any:
+                return inside(state, head)[condition]
+
+            def round_of(*state: Any) -> tuple[Any, ...]:
+                found = inside(state, [*head, *body])
+                return tuple(found[place] for place in following)
+
+            start = tuple(known[place] for place in first)
+            last = self._arrays.drjit.while_loop(start, going, round_of, mode="symbolic")
+            for place, value in zip(results, last, strict=True):
+                known[place] = value
+
+        return step

@@ -1,0 +1,118 @@
+"""The parameters of a plugin in Mitsuba's dictionaries."""
+
+import inspect
+from collections.abc import Callable
+from threading import Lock
+from typing import Any, TypeVar
+
+from qmcjax.bridges.mitsuba._pixels import Window
+from qmcjax.core import checks
+from qmcjax.samplers import Sampler, as_sampler
+
+LIMIT = checks.INDEX_LIMIT - 1
+"""Largest index of a sample, and largest number of samples."""
+
+Made = TypeVar("Made")
+
+
+class Given:
+    """The parameters of a plugin, shared by its copies."""
+
+    def __init__(self, properties: Any) -> None:
+        for name in ("sampler", "film"):
+            if name not in properties:
+                raise ValueError(f"{name} must be a parameter of the plugin, got none")
+        sampler, self.film = properties["sampler"], properties["film"]
+        if not hasattr(sampler, "wrapped"):
+            raise TypeError(
+                f"sampler must be made by qmcjax.bridges.mitsuba.wrap, got {checks.shown(sampler)}"
+            )
+        if not hasattr(self.film, "crop_size"):
+            raise TypeError(f"film must be the sensor's film, got {checks.shown(self.film)}")
+        self._wrapped = sampler.wrapped
+        self.key = checks.prng_key("key", properties.get("key", 0))
+        self.first = checks.integer("first_sample", properties.get("first_sample", 0), 0, LIMIT)
+        self.count = checks.integer("sample_count", properties.get("sample_count", 4), 1, LIMIT)
+        side = properties.get("block_size", 0)
+        self.block_side = 0 if side == 0 else checks.power_of_two("block_size", side, checks.MAX_SIDE)
+        self._lock, self._size, self._made = Lock(), None, None
+        self._used = False
+        self._part: tuple[int, int, tuple[int, int]] | None = None
+
+    def show(self, left: int, top: int, whole: tuple[int, int]) -> None:
+        """Let the film show a part, from this column and row on, of an image of this size."""
+        self._part = left, top, whole
+
+    def window(self) -> Window:
+        """Return the current pixels of the film."""
+        border = self._border
+        width, height = (int(side) + 2 * border for side in self.film.crop_size())
+        left, top = self._part[:2] if self._part else (int(start) for start in self.film.crop_offset())
+        return Window(width, height, left, top)
+
+    def whole(self) -> tuple[int, int]:
+        """Return the columns and rows of the whole film with its border, the image size of the sampler."""
+        if self._part:
+            return self._part[2]
+        width, height = (int(side) + 2 * self._border for side in self.film.size())
+        return width, height
+
+    def in_use(self) -> bool:
+        """Return whether the film is in use, as the sensor's is while Mitsuba renders."""
+        if not self._used:
+            try:
+                self.film.develop(raw=True)
+            except RuntimeError:
+                return False
+            self._used = True
+        return True
+
+    def check_film(self) -> None:
+        """Raise unless the film is in use."""
+        if not self.in_use():
+            raise ValueError(
+                "film must be the sensor's film, got another: Mitsuba has not prepared it for an image. In "
+                "loops of your own use seek, not seed"
+            )
+
+    def made(self, count: int, make: Callable[[Sampler], Made]) -> Made:
+        """Return what is made of the sampler for ``count`` samples per pixel: made once for all copies."""
+        size = (*self.whole(), self.first + count) if of_size(self._wrapped) else ()
+        with self._lock:
+            if self._made is None or self._size != size:
+                sampler = as_pixels("sampler", self._wrapped(*size) if size else self._wrapped)
+                self._size, self._made = size, make(sampler)
+            return self._made
+
+    @property
+    def name(self) -> str:
+        """What the sampler is, in words."""
+        return checks.shown(self._wrapped)
+
+    @property
+    def _border(self) -> int:
+        return int(self.film.rfilter().border_size()) if self.film.sample_border() else 0
+
+
+def of_size(sampler: Any) -> bool:
+    """Return whether an object is a function of (width, height, spp) that makes a sampler, not a sampler."""
+    if not callable(sampler) or isinstance(sampler, type) or hasattr(sampler, "dims"):
+        return False
+    try:
+        inspect.signature(sampler).bind(1, 1, 1)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def as_pixels(name: str, sampler: Any) -> Sampler:
+    """Return a sampler of two coordinates or more."""
+    sampler = as_sampler(name, sampler)
+    if sampler.dims < 2:
+        raise ValueError(f"{name} must have at least the two coordinates of a pixel, got {sampler.dims}")
+    return sampler
+
+
+def shown(plug_in: Any) -> str:
+    """Return the text of a plugin as part of a printed scene."""
+    return f"QmcSampler[\n  sampler = {plug_in.given.name},\n  sample_count = {plug_in.sample_count()}\n]"

@@ -1,0 +1,207 @@
+"""The plugin for LLVM and CUDA variants: a sampler's program becomes part of what they compile."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from types import ModuleType
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from qmcjax.bridges._source import Table
+from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
+from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
+from qmcjax.bridges.mitsuba._programs import Programs, first_of
+from qmcjax.core import checks
+from qmcjax.samplers import Sampler
+
+
+class Recorded:
+    """The pairs of a sampler, and those beyond, on arrays of a variant; shared by copies of the plugin."""
+
+    def __init__(self, arrays: Arrays, key: Any, sampler: Sampler) -> None:
+        self.sampler = sampler
+        programs = Programs(sampler, np.asarray(jax.random.bits(key, (2,), jnp.uint32)))
+        tables: dict[Table, Any] = {}
+        self.count = programs.count
+        self.prepare = Evaluated(arrays, programs.prepare, tables)
+        self._pairs = [
+            (Evaluated(arrays, first_of(program), tables), Evaluated(arrays, program, tables))
+            for program in (*map(programs.own, range(programs.count)), programs.padding)
+        ]
+        # In memory, not part of what is compiled: another key does not compile again.
+        self.seeds = [arrays.drjit.opaque(arrays.uint, int(word)) for word in programs.seeds]
+        self._switch, self._minimum = arrays.drjit.switch, arrays.drjit.minimum
+
+    def pair(
+        self, wanted: int, number: int | None, least: int, pair: Any, members: Sequence[Any], sample: Any
+    ) -> Sequence[Any]:
+        """Return one or both coordinates of a pair: its number is known while it is recorded, or an array.
+
+        ``least``: a lower bound of the numbers. ``members``: of the pixels.
+        """
+        lowest = min(least, self.count)
+        choices = [self._pairs[k][wanted - 1] for k in range(lowest, self.count + 1)]
+        words = [*self.seeds, *members]
+        if number is not None or len(choices) == 1:
+            return self._chosen(choices[0], words, pair, sample)
+        # Calls take as arguments what one of them uses.
+        used = sorted(
+            set().union(*(choice.used for choice in choices)) & set(range(len(self.seeds), len(words)))
+        )
+
+        def calls(choice: Evaluated) -> Callable[..., tuple[Any, ...]]:
+            def call(pair: Any, sample: Any, given: list[Any]) -> tuple[Any, ...]:
+                known = list(words)
+                for place, value in zip(used, given, strict=True):
+                    known[place] = value
+                return tuple(self._chosen(choice, known, pair, sample))
+
+            return call
+
+        index = self._minimum(pair, self.count) - lowest
+        return self._switch(index, list(map(calls, choices)), pair, sample, [words[place] for place in used])
+
+    def _chosen(self, choice: Evaluated, words: Sequence[Any], pair: Any, sample: Any) -> list[Any]:
+        padding = choice in self._pairs[self.count]
+        return choice([*words, pair, sample] if padding else [*words, sample])
+
+
+class Last:
+    """The number of the pair that follows a request: as an array, and its lower bound.
+
+    Not a tuple: Dr.Jit does not find the array, which is no state of loops. As it is kept, no other variable
+    gets its index.
+    """
+
+    def __init__(self, pair: Any, least: int) -> None:
+        self.pair, self.least = pair, least
+
+
+def copied(*of: Any) -> list[Any]:
+    """Return arrays of Dr.Jit as other objects."""
+    return [type(array)(array) for array in of]
+
+
+def vectorized(mitsuba: ModuleType) -> type:
+    """Return the class of the plugin for the current variant."""
+    import drjit  # pyright: ignore[reportMissingImports]
+
+    arrays = Arrays(drjit, mitsuba.Float)
+    word = arrays.uint
+
+    class VectorizedSampler(mitsuba.Sampler):
+        # Dr.Jit finds the arrays among the attributes: in symbolic loops they are the state of the loop.
+        def __init__(self, properties: Any, given: Given | None = None) -> None:
+            super().__init__(properties)
+            self.given = given or Given(properties)
+            self.recorded: Recorded | None = None
+            self.members, self.sample, self.pair = [], word(0), word(0)
+            self.last, self.least = Last(None, 0), 0
+            self.end, self.step = 0, 0
+            self.seeded, self.checked = False, False
+
+        def fork(self) -> Any:
+            properties = mitsuba.Properties()
+            properties["sample_count"] = self.sample_count()
+            return VectorizedSampler(properties, self.given)
+
+        def clone(self) -> Any:
+            other = self.fork()
+            for name in ("recorded", "last", "least", "end", "step", "seeded", "checked"):
+                setattr(other, name, getattr(self, name))
+            # Loops change arrays of their state in place: copies have arrays of their own.
+            other.sample, other.pair, *other.members = copied(self.sample, self.pair, *self.members)
+            return other
+
+        def seed(self, seed: Any, wavefront_size: int = LIMIT) -> None:
+            super().seed(seed, wavefront_size)
+            window, count = self.given.window(), self.sample_count()
+            per_pixel, rest = divmod(wavefront_size, len(window))
+            if rest or not per_pixel or count % per_pixel:
+                # After an image Mitsuba seeds samplers for one sample, to free memory: this is an error only
+                # if coordinates are requested.
+                self.recorded = None
+                return
+            start = self.given.first + int(np.ravel(np.array(seed))[0]) * count
+            if self._recorded().sampler.limits[2] > LIMIT:
+                start %= checks.INDEX_LIMIT
+            pixel, sample = self._divided(drjit.arange(word, wavefront_size), per_pixel)
+            row, column = self._divided(pixel, window.width)
+            # In memory, not part of what is compiled: another window, or seed, does not compile again.
+            left, top, first = (
+                drjit.opaque(word, each) for each in (window.left, window.top, start % checks.INDEX_LIMIT)
+            )
+            self._put(column + left, row + top, sample + first)
+            self.end, self.step, self.seeded = start + per_pixel, per_pixel, True
+
+        def seek(self, x: Any, y: Any, sample: Any = 0) -> None:
+            named = zip(("x", "y", "sample"), (x, y, sample), (*self.given.whole(), LIMIT), strict=True)
+            words = [
+                np.ravel(np.asarray(checks.unsigned(name, np.asarray(value), limit)))
+                for name, value, limit in named
+            ]
+            self._put(*(word(each) for each in np.broadcast_arrays(*words)))
+            self.end, self.step, self.seeded = int(words[2].max()) + 1, 1, False
+
+        def advance(self) -> None:
+            self.sample, self.pair, self.least = self.sample + self.step, word(0), 0
+            # Checked when coordinates are requested: after its last pass Mitsuba advances once more.
+            self.end, self.checked = self.end + self.step, False
+
+        def schedule_state(self) -> None:
+            drjit.schedule(self.members, self.sample, self.pair)
+
+        def next_1d(self, active: Any = True) -> Any:
+            return mitsuba.Float(self._next(1)[0])
+
+        def next_2d(self, active: Any = True) -> Any:
+            return mitsuba.Point2f(*self._next(2))
+
+        def to_string(self) -> str:
+            return shown(self)
+
+        def _next(self, wanted: int) -> Sequence[Any]:
+            recorded = self._checked()
+            pair, number, least = self.pair, None, self.least
+            if pair.state == drjit.VarState.Literal:
+                number = least = int(pair[0])
+                # In a branch other lanes do not take part: what follows may have lower numbers.
+                if not drjit.flag(drjit.JitFlag.SymbolicScope):
+                    self.least = number + 1
+            elif self.last.pair is not None and self.last.pair.index == pair.index:
+                # The same variable, not that of another round of a loop.
+                least = self.last.least
+            self.pair = pair + 1
+            self.last = Last(copied(self.pair)[0], least + 1)
+            return recorded.pair(wanted, number, least, pair, self.members, self.sample)
+
+        def _recorded(self) -> Recorded:
+            return self.given.made(self.sample_count(), partial(Recorded, arrays, self.given.key))
+
+        def _put(self, x: Any, y: Any, sample: Any) -> None:
+            self.recorded = self._recorded()
+            self.members = copied(*self.recorded.prepare([*self.recorded.seeds, x, y]))
+            self.sample, self.pair, self.least, self.checked = sample, word(0), 0, False
+
+        def _checked(self) -> Recorded:
+            if self.recorded is None:
+                raise ValueError(
+                    "film must be the sensor's film, and seed or seek must set the pixels before coordinates "
+                    "are requested: the size of a wavefront must be the number of pixels of the film times "
+                    "the samples per pixel, or times a divisor of them"
+                )
+            if not self.checked:
+                if self.seeded:
+                    self.given.check_film()
+                self.recorded.sampler.check(*self.given.whole(), self.end)
+                self.checked = True
+            return self.recorded
+
+        @staticmethod
+        def _divided(number: Any, by: int) -> tuple[Any, Any]:
+            quotient = number // by
+            return quotient, number - quotient * by
+
+    return VectorizedSampler

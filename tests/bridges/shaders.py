@@ -1,0 +1,110 @@
+"""Source code in shaders: WGSL and HLSL, run by wgpu with any driver."""
+
+import shutil
+import subprocess
+from functools import cache
+
+import numpy as np
+
+GIVEN = {"sampler": 3, "sequence": 1, "order": 2}
+"""Number of words that each kind of object is called with."""
+
+WGSL = """
+@group(0) @binding(0) var<storage, read> given: array<u32>;
+@group(0) @binding(1) var<storage, read_write> found: array<f32>;
+@compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let i = id.x + 65536u * id.y;
+    if (i >= @COUNT@u) { return; }
+    @CALL@
+    for (var k = 0u; k < @SIZE@u; k++) { found[@SIZE@u * i + k] = values[k]; }
+}
+"""
+HLSL = """
+[[vk::binding(0)]] StructuredBuffer<uint> given;
+[[vk::binding(1)]] RWStructuredBuffer<float> found;
+[numthreads(64, 1, 1)] void main(uint3 id : SV_DispatchThreadID) {
+    uint i = id.x + 65536u * id.y;
+    if (i >= @COUNT@u) return;
+    float values[@SIZE@];
+    @CALL@
+    for (uint k = 0u; k < @SIZE@u; k++) found[@SIZE@u * i + k] = values[k];
+}
+"""
+
+
+WGSL_CALLS = "var values = mine({});", "var values = array<f32, 1>(bitcast<f32>(mine({})));"
+HLSL_CALLS = "mine({}, values);", "values[0] = asfloat(mine({}));"
+
+
+def filled(program, text, kind, inputs, size):
+    """Return a program that calls the function ``mine`` once for each entry of its inputs."""
+    number = GIVEN[kind]
+    words = [f"given[{number}u * i + {k}u]" for k in range(number)]
+    words += ["mine_seeds"] * ("mine_seeds" in text)
+    which = int(kind == "order")
+    call = (WGSL_CALLS if program is WGSL else HLSL_CALLS)[which].format(", ".join(words))
+    for word, value in (("COUNT", len(inputs[0])), ("SIZE", size), ("CALL", call)):
+        program = program.replace(f"@{word}@", str(value))
+    return type(text)(text + program, text.tables)
+
+
+@cache
+def device():
+    """Return a device of wgpu, or why there is none."""
+    try:
+        import wgpu
+    except ImportError:
+        return "no wgpu: pip install wgpu"
+    try:
+        return wgpu.gpu.request_adapter_sync(power_preference="low-power").request_device_sync()
+    except Exception as error:
+        return f"no driver for wgpu (Debian: mesa-vulkan-drivers): {error}"
+
+
+def missing(language):
+    """Return why a language cannot be run, or None."""
+    if isinstance(device(), str):
+        return device()
+    compiler = language == "wgsl" or shutil.which("glslangValidator")
+    return None if compiler else "no glslangValidator (Debian: glslang-tools)"
+
+
+def run(language, text, kind, inputs, size, folder):
+    """Return what a function makes of arrays, shape (n, size); HLSL is compiled by glslang."""
+    if language == "wgsl":
+        return _run(str(filled(WGSL, text, kind, inputs, size)), text.tables, inputs, size, kind)
+    (folder / "mine.hlsl").write_text(filled(HLSL, text, kind, inputs, size))
+    options = ["-D", "-V", "-S", "comp", "-e", "main", "--quiet"]
+    command = ["glslangValidator", *options, "-o", "mine.spv", "mine.hlsl"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[:4000]
+    return _run((folder / "mine.spv").read_bytes(), text.tables, inputs, size, kind)
+
+
+def _run(code, tables, inputs, size, kind):
+    import wgpu
+
+    made, count = device(), len(inputs[0])
+    given = made.create_buffer_with_data(
+        data=np.stack(inputs, axis=-1).astype(np.uint32).tobytes(), usage=wgpu.BufferUsage.STORAGE
+    )
+    usage = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.COPY_SRC
+    found = made.create_buffer(size=4 * count * size, usage=usage)
+    compute = {"module": made.create_shader_module(code=code), "entry_point": "main"}
+    pipeline = made.create_compute_pipeline(layout="auto", compute=compute)
+    entries = [{"binding": k, "resource": {"buffer": buffer}} for k, buffer in enumerate((given, found))]
+    groups = [(0, entries)]
+    if tables.size:
+        words = made.create_buffer_with_data(data=tables.tobytes(), usage=wgpu.BufferUsage.STORAGE)
+        groups.append((1, [{"binding": 0, "resource": {"buffer": words}}]))
+    encoder = made.create_command_encoder()
+    pass_ = encoder.begin_compute_pass()
+    pass_.set_pipeline(pipeline)
+    for number, entries in groups:
+        layout = pipeline.get_bind_group_layout(number)
+        pass_.set_bind_group(number, made.create_bind_group(layout=layout, entries=entries))
+    pass_.dispatch_workgroups(1024, -(-count // 65536))
+    pass_.end()
+    made.queue.submit([encoder.finish()])
+    dtype = np.uint32 if kind == "order" else np.float32
+    return np.frombuffer(made.queue.read_buffer(found), dtype).reshape(count, size)

@@ -1,0 +1,301 @@
+"""Samplers, sequences, orders and scenes as source code: the same bits in every language."""
+
+import re
+
+import compiled
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scene_tables
+import shaders
+import tables
+import webgl
+
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.bridges import source
+from qmcjax.bridges._padding import padding_pair, padding_pixel
+
+MANY, IN_SHADERS, FEW = 2**20, 2**16, 2**12
+"""Random arguments: drivers of shaders without a graphics card take seconds for a million."""
+
+WIDTHS = {"peano": 20}
+
+KINDS = {"sampler": tables.SAMPLERS, "sequence": tables.SEQUENCES, "order": tables.ORDERS}
+EVERY = [(kind, name) for kind, table in KINDS.items() for name in table]
+SOME = [
+    ("sampler", "independent, owen"),
+    ("sampler", "segments, hilbert, halton"),
+    ("sampler", "ranked"),
+    ("sampler", "randomized, contiguous, owen"),
+    ("sequence", "sobol(9)"),
+    ("sequence", "owen_exact(sobol(2))"),
+    ("sequence", "latin_hypercube(1601)"),
+    ("sequence", "owen(halton(3))"),
+    ("order", "hilbert"),
+    ("order", "scrambled_morton, tree"),
+]
+"""Tables, loops, keys, and 64 bits."""
+
+
+def some(*more):
+    """Run a test with few calls of some objects."""
+    cases = [pytest.param(kind, name, FEW, id=name, marks=more) for kind, name in SOME]
+    return pytest.mark.parametrize("kind, name, count", cases)
+
+
+def made(kind, name):
+    value = KINDS[kind][name]
+    return value(WIDTHS.get(name, 16), 16) if kind == "order" else value
+
+
+def drawn(kind, name, count):
+    """Return an object, limits of its arguments, random ones, its number of results, and these."""
+    value = made(kind, name)
+    if kind == "order":
+        limits = value.width, value.height
+        given = webgl.drawn(count, limits)
+        return value, limits, given, 1, np.asarray(value.position(*given))[:, None]
+    limits = (value.limit,) if kind == "sequence" else value.limits
+    if name.startswith("randomized"):
+        limits = (32, 32, 64)  # Each is of another pass: a sampler of its own.
+    given, dims = webgl.drawn(count, limits), tuple(range(value.dims))
+    program = jax.jit(lambda value, *given: value(*given, dims=dims))
+    return value, limits, given, value.dims, np.asarray(program(value, *given))
+
+
+def equal(found, expected):
+    return np.array_equal(np.asarray(found).view(np.uint32), expected.view(np.uint32))
+
+
+def missing(tool):
+    return compiled.missing(tool) if tool in compiled.COMPILERS else shaders.missing(tool)
+
+
+def in_shaders(language, kind, value, given, size, expected, folder):
+    """Compare what a shader makes of the first arguments."""
+    text, first = source(value, None, language), slice(IN_SHADERS)
+    return equal(shaders.run(language, text, kind, [g[first] for g in given], size, folder), expected[first])
+
+
+@pytest.mark.parametrize("tool", ["gcc", "wgsl", "hlsl", *tables.slow("g++", "clang", "cuda")])
+@some()
+def test_some_have_the_same_bits(kind, name, count, tool, tmp_path):
+    if missing(tool):
+        pytest.skip(missing(tool))
+    value, _, given, size, expected = drawn(kind, name, count)
+    if tool in compiled.COMPILERS:
+        text = source(value, None, compiled.COMPILERS[tool][0])
+        assert equal(compiled.run(tmp_path, text, kind, tool, given, size), expected)
+    else:
+        assert in_shaders(tool, kind, value, given, size, expected, tmp_path)
+
+
+PARTS = 8
+"""Tests of all objects, each of some: compilers start once for them."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(PARTS))
+def test_every_object_has_the_same_bits(part, tmp_path):
+    """At 2**20 random arguments in C, and at 2**16 in shaders."""
+    objects = {f"object{k}": EVERY[k] for k in range(part, len(EVERY), PARTS)}
+    cases = {name: (kind, *drawn(kind, title, MANY)) for name, (kind, title) in objects.items()}
+    texts = {name: source(value, None, name=name) for name, (_, value, *_) in cases.items()}
+    without = {tool: missing(tool) for tool in ("gcc", "clang", "wgsl", "hlsl") if missing(tool)}
+    different = []
+    for compiler in {"gcc", "clang"} - without.keys():
+        lines = (
+            compiled.driven(texts[name], kind, compiler, size, name=name)
+            for name, (kind, _, _, _, size, _) in cases.items()
+        )
+        library = compiled.library(tmp_path, "\n".join(lines), compiler)
+        for name, (kind, _, _, given, size, expected) in cases.items():
+            if not equal(compiled.called(library, kind, given, size, name), expected):
+                different.append((compiler, *objects[name]))
+    for language in {"wgsl", "hlsl"} - without.keys():
+        for name, (kind, value, _, given, size, expected) in cases.items():
+            if not in_shaders(language, kind, value, given, size, expected, tmp_path):
+                different.append((language, *objects[name]))
+    assert not different
+    if without:
+        pytest.skip(f"the others agree: {without}")
+
+
+@pytest.mark.parametrize("kind, name", SOME, ids=lambda value: value)
+def test_cuda_is_c_but_for_its_words(kind, name):
+    """So it has the same bits. Some are compiled above, and the page's is compiled for a device."""
+    value = made(kind, name)
+    c, cuda = (re.split("^#.*\n", source(value, None, to), flags=re.M)[-1] for to in ("c", "cuda"))
+    assert "__device__" in cuda
+    for word, other in (
+        ("static __device__ inline", "QMCJAX_INLINE"),
+        ("static __device__ const", "static const"),
+        ("__uint_as_float", "qmcjax_as_float"),
+        ("__float_as_uint", "qmcjax_as_word"),
+    ):
+        cuda = cuda.replace(word, other)
+    assert cuda == c
+
+
+@pytest.mark.skipif(webgl.CHROMIUM is None, reason="no chromium (Debian: chromium)")
+@pytest.mark.browser
+@pytest.mark.parametrize("part", range(4))
+def test_webgl_has_the_same_bits(part, tmp_path):
+    """In few pages, since each starts a browser; all results are compared by their sum."""
+    cases, expected = {}, {}
+    for kind, name in EVERY[part::4]:
+        value, limits, _, size, found = drawn(kind, name, IN_SHADERS)
+        cases[name] = webgl.case(source(value, None, "glsl"), kind, IN_SHADERS, limits, size)
+        expected[name] = webgl.summed(found)
+    sums = dict(zip(cases, webgl.run(tmp_path, list(cases.values())), strict=True))
+    assert sums == expected, {name: sums[name] for name in sums if sums[name] != expected[name]}
+
+
+ROUNDED = ("gaussian", "product", "genz", "zone_plate", "path_toy")
+"""Scenes with functions that compilers round in their own ways, or a loop that XLA fuses."""
+
+
+def users_scene(points):
+    """Return a root inside a parabola, and steps outside."""
+    x, y = points[..., 0], points[..., 1]
+    return jnp.where(y > 4 * (x - 0.5) ** 2, jnp.sqrt(x * y), jnp.floor(8 * x) / (8 + y))
+
+
+SCENES = {**scene_tables.EVERY, "a user's": scenes.function(users_scene, ("x", "y"))}
+
+
+@pytest.fixture(scope="module")
+def scenes_in_c(tmp_path_factory):
+    """Return a library of all scenes, without products and sums that are fused."""
+    if compiled.missing("gcc"):
+        pytest.skip(compiled.missing("gcc"))
+    texts = []
+    for number, scene in enumerate(SCENES.values()):
+        name = f"scene{number}"
+        text = source(scene, name=name)
+        texts.append(compiled.driven(text, "scene", "gcc", 1, len(scene.needs), name))
+    return compiled.library(tmp_path_factory.mktemp("scenes"), "\n".join(texts), "gcc", ["-ffp-contract=off"])
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+def test_scenes_are_exact_or_within_rounding(name, scenes_in_c):
+    """All others have sums, products, quotients, roots, floors and comparisons, each rounded once."""
+    scene, rng = SCENES[name], np.random.default_rng(7)
+    points = rng.random((FEW, len(scene.needs)), np.float32)
+    expected = np.asarray(scene(jnp.asarray(points)))
+    made = f"scene{list(SCENES).index(name)}"
+    found = compiled.called(scenes_in_c, "scene", [points], 1, made)[:, 0]
+    if name.startswith(ROUNDED):
+        assert np.max(np.abs(found - expected) / np.maximum(1, np.abs(expected))) < 8 * 2.0**-24
+    else:
+        assert np.array_equal(found, expected)
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(webgl.CHROMIUM is None, reason="no chromium (Debian: chromium)")
+def test_scenes_are_close_in_webgl(tmp_path):
+    """Shaders round as they like: an edge may fall on the other side of a point."""
+    names = ("checkerboard(8.0)", "zone_plate(100.0)", "disc", "soft_shadow", "ball", "a user's")
+    made, expected = [], []
+    for name in names:
+        scene = SCENES[name]
+        limits = [2**32] * len(scene.needs)
+        made.append(webgl.case(source(scene, language="glsl"), "scene", FEW, limits, 1, whole=True))
+        points = np.stack([(word >> 8) * np.float32(2.0**-24) for word in webgl.drawn(FEW, limits)], axis=-1)
+        expected.append(np.asarray(scene(jnp.asarray(points, jnp.float32))))
+    for name, found, wanted in zip(names, webgl.run(tmp_path, made), expected, strict=True):
+        assert not isinstance(found, str), (name, found)
+        off = np.abs(found[:FEW, 0].view(np.float32) - wanted) > 1e-5
+        assert np.mean(off) < 2e-3, name
+
+
+OWEN = samplers.independent(sequences.sobol(2), key=1)
+
+
+def test_other_seeds_need_no_other_program(tmp_path):
+    """The text without the seeds is the same for each key, and the seeds are arguments."""
+    texts = [source(samplers.z(16, 16, 4, key), (0, 1)) for key in (1, 2)]
+    seeds = re.compile(r"mine_seeds\[\d+\] = \{.*?\};", re.S)
+    assert texts[0] != texts[1] and seeds.sub("", texts[0]) == seeds.sub("", texts[1])
+    swapped = seeds.sub(seeds.search(texts[1])[0], texts[0])
+    given = webgl.drawn(FEW, (16, 16, 4))
+    expected = np.asarray(samplers.z(16, 16, 4, 2)(*given))
+    assert equal(compiled.run(tmp_path, swapped, "sampler", "gcc", given, 2), expected)
+
+
+@pytest.mark.parametrize("name", ["independent, owen", "ranked"])
+def test_programs_for_an_image_are_shorter_with_the_same_bits(name, tmp_path):
+    sampler = tables.SAMPLERS[name]
+    width, height = 5, 7
+    text = source(sampler, None, width=width, height=height, spp=3)
+    assert f"// Arguments: x < {width}, y < {height}, s < 3." in text
+    assert len(text) < len(source(sampler, None))
+    grid = np.meshgrid(range(width), range(height), range(3))
+    given = [np.ravel(axis).astype(np.uint32) for axis in grid]
+    expected = np.asarray(sampler(*given, tuple(range(sampler.dims))))
+    assert equal(compiled.run(tmp_path, text, "sampler", "gcc", given, sampler.dims), expected)
+
+
+PAIRS = (
+    "void run(uint32_t n, const uint32_t *x, const uint32_t *y, const uint32_t *s, const uint32_t *pair, "
+    "float *out) {\n  for (uint32_t i = 0; i < n; i++) "
+    "mine_pair(mine_prepare(x[i], y[i], mine_seeds), pair[i], s[i], mine_seeds, out + 2 * i);\n}"
+)
+
+
+def test_pairs_beyond_are_those_of_all_bridges(tmp_path):
+    text = source(OWEN)
+    rng = np.random.default_rng(7)
+    x, y, s, pair = (rng.integers(0, 2**32, FEW, dtype=np.uint32) for _ in range(4))
+    made = compiled.library(tmp_path, text + PAIRS, "gcc")
+    found = np.zeros((FEW, 2), np.float32)
+    made.run(FEW, *(array.ctypes.data_as(compiled.ctypes.c_void_p) for array in (x, y, s, pair, found)))
+    known = re.search(r"mine_seeds\[\d+\] = \{(.*?)\};", text, re.S)[1]
+    words = np.array([int(word.strip(" \nu")) for word in known.split(",")][-2:], np.uint32)
+    pixel = padding_pixel(*map(jnp.asarray, (words, x, y)))
+    assert equal(found, np.asarray(padding_pair(pixel, pair, s)))
+
+
+def test_padded_pairs_are_nets_and_independent():
+    """Every aligned block of 2**k samples is a (0,k,2)-net, and no two pairs share their order."""
+    sample = jnp.arange(64, dtype=jnp.uint32)
+    pixel = padding_pixel(jnp.array([3, 4], jnp.uint32), jnp.uint32(5), jnp.uint32(6))
+    pairs = [np.asarray(padding_pair(pixel, jnp.uint32(k), sample)) for k in range(200)]
+    for points in pairs[:20]:
+        for block in (points[:16], points[16:32], points):
+            bits = (block.astype(np.float64) * 2**32).astype(np.uint32)
+            assert tables.is_net(bits, len(block).bit_length() - 1)
+    means = np.array([points.mean(axis=0) for points in pairs])
+    halves = np.array([points[:32, 0] >= points[32:, 0] for points in pairs])
+    assert abs(halves.mean() - 0.5) < 5 * 0.5 / np.sqrt(halves.size)
+    assert len(np.unique(np.argsort([points[:, 0] for points in pairs], axis=1), axis=0)) == len(pairs)
+    assert np.all(np.abs(means - 0.5) < 2.0**-6)
+
+
+def test_headers_say_what_and_how():
+    text = source(samplers.independent(sequences.owen(sequences.sobol(4), 1), 3), (0, 3), name="ours")
+    head = text[: text.index("#include")]
+    assert "Independent(owen(sobol(dims=4)))" in head and "coordinates 0, 3" in head
+    assert "ours_sample(pixel, s, ours_seeds, u)" in head and "in [0, 1)" in head
+    assert "Copyright (c) 2008, Frances Y. Kuo and Stephen Joe" in head
+    assert "Kuo" not in source(OWEN) and "s < 4" in source(samplers.z(16, 16, 4, 1))
+    assert "ours_pixel" in text and "mine" not in text
+    # Functions of two files go together.
+    assert source(scenes.ball(), name="one") != source(scenes.ball(), name="two")
+
+
+def test_users_samplers_are_translated(tmp_path):
+    """Ten lines written this morning."""
+
+    class Mine:
+        dims = 2
+
+        def __call__(self, x, y, sample, dims, dtype):
+            index = orders.hilbert(16, 16).position(x, y) * np.uint32(4) + sample
+            points = sequences.sobol(2)(index, dims, dtype)
+            return jnp.minimum(points * np.float32(0.5) + np.float32(0.25), np.float32(0.75))
+
+    given = webgl.drawn(FEW, (16, 16, 4))
+    expected = np.asarray(Mine()(*given, (0, 1), jnp.float32))
+    assert equal(compiled.run(tmp_path, source(Mine()), "sampler", "gcc", given, 2), expected)

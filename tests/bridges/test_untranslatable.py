@@ -1,0 +1,235 @@
+"""Samplers and arguments that cannot become source code: errors that name the line and what to do."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from refusals import refused
+
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.bridges import source
+
+ROOT = Path(__file__).parents[2]
+OWEN = samplers.independent(sequences.sobol(2), key=1)
+Z = samplers.z(16, 16, 4, key=1)
+
+test_wrong_arguments_are_named = refused(
+    (lambda: source(3), TypeError, "sampler must be a sampler, a sequence, an order or a scene"),
+    (
+        lambda: source(samplers.Sampler),
+        TypeError,
+        "sampler must be a sampler, a sequence, an order or a scene",
+    ),
+    (lambda: source(OWEN, language="rust"), ValueError, "language must be one of .*'wgsl'"),
+    (lambda: source(OWEN, name="my sampler"), ValueError, "name must be an identifier .*'my sampler'"),
+    (
+        lambda: source(OWEN, name="a__b"),
+        ValueError,
+        "name must be an identifier .* single underscores.*'a__b'",
+    ),
+    (lambda: source(OWEN, name="2nd"), ValueError, "name must be an identifier .*'2nd'"),
+    (lambda: source(OWEN, name="float"), ValueError, "name must not be a word of .*'float'"),
+    (lambda: source(OWEN, name=3), TypeError, "name must be an identifier, got 3"),
+    (lambda: source(OWEN, dims=(0, 2)), ValueError, r"dims must be .* \[0, 1\], got 2"),
+    (lambda: source(Z, width=32, height=16), ValueError, "width, height must be .* 16 x 16, got 32 x 16"),
+    (lambda: source(Z, width=16), ValueError, "width and height must be given together"),
+    (lambda: source(Z, spp=5), ValueError, "spp must be at most 4"),
+    (lambda: source(Z, width=16, height=16, spp=8), ValueError, "spp must be at most 4"),
+    (lambda: source(scenes.disc(), spp=4), ValueError, "spp must be None, except for samplers"),
+    (lambda: source(orders.hilbert(4, 4), width=4), ValueError, "width must be None, except for samplers"),
+)
+
+# Functions of users. Each line that is at fault ends with a comment, by which the test finds it.
+
+
+def calls_numpy(x, y, sample):
+    return jnp.stack([np.sqrt(x.astype(jnp.float32)) * 0, y])  # here
+
+
+def stacks_by_numpy(x, y, sample):
+    return np.stack([x, y], -1)  # here
+
+
+def branches(x, y, sample):
+    half = 0.25 if x > 3 else 0.5  # here
+    return jnp.full((2,), half, jnp.float32)
+
+
+def becomes_an_integer(x, y, sample):
+    return jnp.full((2,), 1 / int(x), jnp.float32)  # here
+
+
+def indexes_a_list(x, y, sample):
+    return jnp.full((2,), [0.25, 0.5][x], jnp.float32)  # here
+
+
+def has_a_shape_of_a_value(x, y, sample):
+    return jnp.zeros(x)[:2]  # here
+
+
+def selects_by_a_mask(x, y, sample):
+    both = jnp.stack([x, y])
+    return both[both > np.uint32(3)].astype(jnp.float32)  # here
+
+
+def finds_places(x, y, sample):
+    return jnp.zeros(2, jnp.float32) + jnp.nonzero(jnp.stack([x, y]))[0].sum()  # here
+
+
+def calls_back(x, y, sample):
+    shape = jax.ShapeDtypeStruct((2,), np.float32)
+    return jax.pure_callback(lambda s: np.zeros(2, np.float32), shape, sample)  # here
+
+
+def prints(x, y, sample):
+    jax.debug.print("{}", x)  # here
+    return jnp.zeros(2, jnp.float32)
+
+
+def sorts(x, y, sample):
+    return jnp.sort(jnp.stack([x, y])).astype(jnp.float32)  # here
+
+
+def sorts_as_well(x, y, sample):
+    """Sort what has the shape of the one above: JAX traces its own function once, there."""
+    return jnp.sort(jnp.stack([y, x])).astype(jnp.float32)  # here
+
+
+@jax.jit
+def own_function(x, y):
+    return jnp.stack([x, y]).astype(jnp.float32).at[jnp.argmax(x)].get()  # here
+
+
+def calls_a_compiled_function(x, y, sample):
+    return jnp.full((2,), own_function(x, y))
+
+
+def of_other_keys(x, y, sample):
+    key = jax.random.key(3, impl="rbg")
+    return jax.random.uniform(jax.random.fold_in(key, x), (2,))  # here
+
+
+def of_many_values(x, y, sample):
+    many = x + jnp.arange(5000, dtype=jnp.uint32)  # here
+    return many[:2].astype(jnp.float32)
+
+
+def stacks_in_a_loop(x, y, sample):
+    _, rows = jax.lax.scan(lambda a, b: (a + b, a ^ b), x, jnp.arange(2000, dtype=jnp.uint32))  # here
+    return rows[:2].astype(jnp.float32)
+
+
+WORDS = {
+    calls_numpy: "calls NumPy on a value that varies: use jax.numpy",
+    stacks_by_numpy: "calls NumPy on a value that varies: use jax.numpy",
+    branches: "branches on a value that varies: use jax.numpy.where",
+    becomes_an_integer: "must not depend on values",
+    indexes_a_list: "as a Python integer: use jax.numpy",
+    has_a_shape_of_a_value: "has a shape that depends on values",
+    selects_by_a_mask: "has a shape that depends on values",
+    finds_places: "shapes, must not depend on values",
+    calls_back: "'pure_callback' (it calls Python: write the function with jax.numpy",
+    prints: "(it calls Python: write the function with jax.numpy, and take prints out)",
+    sorts: "'sort' (sort constants with NumPy",
+    sorts_as_well: "'sort' (sort constants with NumPy",
+    own_function: "'argmax' (sort constants with NumPy",
+    of_other_keys: "use the generator threefry2x32",
+    of_many_values: "more than 4096 values",
+    stacks_in_a_loop: "a loop that stacks 2000 results",
+}
+
+
+@pytest.mark.parametrize("function", list(WORDS), ids=lambda function: function.__name__)
+def test_untranslatable_samplers_are_told_their_line(function):
+    """The line of their own file, also where JAX kept a library's function from another caller."""
+    lines, first = inspect.getsourcelines(getattr(function, "__wrapped__", function))
+    at_fault = next(first + number for number, line in enumerate(lines) if line.endswith("# here\n"))
+    sampler = samplers.function(calls_a_compiled_function if function is own_function else function, 2)
+    with pytest.raises(ValueError) as raised:
+        source(sampler)
+    said = str(raised.value)
+    assert said.startswith("sampler ") and WORDS[function] in said, said
+    assert f"at {__file__}:{at_fault} ({function.__name__})" in said, said
+
+
+def wide_sine(x, y, sample):
+    with jax.enable_x64(True):
+        return jnp.stack([jnp.sin(x.astype(jnp.float64)).astype(jnp.float32)] * 2)
+
+
+def signed_and_wide(x, y, sample):
+    with jax.enable_x64(True):
+        return jnp.stack([(x.astype(jnp.int64) * -3 >> 2).astype(jnp.float32)] * 2)
+
+
+test_shaders_have_32_bits = refused(
+    (
+        wide_sine,
+        r"language must be 'c' or 'cuda' for sin of float64 at .*test_untranslatable.py:\d+ \(wide_sine",
+    ),
+    (
+        signed_and_wide,
+        r"language must be 'c' or 'cuda' for convert of uint32 to int64 at .*\(signed_and_wide",
+    ),
+    call=lambda function: source(samplers.function(function, 2), language="glsl"),
+    error=ValueError,
+)
+
+
+@pytest.mark.parametrize("function", [wide_sine, signed_and_wide])
+def test_c_has_64_bits(function):
+    assert "double" in source(samplers.function(function, 2)) or "int64_t" in source(
+        samplers.function(function, 2)
+    )
+
+
+def test_errors_of_users_stay_what_they_are():
+    def raises(x, y, sample):
+        raise KeyError("mine")
+
+    with pytest.raises(KeyError, match="mine"):
+        source(samplers.function(raises, 2))
+
+
+LIBRARY = """
+import jax.numpy as jnp
+
+def sorts(x, y):
+    return jnp.sort(jnp.stack([x, y])).astype(jnp.float32)
+"""
+CALLER = """
+import installed
+from qmcjax import samplers
+from qmcjax.bridges import source
+
+def of_mine(x, y, sample):
+    return installed.sorts(x, y)
+
+for function in (of_mine, lambda x, y, sample: installed.sorts(x, y) * {}):
+    try:
+        source(samplers.function(function, 2))
+    except ValueError as error:
+        print(error)
+"""
+
+
+@pytest.mark.slow
+def test_lines_of_installed_packages_are_those_of_their_callers(tmp_path):
+    packages = tmp_path / "lib" / "site-packages"
+    packages.mkdir(parents=True)
+    (packages / "installed.py").write_text(LIBRARY)
+    (tmp_path / "mine.py").write_text(CALLER.replace("{}", "2"))
+    done = subprocess.run(
+        [sys.executable, "mine.py"],
+        cwd=tmp_path,
+        env={"PYTHONPATH": f"{ROOT}:{packages}"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "mine.py:7 (of_mine)" in done.stdout and "mine.py:9 (<lambda>)" in done.stdout, done.stdout

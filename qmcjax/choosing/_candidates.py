@@ -1,10 +1,13 @@
-"""The candidates: samplers of the papers and ours, by name, with one signature."""
+"""The candidates: samplers of the papers and ours, by name, with one signature for images, one for frames."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import jax
+
 from qmcjax import orders, samplers, sequences
+from qmcjax.core import checks
 
 MOST = 250
 """Dimensions of all candidates without a smaller limit: those of the lattice."""
@@ -14,16 +17,18 @@ MOST = 250
 class Candidate:
     """A family of samplers."""
 
-    make: Callable[[int, int, int, int, Any], samplers.Sampler]
-    """Makes a sampler from dimensions, width, height, samples per pixel and key."""
+    make: Callable[..., samplers.Sampler]
+    """Makes a sampler from dimensions, width, height, samples per pixel and key; for animations, also from
+    the number of a frame."""
     most_dims: int = MOST
-
+    least_dims: int = 1
+    """With fewer dimensions it is another candidate."""
     powers_of_two: bool = False
     """Whether it has one sample per pixel only."""
 
     def takes(self, dims: int, spp: int) -> bool:
         """Return whether it exists for these dimensions and samples per pixel."""
-        return dims <= self.most_dims and not (self.powers_of_two and spp & (spp - 1))
+        return self.least_dims <= dims <= self.most_dims and not (self.powers_of_two and spp & (spp - 1))
 
 
 def _owen(dims: int, key: Any) -> Any:
@@ -109,6 +114,13 @@ CANDIDATES: dict[str, Candidate] = {
             orders.hilbert(width, height), _owen(dims, key), spp
         )
     ),
+    "Hilbert, Niederreiter-Xing": Candidate(
+        lambda dims, width, height, spp, key: samplers.contiguous(
+            orders.hilbert(width, height), sequences.owen(sequences.niederreiter_xing(dims), key), spp
+        ),
+        most_dims=11,
+        least_dims=3,
+    ),
     "Hilbert, Halton (2,3)": Candidate(
         lambda dims, width, height, spp, key: samplers.contiguous(
             orders.hilbert(width, height), sequences.owen(sequences.halton(dims), key), spp
@@ -121,3 +133,85 @@ CANDIDATES: dict[str, Candidate] = {
     ),
 }
 """By their names in plots. Each key gives another sampler with the same program."""
+
+
+def _fresh(name: str) -> Candidate:
+    """Return a candidate with a new key in each frame."""
+    still = CANDIDATES[name]
+
+    def make(dims: int, width: int, height: int, spp: int, key: Any, frame: Any) -> samplers.Sampler:
+        return still.make(dims, width, height, spp, jax.random.fold_in(checks.prng_key("key", key), frame))
+
+    return Candidate(make, still.most_dims, still.powers_of_two)
+
+
+def _golden(sequence: Any, dims: int, frame: Any) -> Any:
+    """Rotate a sequence by the golden ratio's kin of as many dimensions, once for each frame."""
+    return sequences.rotate(sequence, sequences.roberts(dims)(frame))
+
+
+FRAMES: dict[str, Candidate] = {
+    "random": _fresh("random"),
+    "(0,2), Owen, new keys": _fresh("(0,2), Owen"),
+    "Z, new keys": _fresh("Z, hash"),
+    "optimised orders, new keys": _fresh("optimised orders"),
+    "Hilbert, new keys": _fresh("Hilbert, Owen-Sobol'"),
+    "Hilbert, golden shifts": Candidate(
+        lambda dims, width, height, spp, key, frame: samplers.contiguous(
+            orders.hilbert(width, height), _golden(_owen(dims, key), dims, frame), spp
+        )
+    ),
+    "Hilbert, moving": Candidate(
+        lambda dims, width, height, spp, key, frame: samplers.contiguous(
+            orders.hilbert(width, height), sequences.in_time(_owen(dims, key)).at_frame(frame), spp
+        )
+    ),
+    "dither mask, golden shifts": Candidate(
+        lambda dims, width, height, spp, key, frame: samplers.dither(
+            samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(dims), key)
+        ).at_frame(frame)
+    ),
+    "Z, moving": Candidate(
+        lambda dims, width, height, spp, key, frame: samplers.z(
+            width, height, spp, key, dims=dims, frames=32
+        ).at_frame(frame),
+        powers_of_two=True,
+    ),
+    "optimised orders, moving": Candidate(
+        lambda dims, width, height, spp, key, frame: samplers.optimized(
+            width, height, spp, key, dims, frames=32
+        ).at_frame(frame),
+        powers_of_two=True,
+    ),
+    "designed frames": Candidate(
+        lambda dims, width, height, spp, key, frame: samplers.designed(
+            width, height, spp, key, dims, frames=32
+        ).at_frame(frame),
+        powers_of_two=True,
+    ),
+}
+"""Samplers for animations. A new frame is the same program."""
+
+PROGRESSIVE: dict[str, Candidate] = {
+    "random": CANDIDATES["random"],
+    "(0,2), Owen": CANDIDATES["(0,2), Owen"],
+    "pmj02": Candidate(
+        lambda dims, width, height, spp, key: samplers.independent(sequences.pmj02(spp, key), key),
+        most_dims=2,
+    ),
+    "ranked keys": CANDIDATES["ranked keys"],
+    "dither mask": CANDIDATES["dither mask"],
+    "Z, hash": CANDIDATES["Z, hash"],
+    "optimised orders": CANDIDATES["optimised orders"],
+    "Hilbert, Owen-Sobol'": CANDIDATES["Hilbert, Owen-Sobol'"],
+    "progressive orders": Candidate(
+        lambda dims, width, height, spp, key: samplers.progressive(width, height, key, dims)
+    ),
+    "designed, progressive": Candidate(
+        lambda dims, width, height, spp, key: samplers.designed(
+            width, height, spp, key, dims, progressive=True
+        ),
+        powers_of_two=True,
+    ),
+}
+"""Samplers for images that are shown while they are rendered."""

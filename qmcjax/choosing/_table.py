@@ -11,17 +11,53 @@ import numpy as np
 from numpy.typing import NDArray
 
 from qmcjax import scenes
-from qmcjax.choosing._candidates import CANDIDATES
+from qmcjax.choosing._candidates import CANDIDATES, FRAMES, PROGRESSIVE, Candidate
 from qmcjax.core import student
 
-SPPS = (1, 4, 16, 64)
 LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
 """By the largest number of dimensions of a level."""
 
 MEASURES = ("RMS error", "filtered error")
 
+
+class Setting(NamedTuple):
+    """A use of images, and what was measured for it."""
+
+    file: str
+    candidates: Mapping[str, Candidate]
+    spps: tuple[int, ...]
+    sizes: tuple[tuple[int, int], tuple[int, int]]
+    """Widths and heights of the images: many samplers are best in squares with powers of 2 as sides."""
+    keys: int
+    usual: str
+    """The default for comparison: independent points in each pixel."""
+    errors: str
+    """Which errors these are, in words that follow a measure."""
+
+
+SPPS = (1, 4, 16, 64)
 SIZES = ((128, 128), (100, 76))
-"""Widths and heights of the images: many samplers are best at powers of 2."""
+STILL = Setting("recommendations.csv", CANDIDATES, SPPS, SIZES, 8, "(0,2), Owen", "")
+ANIMATED = Setting(
+    "recommendations_frames.csv",
+    FRAMES,
+    (1, 4),
+    ((64, 64), (50, 38)),
+    4,
+    "(0,2), Owen, new keys",
+    " of a moving average over 32 frames",
+)
+SHOWN = Setting(
+    "recommendations_prefixes.csv",
+    PROGRESSIVE,
+    SPPS,
+    ((64, 64), (50, 38)),
+    4,
+    "(0,2), Owen",
+    " on average over the first 1, 2, 4, ... samples",
+)
+SETTINGS = {"images": STILL, "frames": ANIMATED, "prefixes": SHOWN}
+"""Of final images, of animations seen through a filter in time, and of images shown while rendered."""
 
 NEGLIGIBLE = 1.02
 """Smallest ratio of errors that counts as a difference."""
@@ -50,6 +86,7 @@ class Row(NamedTuple):
     scene: str
     edges: bool
     level: int
+    size: tuple[int, int]
     sampler: str
     logarithms: NDArray[np.float64]
     """ln(error / error of random samples), shape (measures, numbers of samples)."""
@@ -64,14 +101,29 @@ class Measured:
     """By sampler, ln(error / error of random samples), shape (sizes, scenes)."""
 
     @staticmethod
-    def of(edges: bool | None, level: int, spp: int, filtered: bool) -> "Measured":
-        """Return errors from the table, interpolated over the logarithm of the number of samples."""
-        chosen = [row for row in table() if row.level == level and edges in (None, row.edges)]
-        at, known = np.log(spp), np.log(SPPS)
+    def of(
+        edges: bool | None,
+        level: int,
+        spp: int,
+        filtered: bool,
+        setting: Setting = STILL,
+        size: tuple[int, int] | None = None,
+    ) -> "Measured":
+        """Return errors from a table, interpolated over the logarithm of the number of samples.
+
+        Those at all sizes, or at the one that is like ``size``.
+        """
+        sizes = setting.sizes if size is None else (like(setting, size),)
+        chosen = [
+            row
+            for row in table(setting.file)
+            if row.level == level and edges in (None, row.edges) and row.size in sizes
+        ]
+        at, known = np.log(spp), np.log(setting.spps)
         errors = {
             name: np.array(
                 [np.interp(at, known, row.logarithms[int(filtered)]) for row in chosen if row.sampler == name]
-            ).reshape(len(SIZES), -1)
+            ).reshape(len(sizes), -1)
             for name in dict.fromkeys(row.sampler for row in chosen)
         }
         return Measured(tuple(dict.fromkeys(row.scene for row in chosen)), errors)
@@ -106,10 +158,17 @@ def has_edges(scene: Any) -> bool | None:
     return True if hasattr(scene, "boundary") else None
 
 
+def like(setting: Setting, size: tuple[int, int]) -> tuple[int, int]:
+    """Return which of the measured sizes counts for a size: the square, or the one that is no power of 2."""
+    width, height = size
+    return setting.sizes[not (width == height and width.bit_count() == 1)]
+
+
 @cache
-def table() -> tuple[Row, ...]:
-    """Read the table, one size after the other; see ``analysis/tables/make_recommendations.py``."""
-    source = resources.files("qmcjax.choosing") / "_data" / "recommendations.csv"
+def table(file: str) -> tuple[Row, ...]:
+    """Read a table, one size after the other; see ``analysis/tables/make_recommendations.py``."""
+    (setting,) = (setting for setting in SETTINGS.values() if setting.file == file)
+    source = resources.files("qmcjax.choosing") / "_data" / file
     with source.open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))
         next(lines)
@@ -118,9 +177,10 @@ def table() -> tuple[Row, ...]:
                 scene,
                 kind == "edges",
                 int(level),
+                tuple(map(int, size.split(" x "))),  # pyright: ignore[reportArgumentType]
                 sampler,
-                np.array(numbers, np.float64).reshape(len(MEASURES), len(SPPS)) / 1000,
+                np.array(numbers, np.float64).reshape(len(MEASURES), len(setting.spps)) / 1000,
             )
-            for scene, kind, level, _, sampler, *numbers in lines
-            if sampler in CANDIDATES
+            for scene, kind, level, size, sampler, *numbers in lines
+            if sampler in setting.candidates
         )

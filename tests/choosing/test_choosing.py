@@ -8,18 +8,20 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from refusals import refused
 from scipy.stats import ttest_1samp, ttest_rel
 
 import qmcjax as qj
 from analysis.tables import make_recommendations
 from qmcjax import choosing, samplers, scenes
 
-TABLE = Path(choosing.__file__).parent / "_data" / "recommendations.csv"
+TABLES = Path(choosing.__file__).parent / "_data"
+ARGUMENTS = {"images": {}, "frames": {"frames": 32}, "prefixes": {"progressive": True}}
 
 
-def cell(smooth, level, spp, filtered):
+def cell(smooth, level, spp, filtered, setting="images"):
     """Return errors by sampler, size and scene as the file has them, in thousandths."""
-    with TABLE.open(encoding="utf-8") as stream:
+    with (TABLES / choosing.SETTINGS[setting].file).open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(line for line in stream if line[0] != "#"))
     column = f"{choosing.MEASURES[filtered]} at {spp} spp"
     found = {}
@@ -29,29 +31,39 @@ def cell(smooth, level, spp, filtered):
     return found
 
 
-CELLS = list(product((None, True, False), choosing.LEVELS, choosing.SPPS, (False, True)))
+CELLS = [
+    (setting, *rest)
+    for setting, of in choosing.SETTINGS.items()
+    for rest in product((None, True, False), choosing.LEVELS, of.spps, (False, True))
+]
 
 
-def test_the_table_has_all_candidates_and_all_scenes():
+@pytest.mark.parametrize("setting", choosing.SETTINGS)
+def test_the_tables_have_all_candidates_and_all_scenes(setting):
     """Each sampler in all levels that it has the dimensions for, so that means are over the same scenes.
 
     At two sizes, of which one is no power of 2 in either direction.
     """
-    sizes = ["{} x {}".format(*size) for size in choosing.SIZES]
-    assert any(width.bit_count() > 1 and height.bit_count() > 1 for width, height in choosing.SIZES)
+    of_setting = choosing.SETTINGS[setting]
+    sizes = ["{} x {}".format(*size) for size in of_setting.sizes]
+    (side, same), (width, height) = of_setting.sizes
+    assert side == same and side.bit_count() == 1 and width.bit_count() > 1 and height.bit_count() > 1
     for level, of_level in make_recommendations.SCENES.items():
         assert all(len(scene.needs) <= level for scene in of_level.values())
-        found = cell(None, level, 1, False)
-        able = [name for name, made in choosing.CANDIDATES.items() if made.most_dims >= level]
+        found = cell(None, level, 1, False, setting)
+        able = [
+            name for name, made in of_setting.candidates.items() if made.least_dims <= level <= made.most_dims
+        ]
         assert list(found) == able
         assert all(list(errors) == list(product(sizes, of_level)) for errors in found.values())
 
 
 def test_what_is_recommended_is_the_best_of_the_table():
-    for smooth, level, spp, filtered in CELLS:
-        found = cell(smooth, level, spp, filtered)
+    for setting, smooth, level, spp, filtered in CELLS:
+        found = cell(smooth, level, spp, filtered, setting)
         means = {name: np.mean(list(errors.values())) for name, errors in found.items()}
-        choice = qj.recommend(level, spp, smooth, filtered=filtered)
+        choice = qj.recommend(level, spp, smooth, filtered=filtered, **ARGUMENTS[setting])
+        assert choice.setting == setting
         assert means[choice.name] == min(means.values())
         assert set(choice.others) == set(means) - {choice.name}
         for name, other in choice.others.items():
@@ -170,7 +182,7 @@ def test_there_is_an_answer_for_every_number(dims, spp):
     choice = qj.recommend(dims, spp)
     assert (choice.dims, choice.spp) == (dims, spp)
     able = choosing.CANDIDATES[choice.name]
-    assert able.most_dims >= dims and not (able.powers_of_two and spp.bit_count() > 1)
+    assert able.least_dims <= dims <= able.most_dims and not (able.powers_of_two and spp.bit_count() > 1)
     assert ("of more than 8 dimensions were not measured" in choice.reason) == (dims > 8)
     assert ("measured up to 64" in choice.reason) == (spp > 64)
     assert ("interpolated between" in choice.reason) == (spp in (2, 3, 10))
@@ -199,19 +211,34 @@ def test_candidates_have_the_dimensions_that_they_are_made_for(name):
             sampler.check(16, 8, 4)
 
 
+REMEASURED = [
+    ("images", "(0,2), Owen"),
+    ("images", "Z, hash"),
+    ("images", "Hilbert, Owen-Sobol'"),
+    ("frames", "Hilbert, golden shifts"),
+    ("frames", "designed frames"),
+    ("frames", "Z, moving"),
+    ("prefixes", "optimised orders"),
+    ("prefixes", "designed, progressive"),
+    ("prefixes", "progressive orders"),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["(0,2), Owen", "Z, hash", "Hilbert, Owen-Sobol'"])
-def test_a_new_measurement_agrees(name):
+@pytest.mark.parametrize(("setting", "name"), REMEASURED)
+def test_a_new_measurement_agrees(setting, name):
     """With the same keys, to the last digit: whoever changes a sampler's bits measures anew."""
-    level, size, spp, keys = 4, choosing.SIZES[1], 4, range(make_recommendations.KEYS)
-    of = [
-        np.square(make_recommendations.errors(choosing.CANDIDATES[each], level, size, spp, keys))
+    of_setting = choosing.SETTINGS[setting]
+    level, size, spp, keys = 4, of_setting.sizes[1], 4, range(of_setting.keys)
+    found, base = (
+        make_recommendations.logarithm(
+            make_recommendations.errors(of_setting.candidates[each], of_setting, level, size, spp, keys)
+        )
         for each in (name, "random")
-    ]
-    logarithm = 0.5 * np.log(of[0].mean(axis=-1) / of[1].mean(axis=-1))
+    )
     for measure, filtered in enumerate((False, True)):
-        listed = logarithms(cell(None, level, spp, filtered), [name])[0, 1]
-        np.testing.assert_allclose(logarithm[measure], listed, atol=0.0011)
+        listed = logarithms(cell(None, level, spp, filtered, setting), [name])[0, 1]
+        np.testing.assert_allclose((found - base)[measure], listed, atol=0.0011)
 
 
 @pytest.mark.slow
@@ -224,7 +251,9 @@ def test_margins_hold_at_a_size_that_was_not_measured(spp):
     size, keys = (96, 96), range(100, 108)
     smooth = [not choosing.has_edges(scene) for scene in make_recommendations.SCENES[2].values()]
     of_keys = {
-        name: np.log(make_recommendations.errors(made, 2, size, spp, keys)[:, smooth]).mean(axis=1)
+        name: np.log(
+            make_recommendations.errors(made, choosing.STILL, 2, size, spp, keys)[0][:, smooth]
+        ).mean(axis=1)
         for name, made in choosing.CANDIDATES.items()
     }
     for filtered in (False, True):
@@ -255,3 +284,104 @@ def test_images_that_are_too_large_for_a_net_are_told():
         message = rf"width and height must .* got 8193 x 16 at {spp} spp, 2\*\*{digits}"
         with pytest.raises(ValueError, match=message):
             choice.sampler(8193, 16, key=1)
+
+
+# -- animations, progressive images, sizes
+
+
+@pytest.mark.parametrize("name", choosing.SETTINGS["frames"].candidates)
+def test_frames_are_the_same_program_with_other_points(name):
+    """Frames of a key differ, and a traced number of a frame gives the sampler of that frame."""
+    candidate = choosing.SETTINGS["frames"].candidates[name]
+    made = [candidate.make(4, 16, 8, 4, 1, np.uint32(t)) for t in (3, 4)]
+    assert jax.tree.structure(made[0]) == jax.tree.structure(made[1])
+    at = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3]), (0, 1, 2, 3)
+    first, second = (np.asarray(sampler(*at)) for sampler in made)
+    assert (first != second).any(axis=0).all()
+    traced = jax.jit(lambda t: candidate.make(4, 16, 8, 4, 1, t)(*at))(np.uint32(4))
+    np.testing.assert_allclose(traced, second, atol=2e-7)
+
+
+@pytest.mark.parametrize("name", choosing.SETTINGS["prefixes"].candidates)
+def test_progressive_candidates_render_prefixes(name):
+    candidate = choosing.SETTINGS["prefixes"].candidates[name]
+    for dims in (2, 4, 8):
+        if candidate.takes(dims, 8):
+            sampler = samplers.as_sampler("sampler", candidate.make(dims, 16, 8, 8, 1))
+            assert sampler.dims >= dims
+            sampler.check(16, 8, 2)
+
+
+def test_what_is_recommended_for_frames_is_a_sampler_of_each():
+    choice = qj.recommend(2, 4, filtered=True, frames=32)
+    sampler = choice.sampler(16, 8, 1, frame=5)
+    expected = choosing.SETTINGS["frames"].candidates[choice.name].make(2, 16, 8, 4, jax.random.key(1), 5)
+    at = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3])
+    assert np.array_equal(sampler(*at), expected(*at))
+    assert "filtered error of a moving average over 32 frames" in choice.reason
+    assert qj.recommend(2, 4, frames=7) == qj.recommend(2, 4, frames=32)
+    assert "measured up to 4" in qj.recommend(2, 16, frames=2).reason
+
+
+def test_what_is_recommended_for_prefixes_is_a_sampler():
+    choice = qj.recommend(3, 16, progressive=True)
+    assert choice.sampler(16, 8, 1)(1, 2, 3, dims=(0, 1, 2)).shape == (3,)
+    assert "on average over the first 1, 2, 4, ... samples" in choice.reason
+
+
+@pytest.mark.parametrize(("size", "place"), [((512, 512), 0), ((512, 256), 1), ((500, 500), 1)])
+def test_only_images_like_the_size_count(size, place):
+    choice = qj.recommend(2, 16, True, size=size)
+    names = [choice.name, *choice.others]
+    errors = logarithms(cell(True, 2, 16, False), names)[:, place].mean(axis=1)
+    assert errors[0] == errors.min() and (np.diff(errors) >= 0).all()
+    ratios = [1, *(other.ratio for other in choice.others.values())]
+    np.testing.assert_allclose(ratios, np.exp(errors - errors[0]))
+    measured = "{} x {}".format(*choosing.SIZES[place])
+    assert f"in images of {measured} pixels" in choice.reason and "both sizes" not in choice.reason
+
+
+def test_prefixes_are_means_of_logarithms_over_powers_of_two():
+    """Of images of the first samples, by render."""
+    candidate, size = choosing.SETTINGS["prefixes"].candidates["(0,2), Owen"], (12, 10)
+    of = make_recommendations.errors(candidate, choosing.SHOWN, 2, size, 4, range(1, 2))
+    place = list(make_recommendations.SCENES[2]).index("gaussian")
+    scene, sampler = scenes.gaussian(), candidate.make(2, *size, 4, 1)
+    exact, _ = scene.reference(*size)
+    for k, count in enumerate((1, 2, 4)):
+        image = np.asarray(qj.render(scene, sampler, *size, count))
+        assert of[k, 0, place, 0] == pytest.approx(np.sqrt(np.mean((image - exact) ** 2)), rel=1e-4)
+    mean = np.log(of[:, 0, place, 0]).mean()
+    assert make_recommendations.logarithm(of)[0, place] == pytest.approx(mean)
+
+
+def test_the_moving_average_forgets():
+    """After many rounds of the frames it is what the recursion reaches; a constant stays."""
+    frames = np.random.default_rng(1).random((8, 2, 3))
+    average = np.zeros((2, 3))
+    for _ in range(40):
+        reached = []
+        for frame in frames:
+            average = (1 - make_recommendations.ALPHA) * average + make_recommendations.ALPHA * frame
+            reached.append(average)
+    # Weights beyond six rounds are left out: 0.9**48 of them.
+    np.testing.assert_allclose(make_recommendations.moving_average(frames), reached, atol=0.9**48)
+    np.testing.assert_allclose(make_recommendations.moving_average(np.full((32, 1, 1), 3.0)), 3.0)
+
+
+test_bad_input_is_named = refused(
+    (ValueError, lambda: qj.recommend(2, 4, frames=0), "frames must be an integer in .* got 0"),
+    (ValueError, lambda: qj.recommend(2, 4, frames=2, progressive=True), "progressive must be False for"),
+    (TypeError, lambda: qj.recommend(2, 4, size=16), "size must be a width and a height, got 16"),
+    (ValueError, lambda: qj.recommend(2, 4, size=(0, 16)), "size must be an integer in .* got 0"),
+    (
+        ValueError,
+        lambda: qj.recommend(2, 4).sampler(16, 16, 1, frame=2),
+        "frame must be None without frames=, got 2",
+    ),
+    (
+        ValueError,
+        lambda: qj.recommend(2, 4, frames=2).sampler(16, 16, 1),
+        "frame must be the number of a frame, got None",
+    ),
+)

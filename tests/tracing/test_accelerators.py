@@ -37,7 +37,7 @@ TABLES = {
         "matrices of digits": "owen_exact(faure*; faure(10); faure(5, modified); quad_optimized(*",
         "random trees": "art_owen(*; scrambled_morton, tree; full_screen, art; z, tree",
         "points found by iteration or search": "lloyd(*; net_by_net(*; pmj02(*",
-        "orders found by search": "optimized",
+        "orders found by search": "optimized; progressive*",
         "masks and ranks": "dither, *; ranked",
         "tiles of points": "designed; tiled, *",
         "the user's counts of samples": "z, plain, counts",

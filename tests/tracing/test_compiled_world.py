@@ -10,7 +10,7 @@ import pytest
 from test_trees import SPIN, blob, looped, mesh, same, searched
 
 from qmcjax import tracing
-from qmcjax.tracing import motion, ways
+from qmcjax.tracing import intersectors, motion
 from qmcjax.tracing._search import compiled_world, loops, search, threads
 
 pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
@@ -179,7 +179,7 @@ def test_trees_are_taken_over_only_by_the_same_numbers():
     @jax.jit
     def find(vertices):
         world = tracing.world([tracing.Object((replace(shape, vertices=vertices),), None, None)])
-        return ways.compiled(world, origin, direction, *ends, False)
+        return intersectors.compiled(world, origin, direction, *ends, False)
 
     first, again = find(vertices), find(vertices)
     far, none, last = find(2 * vertices), find(np.nan * vertices), find(vertices)
@@ -199,7 +199,7 @@ def test_ways_one_by_one_find_what_nearest_hit_finds():
     zero, far = jnp.zeros(500), jnp.full(500, jnp.inf)
     hit = tracing.nearest_hit(world, origin, direction, zero)
     assert 100 < (hit.shape >= 0).sum() < 500
-    for way in (ways.loops, ways.trees, ways.compiled):
+    for way in (intersectors.loops, intersectors.trees, intersectors.compiled):
         distance, number = way(world, origin, direction, zero, far, False)
         np.testing.assert_array_equal(number, hit.shape)
         np.testing.assert_allclose(distance, hit.distance, rtol=1e-5)

@@ -562,14 +562,22 @@ def test_gradients_are_differences(name):
             item = tracing.group([make(*numbers)], motion=path)
             return tracing.nearest_hit(tracing.world([item]), origin, direction, time)
 
-        result = jax.jit(result)
-        base = result(*arguments)
-        found = np.asarray(base.shape) >= 0
+        def parts(*a):
+            hit = result(*a)
+            return hit._replace(shape=jnp.zeros(count)), hit.shape
+
+        @jax.jit
+        def with_slope(arguments, step):
+            hit, slope, shape = jax.jvp(parts, arguments, step, has_aux=True)
+            return hit._replace(shape=shape), slope
+
         rng = np.random.default_rng(3)
         step = jax.tree.map(lambda a: jnp.asarray(rng.normal(size=a.shape)), arguments)
-        _, slope = jax.jvp(lambda *a: result(*a)._replace(shape=jnp.zeros(count)), arguments, step)
+        base, slope = with_slope(arguments, step)
+        found = np.asarray(base.shape) >= 0
         h = 1e-6
-        ahead, behind = (result(*jax.tree.map(lambda a, s, h=h: a + h * s, arguments, step)) for h in (h, -h))
+        moved = (jax.tree.map(lambda a, s, h=h: a + h * s, arguments, step) for h in (h, -h))
+        ahead, behind = (with_slope(there, step)[0] for there in moved)
         same = found & (ahead.shape == base.shape) & (behind.shape == base.shape)
         assert same.sum() >= 4
         for field in ("distance", "normal", "point"):
@@ -581,7 +589,8 @@ def test_gradients_are_differences(name):
             return jnp.sum(jnp.where(hit.shape >= 0, hit.distance, 0)) + jnp.sum(hit.normal * hit.point)
 
         value = jax.jit(jax.grad(total, argnums=tuple(range(6))))(*arguments)
-        _, forward = jax.jvp(total, arguments, step)
+        products = jnp.vdot(slope.normal, base.point) + jnp.vdot(base.normal, slope.point)
+        forward = slope.distance[found].sum() + products
         backward = sum(
             jnp.vdot(a, b) for a, b in zip(jax.tree.leaves(value), jax.tree.leaves(step), strict=True)
         )

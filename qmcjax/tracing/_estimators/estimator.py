@@ -11,7 +11,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
 from qmcjax.core.parameters import floats, together
-from qmcjax.core.plug_ins import unheld
+from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._estimators.varies import Seen, seen
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.object import Object
@@ -96,7 +96,7 @@ def moving(world: World, camera: Camera) -> bool:
     return camera.motion is not None or any(
         item.motion is not None
         or any(shape.moving for shape in item.shapes)
-        or (item.material is not None and getattr(unheld(item.material), "moving", True))
+        or (item.material is not None and getattr(unwrap(item.material), "moving", True))
         for item in world.objects
     )
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, numbers, require
-from qmcjax.core.plug_ins import unheld
+from qmcjax.core.plug_ins import unwrap
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._intervals.visible import visible_intervals
 from qmcjax.tracing._light.interaction import any_of, interact
@@ -327,7 +327,7 @@ def _changes(world: World) -> NDArray[np.bool_]:
     """Return for each primitive whether it moves or changes its colour."""
     changes = np.zeros(max(world.count, 1), bool)
     for item, start in world.numbered():
-        material = None if item.material is None else unheld(item.material)
+        material = None if item.material is None else unwrap(item.material)
         of_all = item.motion is not None or (material is not None and getattr(material, "moving", True))
         for shape, before in zip(item.shapes, item.starts, strict=True):
             changes[start + before : start + before + shape.count] = of_all or shape.moving

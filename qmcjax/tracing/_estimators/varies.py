@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core.plug_ins import unheld
+from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._light.interaction import kinds
 from qmcjax.tracing._shapes.flat import Plane
 from qmcjax.tracing._shapes.object import Object
@@ -75,7 +75,7 @@ def seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
         return Seen(none, none, none, none)
     regions, flags = [], []
     for number, item in enumerate(world.parts):
-        given, is_object = unheld(item.material), number < len(world.objects)
+        given, is_object = unwrap(item.material), number < len(world.objects)
         changes = item in moving or (given is not None and getattr(given, "moving", True))
         of_item = _regions(item, dtype)
         flag = is_object, changes, is_object and kinds(item)[0].mirror is not None
@@ -173,7 +173,7 @@ def _extent(item: Object, shape: Shape, dtype: Any) -> tuple[Array, Array]:
         return low, high
     low, high = low.min(axis=0), high.max(axis=0)
     if item.motion is not None:
-        reach = getattr(unheld(item.motion), "reach", None)
+        reach = getattr(unwrap(item.motion), "reach", None)
         anywhere = jnp.full_like(low, -jnp.inf), jnp.full_like(low, jnp.inf)
         low, high = anywhere if reach is None else reach(low, high)
     return low[None], high[None]

@@ -30,8 +30,8 @@ class Candidates(NamedTuple):
     depth: Depth
 
 
-class State(NamedTuple):
-    """The state of rays."""
+class RayState(NamedTuple):
+    """What is known of rays: what they may see, and how far."""
 
     candidates: Candidates
     until: Array
@@ -43,7 +43,7 @@ class State(NamedTuple):
     closed: Array
 
 
-def background(number: Array, distance: Array, count: int, opened: Array, closed: Array) -> State:
+def background(number: Array, distance: Array, count: int, opened: Array, closed: Array) -> RayState:
     """Return rays with their hits in the still part of the world: numbers, -1 for nothing, and distances.
 
     Without a hit, a distance is how far rays see.
@@ -64,10 +64,10 @@ def background(number: Array, distance: Array, count: int, opened: Array, closed
     )
     candidates = Candidates(first(jnp.where(hit, zero, 2), 2), first(one, 2), first(number, -1), depth)
     bound = jnp.broadcast_to(distance[None], (_SLOTS, *zero.shape))
-    return State(candidates, one, bound, opened, closed)
+    return RayState(candidates, one, bound, opened, closed)
 
 
-def collected(state: State, batch: Batch, view: ShearedRays) -> State:
+def collected(state: RayState, batch: Batch, view: ShearedRays) -> RayState:
     """Add the spans of a batch of primitives.
 
     Rows that any ray of the tile may hit are listed first, then their spans are computed.
@@ -75,7 +75,7 @@ def collected(state: State, batch: Batch, view: ShearedRays) -> State:
     rows = batch.rows
     order, listed = _listed(state, batch, view)
 
-    def turn(place: Any, state: State) -> State:
+    def turn(place: Any, state: RayState) -> RayState:
         row = order[place]
         spans = rows.spans(row, view)
         some = jnp.any(spans.start < spans.end, axis=1)
@@ -90,7 +90,7 @@ def collected(state: State, batch: Batch, view: ShearedRays) -> State:
     return jax.lax.fori_loop(0, listed, turn, state)
 
 
-def _listed(state: State, batch: Batch, view: ShearedRays) -> tuple[Array, Array]:
+def _listed(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Array]:
     """Return the rows that any ray of the tile may hit, and their number."""
     rows, limit = batch.rows, state.bound.max(axis=0)
     total = batch.numbers.shape[0]
@@ -154,7 +154,7 @@ def _row(number: Any, a: Array) -> Array:
     return jax.lax.dynamic_index_in_dim(a, number, a.ndim - 2, keepdims=False)
 
 
-def _inserted(state: State, span: Spans, number: Array) -> State:
+def _inserted(state: RayState, span: Spans, number: Array) -> RayState:
     """Insert spans, one per ray, in place of an empty one, a hidden one, or the last to start.
 
     The span that starts last is dropped if there is no room: up to its start everything is known.

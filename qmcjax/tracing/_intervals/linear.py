@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.plug_ins import unheld
+from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._intervals.spans import Balls, Polygons
 from qmcjax.tracing._search.walk import boxes_of
 from qmcjax.tracing._shapes.flat import Box, Rectangle
@@ -73,7 +73,7 @@ def parts(world: World) -> Parts:
 
 def _moved(place: int, item: Object, shape: Shape) -> Polygons | Balls:
     """Return the linear segments of a moving shape."""
-    motion = unheld(item.motion)
+    motion = unwrap(item.motion)
     dtype = jax.tree.leaves(shape.alone())[0].dtype
     knots = np.zeros(0) if motion is None else getattr(motion, "knots", None)
     if knots is None:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.tracing._intervals.bernstein import middle, product, restricted
-from qmcjax.tracing._intervals.candidates import Candidates, State
+from qmcjax.tracing._intervals.candidates import Candidates, RayState
 
 _STEPS = 128
 """Maximum number of steps per interval: a crossing takes about twice as many as a number has digits."""
@@ -50,7 +50,7 @@ class _March(NamedTuple):
     found: Intervals
 
 
-def resolved(state: State) -> Intervals:
+def resolved(state: RayState) -> Intervals:
     """Return which candidates are seen when."""
     spans = state.candidates
     count, rays = spans.start.shape

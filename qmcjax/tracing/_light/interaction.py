@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.plug_ins import unheld
+from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._light.illumination import shining
 from qmcjax.tracing._search.intersection import Intersection, coordinates, intersect
 from qmcjax.tracing._shapes.object import Object
@@ -102,14 +102,14 @@ def kinds(*objects: Object) -> list[Surface]:
 
 def _textured(material: Any) -> bool:
     """Whether a material may depend on coordinates."""
-    return material is not None and getattr(unheld(material), "textured", True)
+    return material is not None and getattr(unwrap(material), "textured", True)
 
 
 def _at(material: Any, u: Array, v: Array, time: Array) -> Surface:
     if material is None:
         half = jnp.asarray(DEFAULT, time.dtype)
         return Surface(diffuse=(half, half, half))
-    given = unheld(material).at(u, v, time)
+    given = unwrap(material).at(u, v, time)
     if not isinstance(given, Surface) or any(
         jnp.shape(leaf) not in ((), u.shape) for leaf in jax.tree.leaves(given)
     ):

@@ -9,7 +9,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
 from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, largest, minus, plus, times
@@ -91,7 +91,7 @@ class Object:
         if self.motion is None:
             return None
         time = jnp.where(jnp.isfinite(time), time, 0)
-        matrix, translation = cast(moved(unheld(self.motion), time), time.dtype)
+        matrix, translation = cast(moved(unwrap(self.motion), time), time.dtype)
         a, b, c = (components(matrix[..., j]) for j in range(3))
         duals = cross(b, c), cross(c, a), cross(a, b)
         volume = dot(a, duals[0])
@@ -109,7 +109,7 @@ class Object:
 def as_motion(motion: Any) -> Any:
     """Return a motion, or None, as a pytree, or raise a TypeError."""
     if motion is None or callable(motion):
-        return None if motion is None else held("motion", motion)
+        return None if motion is None else wrap("motion", motion)
     raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
 
 

@@ -13,6 +13,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
+from qmcjax.core.maps import disc
 from qmcjax.core.parameters import axes, cast, floats, numbers, positive, require, together
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.object import Object, as_motion
@@ -113,7 +114,7 @@ class Camera:
         if lens:
             u, v = (floats("lens", part) for part in lens)
             aperture = jnp.asarray(self.aperture).astype(x.dtype)
-            a, b = maps.disc(u, v) if self.blades is None else maps.polygon(u, v, self.blades)
+            a, b = disc(u, v) if self.blades is None else maps.polygon(u, v, self.blades)
             moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
             origin = plus(origin, moved)
             # All rays through a point in the plane of focus meet there.

@@ -9,6 +9,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
+from qmcjax.core.maps import cone
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.flat import Rectangle
 from qmcjax.tracing._shapes.object import Object
@@ -115,7 +116,7 @@ class PointLight(Source):
         return each(jnp.zeros_like, row(self.intensity, number))
 
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
-        direction = maps.cone(way_u, way_v, 2)
+        direction = cone(way_u, way_v, 2)
         return Start(row(self.position, number), unit(direction), row(self.intensity, number))
 
     def extent(self) -> Array:
@@ -199,7 +200,7 @@ class SphereLight(Source):
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
         between, squared, lost, outside = self._cone(number, point)
         axis = unit(between)
-        local = maps.cone(u, v, lost)
+        local = cone(u, v, lost)
         direction = unit(maps.around(local, axis))
         # Squared distance of the ray from the centre; then the first of its two crossings.
         aside = squared * (local[0] * local[0] + local[1] * local[1])
@@ -216,7 +217,7 @@ class SphereLight(Source):
         return jnp.where(outside, 1 / (2 * np.pi * jnp.where(outside, lost, 1)), 0)
 
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
-        normal = unit(maps.cone(u, v, 2))
+        normal = unit(cone(u, v, 2))
         local, _ = maps.hemisphere(way_u, way_v)
         point = along(row(self.center, number), self.radius[number], normal)
         return Start(point, unit(maps.around(local, normal)), row(self.radiance, number))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.vectors import Vector, components
 from qmcjax.tracing._world.textures import color as checked_color
@@ -39,12 +39,12 @@ class Material(ABC):
     @property
     def textured(self) -> bool:
         """Whether anything depends on coordinates."""
-        return any(callable(unheld(part)) for part in vars(self).values())
+        return any(callable(unwrap(part)) for part in vars(self).values())
 
     @property
     def moving(self) -> bool:
         """Whether anything depends on time."""
-        textures = (unheld(part) for part in vars(self).values() if callable(unheld(part)))
+        textures = (unwrap(part) for part in vars(self).values() if callable(unwrap(part)))
         return any(getattr(texture, "motion", self) is not None for texture in textures)
 
     @abstractmethod
@@ -176,11 +176,11 @@ def as_material(name: str, value: Any) -> Any:
     """Return a material as a pytree, or raise a TypeError that names the argument."""
     if isinstance(value, type) or not callable(getattr(value, "at", None)):
         raise TypeError(f"{name} must be a material (diffuse, mirror, ...), got {checks.shown(value)}")
-    return held(name, value)
+    return wrap(name, value)
 
 
 def _look_up(color: Any, u: Array, v: Array, time: Array) -> Vector:
-    given = unheld(color)
+    given = unwrap(color)
     if callable(given):
         texture: Any = given
         return texture(u, v, time)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import axes, floats, numbers, require, together
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing._shapes.object import as_motion
 from qmcjax.tracing._shapes.vectors import Vector, components, each
@@ -37,7 +37,7 @@ class Pattern:
         u, v, time = together(u=floats("u", u), v=floats("v", v), time=floats("time", time))
         dtype = u.dtype
         if self.motion is not None:
-            given = unheld(self.motion)(time)
+            given = unwrap(self.motion)(time)
             try:
                 moved_u, moved_v = (
                     jnp.broadcast_to(jnp.asarray(part).astype(dtype), u.shape) for part in given
@@ -122,8 +122,8 @@ def stripes(
 
 def color(name: str, value: Any, most: float = np.inf) -> Any:
     """Return a colour of three numbers in [0, most], or a texture."""
-    if callable(unheld(value)):
-        return held(name, value)
+    if callable(unwrap(value)):
+        return wrap(name, value)
     single = axes(value) == 0
     array = numbers(name, value, () if single else (3,))
     rule = "not negative" if most == np.inf else f"in [0, {most:g}]"

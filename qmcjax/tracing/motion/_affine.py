@@ -13,7 +13,7 @@ from jax import Array
 from numpy.typing import ArrayLike
 
 from qmcjax.core.parameters import floats, numbers
-from qmcjax.core.plug_ins import held, unheld
+from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing.motion._quaternions import rotation_matrix
 
@@ -32,7 +32,7 @@ class Affine:
         """Return matrices (..., 3, 3) and translations (..., 3) at times of shape (...)."""
         time = floats("time", time)
         matrix, translation = (
-            jnp.asarray(unheld(part)(time)) if callable(unheld(part)) else jnp.asarray(part)
+            jnp.asarray(unwrap(part)(time)) if callable(unwrap(part)) else jnp.asarray(part)
             for part in (self.matrix, self.translation)
         )
         if matrix.shape[-1] == 4:
@@ -49,8 +49,8 @@ class Affine:
 
         They do if the matrix is constant, and the translation constant or a path with knots.
         """
-        path = unheld(self.translation)
-        if callable(unheld(self.matrix)):
+        path = unwrap(self.translation)
+        if callable(unwrap(self.matrix)):
             return None
         return getattr(path, "knots", None) if callable(path) else np.zeros(0)
 
@@ -61,7 +61,7 @@ class Affine:
         rotations keep points in a ball. Other paths have no known bound: the box is all of space.
         """
         low, high = (floats(name, end, (3,), finite=False) for name, end in (("low", low), ("high", high)))
-        path = unheld(self.matrix)
+        path = unwrap(self.matrix)
         if hasattr(path, "reach"):
             low, high = path.reach(low, high)
         elif not callable(path):
@@ -71,7 +71,7 @@ class Affine:
             farthest = jnp.sqrt(jnp.sum(jnp.maximum(abs(low), abs(high)) ** 2))
             radius = farthest if of_one.shape[-1] == 4 else jnp.full_like(farthest, jnp.inf)
             low, high = jnp.broadcast_to(-radius, low.shape), jnp.broadcast_to(radius, high.shape)
-        path = unheld(self.translation)
+        path = unwrap(self.translation)
         if hasattr(path, "bounds"):
             moved = path.bounds()
         else:
@@ -112,6 +112,6 @@ def affine(
     translation = np.zeros(3) if translation is None else translation
     given = ("matrix", matrix, (3, 3)), ("translation", translation, (3,))
     parts = (
-        held(name, value) if callable(value) else numbers(name, value, shape) for name, value, shape in given
+        wrap(name, value) if callable(value) else numbers(name, value, shape) for name, value, shape in given
     )
     return Affine(*parts)

@@ -16,7 +16,7 @@ from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.vectors import components
 from qmcjax.tracing._world.world import World
 
-Way = Callable[[World, Array, Array, Array, Array, bool], tuple[Array, Array]]
+Intersector = Callable[[World, Array, Array, Array, Array, bool], tuple[Array, Array]]
 """From a world, origins and directions (n, 3), times and limits (n,), and whether any hit counts, to
 distances (the limit where nothing is hit before it) and numbers of primitives (-1: none), both (n,)."""
 
@@ -25,7 +25,7 @@ distances (the limit where nothing is hit before it) and numbers of primitives (
 def loops(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
-    """Test all primitives in fused loops over tiles of rays; see `Way`."""
+    """Test all primitives in fused loops over tiles of rays; see `Intersector`."""
     objects = (
         Object(tuple(shape.alone() for shape in item.shapes), item.motion, item.material)
         for item in world.objects
@@ -37,7 +37,7 @@ def loops(
 def trees(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
-    """Traverse the trees of meshes by a JAX program, and test all else in loops; see `Way`."""
+    """Traverse the trees of meshes by a JAX program, and test all else in loops; see `Intersector`."""
     world = in_dtype(world, origin.dtype)
     return search(world, components(origin), components(direction), time, limit, any_hit, by_program)
 
@@ -46,6 +46,6 @@ def trees(
 def compiled(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
-    """Traverse trees over all primitives by loops compiled by numba; see `Way`. Needs ``numba``."""
+    """Traverse trees over all primitives by loops compiled by numba; see `Intersector`. Needs ``numba``."""
     world = in_dtype(world, origin.dtype)
     return search(world, components(origin), components(direction), time, limit, any_hit, _compiled)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from figures import page
 from figures.catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, PAPERS, Entry
-from figures.making import compiled_programs, memory, store
+from figures.making import compiled_programs, heitz, memory, openqmc, stbn, store
 from figures.making.figures import warn
 from figures.making.job import Job, Where
 from figures.making.updating import update
@@ -25,9 +25,11 @@ from figures.making.updating import update
 COMMANDS = {
     "compare": "figures.arena",
     "compilations": "figures.commands.compilations",
+    "export": "figures.commands.export",
     "gpu": "figures.commands.gpu",
     "keep": "figures.commands.keep",
     "plan": "figures.commands.planning",
+    "suite": "figures.suite.command",
 }
 """Commands beside the figures, by the modules whose ``main`` they are."""
 
@@ -65,6 +67,24 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         return 0
     _check_job(parser, options)
     names = _chosen(options, catalogue)
+    if options.heitz is not None:
+        try:
+            heitz.read(options.heitz)
+        except (OSError, ValueError) as error:
+            parser.error(f"--heitz: {error}")
+        os.environ[heitz.SWITCH] = str(options.heitz.resolve())
+    if options.openqmc is not None:
+        try:
+            openqmc.headers(options.openqmc)
+        except ValueError as error:
+            parser.error(f"--openqmc: {error}")
+        os.environ[openqmc.SWITCH] = str(options.openqmc.resolve())
+    if options.stbn is not None:
+        try:
+            stbn.slices(options.stbn)
+        except (OSError, ValueError) as error:
+            parser.error(f"--stbn: {error}")
+        os.environ[stbn.SWITCH] = str(options.stbn.resolve())
     try:
         store.prepare(options.out)
     except OSError as error:
@@ -73,6 +93,8 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         os.environ[compiled_programs.SWITCH] = "0"
     else:
         compiled_programs.keep(warn)
+    if options.quality == "draft":
+        compiled_programs.quickly()
     # Figures mostly wait for compilations, which take one core each.
     jobs = options.jobs or min(2, os.cpu_count() or 1)
     job = None
@@ -143,7 +165,9 @@ examples:
   python -m figures --out gallery --jobs 4         four at a time, into gallery/
   python -m figures --distributed --out gallery    on all machines of a SLURM job, say
   python -m figures compare --help                 your own sampler against those of the papers
+  python -m figures suite --help                   the benchmark of samplers, ours and others
   python -m figures compilations --help            which programs take longest to compile
+  python -m figures export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
   python -m figures gpu                            how fast a GPU is, and whether it computes the same
   python -m figures plan --samples 1e12            how long an image will take, and how much memory
 
@@ -176,6 +200,27 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
     )
     parser.add_argument(
         "--no-cache", action="store_true", help="compile all programs anew, and keep none for the next run"
+    )
+    parser.add_argument(
+        "--heitz",
+        type=Path,
+        metavar="FILE",
+        help="published tables of Heitz et al. 2019, their C++ file or an .npz: z-1, z-9, z-10 and z-11 use "
+        "them beside our ranked keys",
+    )
+    parser.add_argument(
+        "--openqmc",
+        type=Path,
+        metavar="DIR",
+        help="a checkout of github.com/AcademySoftwareFoundation/openqmc, whose samplers the figure source "
+        "measures beside ours",
+    )
+    parser.add_argument(
+        "--stbn",
+        type=Path,
+        metavar="DIR",
+        help="the frames of a published texture over space and time (STBN, FAST), NAME_0.png and so on, "
+        "which space-time measures beside our samplers",
     )
     several = parser.add_argument_group(
         "several machines", "each runs the same command, with the same output folder, and makes its share"

@@ -75,6 +75,7 @@ CATALOGUE = {
         "figures.thesis.thesis_table_4_3",
         "Optimising the upper levels, or the whole tree",
         our_scene=True,
+        timed=True,
     ),
     "thesis-3.11": Entry(
         "figures.thesis.thesis_3_11", "Depth of field by line samples on the lens", our_scene=True, timed=True
@@ -112,49 +113,16 @@ CATALOGUE = {
     "thesis-6.8": Entry(
         "figures.thesis.thesis_6_8", "Convergence on the helicopter", our_scene=True, long=True
     ),
-    "tree-builders": Entry(
-        "figures.ours.tree_builders", "Tree builders beside the surface area heuristic", timed=True
-    ),
-    "trees-in-motion": Entry("figures.ours.trees_in_motion", "Four kinds of trees over moving triangles"),
-    "point-speed": Entry(
-        "figures.ours.point_speed", "Coordinates per second, beside SciPy, QMCPy and PyTorch", timed=True
-    ),
-    "path-speed": Entry(
-        "figures.ours.path_speed", "Paths per second in diffuse scenes, beside Mitsuba", timed=True
-    ),
-    "ray-speed": Entry(
-        "figures.ours.ray_speed", "Rays per second by search method, beside Embree", timed=True
-    ),
     "benchmark": Entry(
         "figures.ours.benchmark", "Error over run time, by sampler and beside other programs", timed=True
     ),
-    "benchmark-traced": Entry(
-        "figures.ours.benchmark_traced",
-        "Error over run time in ray-traced scenes, beside Mitsuba",
-        timed=True,
-    ),
-    "mitsuba-samplers": Entry(
-        "figures.ours.mitsuba_samplers", "Our samplers in Mitsuba 3, beside its own", timed=True
-    ),
+    "rivals": Entry("figures.ours.rivals", "Samplers of other projects by their own code, in the suite"),
+    "chooser": Entry("figures.ours.chooser", "Which sampler to choose, by scene and samples per pixel"),
     "spp-slider": Entry(
         "figures.ours.spp_slider", "One scene with eight samplers, from 1 to 256 samples per pixel"
     ),
-    "scenes-sheet": Entry("figures.ours.scenes_sheet", "Every scene with its exact image"),
-    "skipping": Entry("figures.ours.skipping", "Constant pixels need no samples", timed=True),
-    "stability": Entry("figures.ours.stability", "Float32 limits of points, sums and images"),
-    "ray-stability": Entry("figures.ours.ray_stability", "Float32 limits of ray tracing"),
-    "measures": Entry("figures.ours.measures", "Every measure of every sequence"),
-    "generators": Entry(
-        "figures.ours.generators", "Generators of points: t, projections, discrepancy, convergence"
-    ),
-    "scaling": Entry("figures.ours.scaling", "Time and memory of larger images", timed=True),
-    "measures-at-scale": Entry(
-        "figures.ours.measures_at_scale", "Measures of points: time, memory, peers and gradients", timed=True
-    ),
-    "optimized-orders": Entry(
-        "figures.ours.optimized_orders",
-        "Optimised orders beside the samplers of the papers",
-        timed=True,
+    "screen-space": Entry(
+        "figures.ours.screen_space", "All screen-space methods, from 1 to 64 samples per pixel"
     ),
     "designed-samplers": Entry(
         "figures.ours.designed_samplers", "Tiles designed by gradients beside other samplers", timed=True
@@ -162,14 +130,58 @@ CATALOGUE = {
     "designed-for-scenes": Entry(
         "figures.ours.designed_for_scenes", "Points designed for one scene, by its camera and by others"
     ),
-    "designed-time": Entry("figures.ours.designed_time", "Frames of a tile designed for filters in time"),
+    "space-time": Entry(
+        "figures.ours.space_time", "Samplers of animations: errors after filters in space and time", long=True
+    ),
+    "optimized-orders": Entry(
+        "figures.ours.optimized_orders",
+        "Optimised orders beside the samplers of the papers",
+        timed=True,
+    ),
+    "progressive": Entry(
+        "figures.ours.progressive",
+        "One sampler for any number of samples beside samplers made for each",
+        timed=True,
+    ),
+    "joint-orders": Entry(
+        "figures.ours.joint_orders", "Orders optimised for four and eight coordinates together"
+    ),
     "discrepancy-records": Entry(
-        "figures.ours.discrepancy_records", "Star discrepancy of searched sets beside published values"
+        "figures.ours.discrepancy_records", "Certified discrepancies of searched sets, beside published ones"
     ),
+    "generators": Entry(
+        "figures.ours.generators", "Generators of points: t, projections, discrepancy, convergence"
+    ),
+    "four-dimensions": Entry(
+        "figures.ours.four_dimensions", "Sequences in four dimensions: which can exist, and their errors"
+    ),
+    "measures": Entry("figures.ours.measures", "Every measure of every sequence"),
     "intervals": Entry(
-        "figures.ours.intervals", "Coverage of confidence intervals, and samplers told apart", long=True
+        "figures.ours.intervals", "Coverage of confidence intervals, and samplers distinguished", long=True
     ),
-    "chooser": Entry("figures.ours.chooser", "Which sampler to choose, by scene and samples per pixel"),
+    "mitsuba-samplers": Entry(
+        "figures.ours.mitsuba_samplers", "Our samplers in Mitsuba 3, beside its own", timed=True
+    ),
+    "skipping": Entry("figures.ours.skipping", "Constant pixels need no samples", timed=True),
+    "speed": Entry(
+        "figures.ours.speed",
+        "How fast points, rays, paths and measures are, beside other programs",
+        timed=True,
+    ),
+    "source": Entry(
+        "figures.ours.source",
+        "Samplers as C source code beside XLA, plain Python and OpenQMC: nanoseconds per coordinate",
+        timed=True,
+    ),
+    "scale": Entry(
+        "figures.ours.scale", "Time and memory of larger images and of measures of more points", timed=True
+    ),
+    "stability": Entry("figures.ours.stability", "Float32 limits of points, sums and ray tracing"),
+    "tree-builders": Entry(
+        "figures.ours.tree_builders", "Tree builders beside the surface area heuristic", timed=True
+    ),
+    "trees-in-motion": Entry("figures.ours.trees_in_motion", "Four kinds of trees over moving triangles"),
+    "scenes-sheet": Entry("figures.ours.scenes_sheet", "Every scene with its exact image"),
     "hilbert-1": Entry(
         "figures.hilbert.hilbert_1", "Space-filling curves and their segments in a 3x3 neighbourhood"
     ),
@@ -206,17 +218,6 @@ CATALOGUE = {
     "z-table-1": Entry(
         "figures.z.z_table_1", "Run times of images by sampler, Table 1", our_scene=True, timed=True
     ),
-    "screen-space-1": Entry("figures.ours.screen_space_1", "All screen-space methods at 1 sample a pixel"),
-    "screen-space-4": Entry("figures.ours.screen_space_4", "All screen-space methods at 4 samples a pixel"),
-    "screen-space-16": Entry(
-        "figures.ours.screen_space_16", "All screen-space methods at 16 samples a pixel"
-    ),
-    "screen-space-64": Entry(
-        "figures.ours.screen_space_64", "All screen-space methods at 64 samples a pixel"
-    ),
-    "screen-space-spectra": Entry(
-        "figures.ours.screen_space_spectra", "Spectra of the errors of all screen-space methods"
-    ),
 }
 
 PAPERS = {
@@ -245,13 +246,12 @@ LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 """Those that take longest; their scenes are then compiled."""
 
 NO_DRAFT = {
-    "benchmark": "it has one or two points a line",
-    "generators": "it has two points a line",
-    "measures-at-scale": "its counts are too small to have a slope",
+    "four-dimensions": "it has three points per line, and all of the searches",
+    "generators": "it has two points per line",
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
-    "path-speed": "its images are too small to outweigh the calls",
-    "ray-speed": "it has one mesh, and too few rays to outweigh the calls",
-    "scaling": "it has two points a line",
+    "scale": "it has two points per line",
+    "source": "its images are too small to be timed",
+    "speed": "its calls are too small to be timed",
     "thesis-3.2.1": "it times one scene, for milliseconds",
     "z-table-1": "it has three counts of fourteen, in milliseconds",
 }

@@ -1,5 +1,3 @@
 """A user's sampler against those of the papers: ``python -m figures compare my_module:make_sampler``."""
 
 from figures.arena._command import main as main
-from figures.arena._rivals import RIVALS as RIVALS
-from figures.arena._rivals import SCENES as SCENES

@@ -1,20 +1,21 @@
 """The command line of comparisons."""
 
 import argparse
-import importlib
 import itertools
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 import analysis
-from figures.arena import _report
-from figures.arena._rivals import RIVALS, SCENES, rivals
+from figures.arena import _on_mitsuba, _report
+from figures.arena._on_mitsuba import Entry
 from figures.making import store, web_images
-from qmcjax import samplers, sequences
+from figures.shared import mitsuba_scenes
+from figures.shared.imported_objects import imported
+from figures.shared.rivals import RIVALS, SCENES, rivals, rotated
 
 AGAINST = ("random", "owen", "dither", "z", "hilbert")
 WHERE = ("checkerboard", "disc", "soft-shadow", "ball")
@@ -44,17 +45,26 @@ def main(argv: Sequence[str]) -> int:
         parser.error("name a function that makes a sampler, module:function, or --points FILE")
     own: dict[str, Any] = {}
     sets: dict[str, Any] = {}
+    entries: list[Entry] = []
     try:
         for text in given.samplers:
-            own[_free(text.rpartition(":")[2], own)] = _loaded(text)
+            entries.append(Entry(_free(text.rpartition(":")[2], own), "own", text))
+            own[entries[-1].name] = imported(text)
         for path in given.points:
             name = _free(path.stem, own)
+            entries.append(Entry(name, "points", str(path)))
             sets[name] = analysis.read_points(path)
-            own[name] = _rotated(sets[name])
+            own[name] = rotated(sets[name])
         worlds = {name: SCENES[name]() for name in given.scenes}
     except (OSError, ValueError, TypeError, ImportError, AttributeError) as error:
         parser.error(str(error))
-    for name in worlds:
+    against = given.against or (_on_mitsuba.AGAINST if given.mitsuba else AGAINST)
+    for name in against:
+        if name in _on_mitsuba.SAMPLERS and not given.mitsuba:
+            parser.error(f"{name} is a sampler of Mitsuba: name scenes by --mitsuba")
+    if given.mitsuba:
+        _check_mitsuba(parser, given.mitsuba)
+    for name in () if given.mitsuba else worlds:
         if name in ("cornell-box", "helicopter", "occluder", "defocus", "sports") and 256 % given.size:
             parser.error(f"--size must divide 256 for the reference of {name}, got {given.size}")
     dims = max(len(scene.needs) for scene in worlds.values())
@@ -63,21 +73,28 @@ def main(argv: Sequence[str]) -> int:
         def progress(part: float) -> None:
             bar.update(part - bar.n)
 
+        notes: list[str] = []
         try:
-            compared = analysis.compare(
-                {**own, **rivals(given.against, dims)},
-                worlds,
-                given.spp,
-                width=given.size,
-                height=given.size,
-                keys=given.keys,
-                progress=progress,
-            )
+            if given.mitsuba:
+                store.prepare(given.out)
+                entries += [_rival(name) for name in against]
+                wanted = _on_mitsuba.Wanted(given.spp, given.size, given.keys)
+                compared, notes = _on_mitsuba.compare(entries, given.mitsuba, wanted, given.out, progress)
+            else:
+                compared = analysis.compare(
+                    {**own, **rivals(against, dims)},
+                    worlds,
+                    given.spp,
+                    width=given.size,
+                    height=given.size,
+                    keys=given.keys,
+                    progress=progress,
+                )
         except (TypeError, ValueError) as error:
             parser.error(str(error))
     store.prepare(given.out)
     command = " ".join(["python -m figures compare", *argv])
-    page = _report.write(compared, list(own), sets, given.out, command)
+    page = _report.write(compared, worlds, list(own), sets, given.out, command, notes)
     broken = {name: compared.promises[name] for name in own if compared.promises[name]}
     for name, sentences in broken.items():
         print(f"{name} breaks {len(sentences)} of a sampler's promises:", file=sys.stderr)
@@ -96,10 +113,12 @@ A function named module:function makes the sampler: it is called with those of w
 int) that it has as parameters. The module is looked for in the current folder, too.
 
 samplers: {", ".join(RIVALS)}
+of Mitsuba, with --mitsuba: {", ".join(_on_mitsuba.SAMPLERS)}
 scenes: {", ".join(SCENES)}
 
 example:
   python -m figures compare my_module:make_sampler --against owen z hilbert --spp 1,4,16,64
+  python -m figures compare my_module:make_sampler --mitsuba scene.xml --against owen z independent
 """,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -113,8 +132,10 @@ example:
         metavar="FILE",
         help="files of points (.npy, text): the first of them in each pixel, rotated by a random vector",
     )
+    choices = [*RIVALS, *_on_mitsuba.SAMPLERS]
+    parser.add_argument("--against", nargs="+", choices=choices, metavar="NAME", help="samplers")
     parser.add_argument(
-        "--against", nargs="+", choices=RIVALS, default=list(AGAINST), metavar="NAME", help="samplers"
+        "--mitsuba", nargs="+", type=Path, metavar="FILE", help="scenes of Mitsuba 3 in XML, instead of ours"
     )
     parser.add_argument(
         "--scenes", nargs="+", choices=SCENES, default=list(WHERE), metavar="NAME", help="scenes"
@@ -128,6 +149,23 @@ example:
         "--out", type=Path, default=Path("out/compare"), metavar="DIR", help="folder (default: out/compare)"
     )
     return parser
+
+
+def _check_mitsuba(parser: argparse.ArgumentParser, scenes: Sequence[Path]) -> None:
+    if not mitsuba_scenes.installed():
+        parser.error("--mitsuba needs Mitsuba 3: pip install 'qmcjax[mitsuba]'")
+    for path in scenes:
+        if not path.is_file():
+            parser.error(f"--mitsuba must name files, got {str(path)!r}")
+    stems = [web_images.slug(path.stem) for path in scenes]
+    if len(set(stems)) < len(stems):
+        parser.error(f"--mitsuba must name files of different names, got {', '.join(map(str, scenes))}")
+
+
+def _rival(name: str) -> Entry:
+    if name in _on_mitsuba.SAMPLERS:
+        return Entry(_on_mitsuba.OF_MITSUBA + name, "mitsuba", name)
+    return Entry(RIVALS[name].name, "rival", name)
 
 
 def _positive(text: str) -> int:
@@ -151,26 +189,8 @@ def _counts(text: str) -> list[int]:
     return counts
 
 
-def _loaded(text: str) -> Any:
-    module, colon, name = text.partition(":")
-    if not (module and colon and name):
-        raise ValueError(f"samplers are named module:function, got {text!r}")
-    if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.insert(0, str(Path.cwd()))
-    found = importlib.import_module(module)
-    if not hasattr(found, name):
-        raise AttributeError(f"{module} has no {name!r}")
-    return getattr(found, name)
-
-
 def _free(name: str, taken: dict[str, Any]) -> str:
     """Return a name whose files are neither those of another own sampler nor of one to compare with."""
     files = {web_images.slug(other) for other in (*taken, *(rival.name for rival in RIVALS.values()))}
     names = itertools.chain([name], (f"{name} {k}" for k in itertools.count(2)))
     return next(each for each in names if web_images.slug(each) not in files)
-
-
-def _rotated(points: Any) -> Callable[[int], samplers.Sampler]:
-    """Return key -> the sampler that has these points in every pixel, rotated at random."""
-    sequence = sequences.tabulated(points)
-    return lambda key: samplers.independent(sequence, key, "shift")

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 import analysis
 from analysis import Comparison, ComparisonRow
-from figures.arena import _pictures
+from figures.arena import _pictures, _playground
+from figures.arena._on_mitsuba import EQUAL_TIME
 from figures.making import store, this_machine, web_images
 from figures.page import Markup, fill, join, quantity, static, viewer
 
@@ -17,7 +18,7 @@ PAGE, TABLE = "index.html", "compare.csv"
 
 SCRIPTS = ("theme.js", "zoom.js", "viewer.js")
 
-RANKED = ("RMS error", "filtered error", "low-frequency power")
+RANKED = ("RMS error", "filtered error", "low-frequency power", *EQUAL_TIME)
 
 SECTION = """
 <section id="scene-$name" class="part"><h2>$name</h2>
@@ -37,13 +38,20 @@ TABLE_TEXT = """
 
 
 def write(
-    compared: Comparison, own: Sequence[str], sets: Mapping[str, NDArray], folder: Path, command: str
+    compared: Comparison,
+    worlds: Mapping[str, Any],
+    own: Sequence[str],
+    sets: Mapping[str, NDArray],
+    folder: Path,
+    command: str,
+    notes: Sequence[str] = (),
 ) -> Path:
     """Write page, pictures and CSV into a folder, the page last.
 
     Parameters
     ----------
     compared : Comparison
+    worlds : mapping of names to scenes
     own : sequence of str
         Names of the user's samplers, which come first.
     sets : mapping of names to points
@@ -52,6 +60,8 @@ def write(
         Exists.
     command : str
         What was typed.
+    notes : sequence of str
+        Paragraphs about how it was measured.
 
     Returns
     -------
@@ -61,9 +71,10 @@ def write(
     store.write(folder / TABLE, store.as_csv(_columns(compared.table())))
     scenes = list(compared.references)
     sections = join(_section(compared, scene, folder) for scene in scenes)
-    first = next(iter(compared.references.values()))
+    sizes = dict.fromkeys(f"{of.shape[1]} x {of.shape[0]}" for of in compared.references.values())
     counts = sorted({row.spp for row in compared.rows} | {spp for *_, spp in compared.left_out})
     links = {"Promises": "promises", "Ranks": "ranks", "Points": "points"}
+    links |= {"Playground": "playground"} if compared.makers else {}
     links |= {scene: f"scene-{scene}" for scene in scenes}
     machine = this_machine.machine()
     text = fill(
@@ -74,13 +85,15 @@ def write(
         nav=join(
             fill('<a href="#$place">$name</a>', place=place, name=name) for name, place in links.items()
         ),
-        size=len(first),
+        sizes=", ".join(sizes),
+        notes=join(fill("<p>$note</p>", note=note) for note in notes),
         keys=_keys(compared),
         counts=", ".join(map(str, counts)),
         machine=f"{machine['processor']}, {machine['cores']} cores, JAX {machine['jax']}",
         command=command,
         table=TABLE,
         promises=_promises(compared),
+        playground=_playground.section(compared, worlds, own, folder),
         ranks=join(_ranks(compared, scene, own) for scene in scenes),
         points=_points(compared, sets),
         sections=sections,
@@ -142,7 +155,8 @@ def _ranks(compared: Comparison, scene: str, own: Sequence[str]) -> Markup:
     counts = sorted({row.spp for row in compared.rows if row.scene == scene})
     names = list(dict.fromkeys(row.sampler for row in compared.rows if row.scene == scene))
     rows = []
-    for measure in RANKED:
+    known = {measure for row in compared.rows if row.scene == scene for measure in row.values}
+    for measure in (each for each in RANKED if each in known):
         ranks = {spp: compared.ranks(scene, spp, measure) for spp in counts}
         for name in names:
             cells = [_rank(ranks[spp].get(name), _row(compared, scene, name, spp), measure) for spp in counts]
@@ -182,6 +196,8 @@ def _points(compared: Comparison, sets: Mapping[str, NDArray]) -> Markup:
         for spp, measured in of.items()
     ]
     whole = join(fill("<p>$text</p>", text=_of_set(name, points)) for name, points in sets.items())
+    if not rows:
+        return whole or fill("<p>Not measured for scenes of Mitsuba.</p>")
     return join([_table("Measures of points", ["sampler", "spp", *measures], rows), whole])
 
 

@@ -15,7 +15,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from figures.commands.cost_model import Sizes
@@ -209,17 +208,6 @@ def _memory(worker: Worker, base: int) -> Measured:
     return found
 
 
-def _peak() -> int:
-    """Return the most memory that this process had, in bytes."""
-    with contextlib.suppress(OSError):
-        status = Path("/proc/self/status").read_text()
-        return int(status.split("VmHWM:")[1].split()[0]) * 1024
-    import resource
-
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most if sys.platform == "darwin" else most * 1024
-
-
 def _serve(scene_name: str, sampler_name: str, core: str) -> None:
     """Be a worker."""
     if core:
@@ -228,7 +216,9 @@ def _serve(scene_name: str, sampler_name: str, core: str) -> None:
     import numpy as np
 
     import qmcjax as qj
-    from figures.arena import RIVALS, SCENES
+    from figures.shared.peak_memory import largest
+    from figures.shared.rivals import RIVALS, SCENES
+    from figures.shared.turns import typical
     from qmcjax import scenes
 
     scene = SCENES[scene_name]()
@@ -239,24 +229,16 @@ def _serve(scene_name: str, sampler_name: str, core: str) -> None:
     def coordinates(dims: int) -> Any:
         return scenes.function(lambda point: point.sum(axis=-1), tuple(f"u{j}" for j in range(dims)))
 
-    def seconds(width: int, height: int, spp: int, dims: int) -> float:
+    def image(width: int, height: int, spp: int, dims: int) -> Callable[[int], Any]:
         rendered = coordinates(dims) if dims else scene
         sampler = make(dims or needs, width, height, spp, 1)
-        start = clock()
-        np.asarray(qj.render(rendered, sampler, width, height, spp))
-        return clock() - start
-
-    def typical(*task: int) -> float:
-        times: list[float] = []
-        while len(times) < TURNS or sum(times) < AT_LEAST:
-            times.append(seconds(*task))
-        return statistics.median(times)
+        return lambda turn: np.asarray(qj.render(rendered, sampler, width, height, spp))
 
     device = jax.devices()[0]
     # Time on the core, if all is done there: others may have their turns on it.
-    clock = time.process_time if core and device.platform == "cpu" else time.perf_counter
+    clock = "processors" if core and device.platform == "cpu" else "clock"
     most = make(DIMS[-1], 64, 64, SPP[0], 1).dims
-    begun = clock() if clock is time.process_time else None
+    begun = time.process_time() if clock == "processors" else None
     about = {
         "start": begun,
         "platform": device.platform,
@@ -267,8 +249,9 @@ def _serve(scene_name: str, sampler_name: str, core: str) -> None:
     print(json.dumps(about), flush=True)
     for line in sys.stdin:
         what, *task = json.loads(line)
-        took = (typical if what == "typical" else seconds)(*task)
-        print(json.dumps({"seconds": took, "peak": _peak()}), flush=True)
+        least = (TURNS, AT_LEAST) if what == "typical" else (1, 0.0)
+        took = typical(image(*task), *least, clock)
+        print(json.dumps({"seconds": took, "peak": largest()}), flush=True)
 
 
 if __name__ == "__main__":

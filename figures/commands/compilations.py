@@ -71,6 +71,8 @@ def compiled(modules: dict[str, str], quality: str) -> list[Program]:
         Handed to the figures.
     """
     compiled_programs.measure_without()
+    if quality == "draft":
+        compiled_programs.quickly()
     import jax
     import matplotlib.pyplot as plt
 

@@ -2,9 +2,7 @@
 
 import argparse
 import contextlib
-import statistics
 import sys
-import time
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 
 from figures.shared.h100 import H100, Program, programs
 from figures.shared.operations import operations
+from figures.shared.turns import typical
 
 FAST = (2**25, 2048, 64)
 """Points, side of images, samples per pixel where a GPU is timed: a thousand times what it does at once."""
@@ -179,12 +178,7 @@ def _measured(name: str, device: Any, sizes: Sizes) -> tuple[float, NDArray]:
 def seconds(call: Callable[[int], None]) -> float:
     """Return the median time of a call, over at least three and so many seconds, after one."""
     call(0)
-    times: list[float] = []
-    while len(times) < 3 or sum(times) < LEAST:
-        start = time.perf_counter()
-        call(1 + len(times))
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
+    return typical(lambda turn: call(1 + turn), 3, LEAST)
 
 
 def ulps(one: NDArray, other: NDArray) -> int:

@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args(argv).folder
     try:
-        entries = ledger.stored() | ledger.kept(store.read_numbers(folder))
+        entries = ledger.stored() | ledger.to_store(store.read_numbers(folder))
     except (OSError, ValueError) as error:
         parser.error(f"{folder} must be a folder with figures, {error}")
     lines = [f"{json.dumps(name)}: {json.dumps(of, ensure_ascii=False)}" for name, of in entries.items()]

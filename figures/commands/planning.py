@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 from tqdm import tqdm
 
-from figures.arena import RIVALS, SCENES
 from figures.commands.calibrate import calibration
 from figures.commands.cost_model import MEMORY, TIME, CostModel, Prediction, Sizes, fitted
 from figures.making import store
 from figures.making.fingerprint import fingerprint
 from figures.making.this_machine import machine
+from figures.shared.rivals import RIVALS, SCENES
 
 FILE = "calibration.json"
 """In the output folder: what was measured, until the code or the machine changes."""
@@ -164,7 +164,7 @@ def report(
         "  of a pass  " + ", ".join(f"{name} {share:.1%}" for name, share in shares.items()),
         f"memory       {given.processes * plan.bytes.value / MIB:.0f} MiB "
         f"({given.processes * plan.bytes.low / MIB:.0f} to {given.processes * plan.bytes.high / MIB:.0f}): "
-        f"{plan.bytes.shares['process'] * plan.bytes.value / MIB:.0f} MiB and {each:.0f} bytes a pixel, "
+        f"{plan.bytes.shares['process'] * plan.bytes.value / MIB:.0f} MiB and {each:.0f} bytes per pixel, "
         f"{processes}",
         "",
         f"fit of {len(found['time'])} times, scatter {time.scatter:.1%}; errors at sizes held out:",

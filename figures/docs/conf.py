@@ -20,6 +20,7 @@ extensions = [
     "figures.docs.mathml",
     "figures.docs.reference_pages",
     "figures.docs.running",
+    "figures.docs.sampler_tables",
 ]
 templates_path = ["_templates"]
 nitpicky = True
@@ -31,7 +32,7 @@ html_static_path = ["_static"]
 html_css_files = ["pictures.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
-_WIDE = "index tutorial howto contents long_runs stability house ledger notebooks"
+_WIDE = "index tutorial howto which_sampler contents long_runs stability house ledger notebooks"
 html_sidebars = {page: [] for page in _WIDE.split()}
 html_theme_options = {
     "navigation_with_keys": False,

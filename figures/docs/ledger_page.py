@@ -44,11 +44,11 @@ def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
                 "\n".join([claim.claim, *([f"“{claim.sentence}”"] if claim.sentence else [])]),
                 verdict,
                 "\n".join([measured, *(f"{case}: {_HELD.get(held, held)}" for case, held in cases.items())]),
-                claim.why or "",
+                why,
                 claim.figure or claim.test or "",
             )
         )
-        for claim, verdict, measured, cases in findings
+        for claim, verdict, measured, cases, why in findings
     ]
     head, body = nodes.thead("", _row(_HEADS)), nodes.tbody("", *rows)
     widths = [nodes.colspec(colwidth=width) for width in _WIDTHS]

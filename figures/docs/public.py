@@ -9,6 +9,7 @@ MODULES = (
     "qmcjax.orders",
     "qmcjax.samplers",
     "qmcjax.scenes",
+    "qmcjax.warps",
     "qmcjax.tracing",
     "qmcjax.tracing.motion",
     "qmcjax.bridges",

@@ -29,8 +29,9 @@ SCRAMBLED = ("phi_2, digit scrambling", "phi_2, Owen scrambling")
 SHARE = "share of the strongest 1 % of frequencies"
 
 NOTE = (
-    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share is written over "
-    "each image. The paper shows the scrambled ones only, without phi_2 and phi_5 by themselves. "
+    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share of the "
+    "power in the strongest 1 % of frequencies is written over each image. The paper shows the scrambled "
+    "ones only, without phi_2 and phi_5 by themselves. "
     "'Improved according to Faure [9]' is read as the factors of Faure and Lemieux, in base 5 the digits "
     "0 3 1 4 2. By this measure they leave Morton, Hilbert and Moore as regular as they were, as "
     "the paper says. That they help most with the Peano curve is not found: it is the least regular with and "
@@ -56,11 +57,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             leading.setdefault(name, []).append(images[row] >= 0.5)
     rows = {
         row.replace("phi_2", r"$\phi_2$").replace("phi_5", r"$\phi_5$"): Row(
-            images, captions={name: f"share {measured[name][row][SHARE]:.2f}" for name in CURVES}
+            images, captions={name: f"{100 * measured[name][row][SHARE]:.0f} %" for name in CURVES}
         )
         for row, images in sheet.items()
     }
-    title = "Scrambling along the curves, and without it (Hilbert paper, Fig. 4)"
+    title = (
+        "Scrambling along the curves, and without it (Hilbert paper, Fig. 4)\n"
+        f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}; above an image: what part of its "
+        "power\nthe strongest 1 % of its frequencies have (white noise: 6 %)"
+    )
     figure = image_sheet(title, rows, panel=256)
     return figure, {"measured": measured, "claims": _claims(measured, leading), "note": NOTE}
 

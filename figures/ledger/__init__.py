@@ -6,5 +6,5 @@ from figures.ledger._ledger import Finding as Finding
 from figures.ledger._ledger import claims as claims
 from figures.ledger._ledger import findings as findings
 from figures.ledger._stored import FILE as FILE
-from figures.ledger._stored import kept as kept
 from figures.ledger._stored import stored as stored
+from figures.ledger._stored import to_store as to_store

@@ -43,7 +43,7 @@ class Claim(NamedTuple):
     timed: bool = False
     """Whether it is about run time, so that the machine decides."""
     why: str | None = None
-    """Why it came out otherwise, or in some cases only; or why it is not tested."""
+    """Why it came out otherwise, or in some cases only; or why it is not tested; fields as above."""
     sentence: str | None = None
     """The first and the last words of the paper's own sentence, caption or row, with three dots between."""
     question: str | None = None
@@ -62,6 +62,8 @@ class Finding(NamedTuple):
     measured: str
     cases: Mapping[str, Found]
     """Which cases hold, of claims that have some, and of all questions of our own."""
+    why: str
+    """The claim's reason, with the numbers that were measured."""
 
 
 @cache
@@ -86,20 +88,22 @@ def findings(entries: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
 
 
 def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
+    why = claim.why or ""
     if claim.test is not None:
         if claim.question is not None:
-            return Finding(claim, "ours", claim.measured or "", _answer(not claim.contrary))
-        return Finding(claim, "differs" if claim.contrary else "by-test", claim.measured or "", {})
+            return Finding(claim, "ours", claim.measured or "", _answer(not claim.contrary), why)
+        return Finding(claim, "differs" if claim.contrary else "by-test", claim.measured or "", {}, why)
     if claim.figure is None or claim.key is None:
-        return Finding(claim, "untested", "", {})
+        return Finding(claim, "untested", "", {}, why)
     numbers = entries.get(claim.figure, {}).get("numbers", {})
     found = numbers.get("claims", {}).get(claim.key)
-    if found is None:
-        return Finding(claim, "missing", "", {})
-    measured = (claim.measured or "").format_map(_readable(numbers))
+    if found is None:  # A reason with numbers is none without them.
+        return Finding(claim, "missing", "", {}, "" if "{" in why else why)
+    measured, why = (text.format_map(_readable(numbers)) for text in (claim.measured or "", why))
     if claim.question is not None:
-        return Finding(claim, "ours", measured, _answer(found))
-    return Finding(claim, verdict(found), measured, {} if isinstance(found, bool | str) else found)
+        return Finding(claim, "ours", measured, _answer(found), why)
+    cases = {} if isinstance(found, bool | str) else found
+    return Finding(claim, verdict(found), measured, cases, why)
 
 
 def _answer(found: Found | Mapping[str, Found]) -> Mapping[str, Found]:
@@ -107,11 +111,16 @@ def _answer(found: Found | Mapping[str, Found]) -> Mapping[str, Found]:
 
 
 class _Dict(dict[str, Any]):
-    """A dict as a text has it; ``str.format`` asks it for keys like 13 as integers."""
+    """A dict as a text has it; ``str.format`` asks it for keys like 13 as integers.
+
+    Its ``last`` entry is that of the largest size, which is smaller in drafts.
+    """
 
     def __missing__(self, key: str | int) -> Any:
         if isinstance(key, int):
             return self[str(key)]
+        if key == "last":
+            return list(self.values())[-1]
         raise KeyError(key)
 
     def __format__(self, spec: str) -> str:

@@ -18,8 +18,8 @@ def stored() -> dict[str, dict[str, Any]]:
     return json.loads(FILE.read_text(encoding="utf-8")) if FILE.is_file() else {}
 
 
-def kept(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return what is kept of entries of ``numbers.json``: those of claims, in paper quality."""
+def to_store(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return what is stored of entries of ``numbers.json``: those of claims, in paper quality."""
     of_claims = {claim.figure for claim in claims()}
     return {
         name: {key: entry[key] for key in ("quality", "date", "machine", "seconds")}

@@ -118,6 +118,8 @@ def _finish(
         "machine": machine() | ({} if message.device is None else {"device": message.device}),
         "numbers": numbers,
     } | ({} if images is None else {"images": images})
+    if message.others:
+        entry["files"] = list(message.others)
     try:
         store.write(_picture(folder, task.name), message.png)
         for end, file in message.files:
@@ -146,6 +148,7 @@ def _is_whole(folder: Path, name: str, entry: Mapping[str, Any], fingerprint: st
         and _picture(folder, name).is_file()
         and (folder / f"{name}.webp").is_file()
         and all((folder / file).is_file() for file in store.image_files(name, entry))
+        and all((folder / f"{name}.{end}").is_file() for end in entry.get("files", ()))
     )
 
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from figures.making import heitz, openqmc, stbn
 from figures.making.store import NUMBERS
 
 PROJECT = ("qmcjax", "analysis", "figures")
@@ -22,6 +23,9 @@ NOT_DATA = (".py", ".pyc", ".ipynb", ".md", ".png")
 
 def fingerprint(module: str, quality: str) -> str:
     """Hash the quality, the files behind ``module`` and the versions of the libraries it may use.
+
+    Published tables and textures, and a checkout of OpenQMC, count for the figures that read them if the user
+    has named them.
 
     Parameters
     ----------
@@ -36,7 +40,17 @@ def fingerprint(module: str, quality: str) -> str:
     str
         64 hexadecimal digits, independent of where the project lies.
     """
-    files = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in sources(module).items()}
+    read = sources(module)
+    tables = heitz.path()
+    if tables is not None and heitz.__name__ in read:
+        read["published tables"] = tables
+    checkout = openqmc.path()
+    if checkout is not None and openqmc.__name__ in read:
+        read |= {str(header.relative_to(checkout)): header for header in openqmc.headers(checkout)}
+    texture = stbn.path()
+    if texture is not None and stbn.__name__ in read:
+        read |= {file.name: file for file in stbn.slices(texture)}
+    files = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in read.items()}
     versions = {name: importlib.metadata.version(name) for name in LIBRARIES}
     text = json.dumps([quality, files, versions], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()

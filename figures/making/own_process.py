@@ -3,22 +3,19 @@
 import json
 import subprocess
 import sys
-from collections.abc import Mapping
 from types import ModuleType
 from typing import Any
 
 
-def measured(module: ModuleType, quality: str, environment: Mapping[str, str] | None = None) -> Any:
+def measured(module: ModuleType, quality: str) -> Any:
     """Run a module with a quality as its argument, and return the JSON that it prints last."""
-    return json.loads(run(module, quality, environment=environment).splitlines()[-1])
+    return json.loads(run(module, quality).splitlines()[-1])
 
 
-def run(
-    module: ModuleType, *arguments: str, task: Any = None, environment: Mapping[str, str] | None = None
-) -> str:
+def run(module: ModuleType, *arguments: str, task: Any = None) -> str:
     """Run a module, with a task in JSON at its standard input, and return what it prints."""
     command = [sys.executable, "-m", module.__name__, *arguments]
-    done = subprocess.run(command, env=environment, input=json.dumps(task), capture_output=True, text=True)
+    done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
     return done.stdout

@@ -6,7 +6,10 @@ from typing import Any
 
 UNDECIDED = "undecided"
 
-Claims = Mapping[str, bool | str | Mapping[str, bool | str]]
+Found = bool | str
+"""Whether a statement holds, or `UNDECIDED`."""
+
+Claims = Mapping[str, Found | Mapping[str, Found]]
 """Which sentences of a paper hold, each one or case by case: true, false or undecided."""
 
 PARTS = {

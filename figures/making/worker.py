@@ -54,6 +54,8 @@ class Done(NamedTuple):
     """The picture for the page and images that are handed out, by the ends of their names."""
     images: str = "null"
     """What they are, as JSON."""
+    others: tuple[str, ...] = ()
+    """Ends of names of other files that are handed out."""
     device: str | None = None
     """What JAX computed on, if it was used in this process."""
 
@@ -83,14 +85,14 @@ def _answer(task: Task, connection: Connection) -> Done | Failed:
     progress = _reporter(connection)
     progress(0.0)
     try:
-        png, numbers, files, images = _draw(task, progress)
+        png, numbers, files, images, others = _draw(task, progress)
     except Exception:  # the parent shows it whole, and the other figures still run
         return Failed(traceback.format_exc())
-    return Done(time.perf_counter() - start, png, numbers, files, images, _device())
+    return Done(time.perf_counter() - start, png, numbers, files, images, others, _device())
 
 
-def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Files, str]:
-    """Return the picture, the numbers, the images that were handed out, and what they are."""
+def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Files, str, tuple[str, ...]]:
+    """Return the picture, the numbers, the files that were handed out, what images and others they are."""
     make = importlib.import_module(task.module).make
 
     import matplotlib.pyplot as plt
@@ -102,23 +104,26 @@ def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Fi
     PLACE.set(task.place)
     with rc():
         made = make(task.quality, progress)
-        if not (len(made) in (2, 3) and isinstance(made[0], Figure) and isinstance(made[1], dict)):
+        if not (len(made) in (2, 3, 4) and isinstance(made[0], Figure) and isinstance(made[1], dict)):
             found = f"({', '.join(type(part).__name__ for part in made)})"
             raise TypeError(f"{task.module}.make must return a matplotlib Figure and a dict, got {found}")
-        picture, numbers, *images = made
+        picture, numbers, *handed = made
         check_numbers(numbers)
         drawn, smaller = _drawn(picture)
     plt.close("all")
-    files, described = {}, None
-    if images:
+    files, described, others = {}, None, {}
+    if handed:
+        others = dict(*handed[1:])
+    if handed and handed[0]:
         from figures.making.web_images import encode
 
-        files, described = encode(images[0])
+        files, described = encode(handed[0])
     return (
         drawn,
         json.dumps(numbers, allow_nan=False),
-        (("webp", smaller), *files.items()),
+        (("webp", smaller), *files.items(), *others.items()),
         json.dumps(described),
+        tuple(others),
     )
 
 

@@ -1,14 +1,17 @@
-"""Run time against error: samplers on scenes with exact answers, and images by other programs."""
+"""Run time against error: samplers in exact and traced scenes, and images by other programs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from figures.making import own_process
-from figures.plot import Style
-from figures.shared import peer_images, speed_sweep
-from figures.shared.error_over_time import best, counted, legend, lines, time_for
+from figures.plot import Style, style
+from figures.shared import mitsuba_scenes, peer_images, speed_sweep, traced_sweep
+from figures.shared.error_over_time import Rows, best, counted, legend, lines, time_for
+from figures.shared.traced_sweep import OURS
 
 PROGRAMS = {
     "qmcjax": Style("C0", "o"),
@@ -17,63 +20,164 @@ PROGRAMS = {
     "C++, OpenMP": Style("C6", "D"),
 }
 
+
+class Size(NamedTuple):
+    """How much of traced scenes is measured."""
+
+    side: int
+    counts: tuple[int, ...]
+    turns: int
+    bounces: int
+    scenes: int
+    reference: int
+
+
+SIZES = {
+    "draft": Size(64, (4, 16), 2, 2, 1, 512),
+    "paper": Size(128, (1, 4, 16, 64), 3, 4, 5, 1024),
+}
+
+STYLES = {name: style(name) for name in OURS} | {
+    "Mitsuba, independent": Style(*style("random")[:2], "--"),
+    "Mitsuba, stratified": Style(*style("jittered grid")[:2], "--"),
+    "Mitsuba, multijitter": Style("C2", "v", "--"),
+    "Mitsuba, orthogonal": Style("C2", "^", "--"),
+    "Mitsuba, ldsampler": Style("C4", "D", "--"),
+}
+"""Mitsuba's are dashed."""
+
+COLUMNS = 3
+"""Of panels."""
+TABLE = ("scene", "sampler", "spp", "seconds", "rms error")
+
 NOTE = (
-    "Images of {side} x {side} pixels, box filter, medians of calls after the first, each with a new key; "
-    "errors are against exact pixel means. 'best' has, for each time, the sampler of the least error among "
-    "those that took no longer. Peers: images of {peer_side} x {peer_side} pixels, all by one scrambled "
-    "Sobol' sequence in contiguous blocks, ours and the C++ reference's Owen-scrambled along the Hilbert "
-    "curve, the others' linearly scrambled in raster order, each after an image that is not counted. The "
-    "programs take turns. The ratio at equal error is the time that the "
-    "peer's line over the number of samples, prolonged where it ends, needs for our error, over ours. Peers "
-    "that are not installed are left out (pip install -e '.[bench]' brings torch; the C++ reference needs a "
-    "compiler with OpenMP). Drafts are small and say little."
+    "Box filter, medians of calls after the first, each with a new key. Scenes with exact pixel means: "
+    "{side} x {side} pixels; 'best' has, for each time, the sampler of the least error among those that took "
+    "no longer. Programs: images of {peer_side} x {peer_side} pixels, all by one scrambled Sobol' sequence "
+    "in contiguous blocks, ours and the C++ reference's Owen-scrambled along the Hilbert curve, the others' "
+    "linearly scrambled in raster order, each after an image that is not counted. The programs take turns. "
+    "The ratio at equal error is the time that the peer's line over the number of samples, prolonged where "
+    "it ends, needs for our error, over ours. Peers that are not installed are left out "
+    "(pip install -e '.[bench]' brings torch; the C++ reference needs a compiler with OpenMP). "
+    "Traced scenes: {traced_side} x {traced_side} pixels, errors over linear RGB; all programs take turns. "
+    "Seconds are medians of {turns} images after the first, until the image is in memory: without compiling "
+    "or loading. Mitsuba (scalar_rgb, all threads) is in a process of its own and takes its times there, "
+    "after an image that is not counted, so that neither its start nor what passes between processes is in "
+    "them. Ours are by one program for points and one for a scene's values, since each pair of both in one "
+    "would compile for minutes. Orthogonal arrays have squares of primes as numbers of samples, 'ldsampler' "
+    "powers of 4: times and errors are of the samples taken. References: {origins}"
 )
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure in processes of their own, and draw error over time."""
-    sweep = own_process.measured(speed_sweep, quality)
-    progress(0.6)
-    peers = own_process.measured(peer_images, quality)
-    names = list(dict.fromkeys(row["scene"] for row in sweep["rows"]))
-    compared = list(dict.fromkeys(row["scene"] for row in peers["rows"]))
+class Panel(NamedTuple):
+    """What a panel shows: its lines, which are by sampler or program, and their looks."""
 
-    columns = 3
-    rows = -(-(len(names) + len(compared)) // columns)
-    figure = Figure(figsize=(3.3 * columns + 2, 3.2 * rows + 0.4), layout="constrained")
-    figure.suptitle("Error over run time, one point for each number of samples (lower left is better)")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in panels[len(names) + len(compared) :]:
-        axes.set_axis_off()
-    of_samplers, of_programs = panels[: len(names)], panels[len(names) :][: len(compared)]
-    for axes, name in zip(of_samplers, names, strict=True):
-        chosen = [row for row in sweep["rows"] if row["scene"] == name]
-        lines(axes, chosen, "sampler")
-        axes.set_title(f"{name}, {sweep['side']} x {sweep['side']}, {counted(chosen)}")
-    table = [
+    scene: str
+    side: int
+    rows: Rows
+    by: str
+    styles: Mapping[str, Style] | None
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure in processes of their own, and traced scenes here, and draw error over time."""
+    sweep = own_process.measured(speed_sweep, quality)
+    progress(0.4)
+    peers = own_process.measured(peer_images, quality)
+    progress(0.5)
+    size = SIZES[quality]
+    traced, floors, origins = _traced(size, lambda part: progress(0.5 + part / 2))
+    programs = [
         {**row, "seconds": float(np.median(row["seconds"])), "rms error": row["error"]}
         for row in peers["rows"]
     ]
-    for axes, name in zip(of_programs, compared, strict=True):
-        chosen = [row for row in table if row["scene"] == name]
-        lines(axes, chosen, "program", PROGRAMS)
-        axes.set_title(f"{name.replace('_', ' ')}, {peers['side']} x {peers['side']}, {counted(chosen)}")
-    legend(figure, of_samplers, "upper", "samplers")
-    legend(figure, of_programs, "lower", "programs")
-    return figure, {
-        "table": sweep["rows"],
+    panels = [
+        *_panels(sweep["rows"], sweep["side"], "sampler", None),
+        *_panels(programs, peers["side"], "program", PROGRAMS),
+        *_panels(traced, size.side, "sampler", STYLES),
+    ]
+    compared = {name: _compared(rows) for name, rows in _by_scene(traced).items()}
+    missing = "" if mitsuba_scenes.installed() else " Mitsuba is not installed: pip install mitsuba."
+    return _drawn(panels, floors), {
+        "table": [{key: row[key] for key in TABLE} for row in [*sweep["rows"], *traced]],
         "measured": {
-            "best": {
-                name: best([r for r in sweep["rows"] if r["scene"] == name], "sampler") for name in names
-            },
+            "best": {name: best(rows, "sampler") for name, rows in _by_scene(sweep["rows"]).items()},
             "adaptive": _adaptive(sweep["rows"]),
             "peers": peers["rows"],
             "time of the peer / ours at equal error": {
-                name: _ratios([row for row in table if row["scene"] == name]) for name in compared
+                name: _ratios(rows) for name, rows in _by_scene(programs).items()
+            },
+            "traced": {
+                name: found | {"error of the reference": floors[name], "in words": _sentence(found)}
+                for name, found in compared.items()
             },
         },
-        "note": NOTE.format(side=sweep["side"], peer_side=peers["side"]),
+        "claims": {
+            "all samplers of low discrepancy have less error than random samples at the largest count": {
+                name: _below_random(rows) for name, rows in _by_scene(traced).items()
+            },
+        },
+        "note": NOTE.format(
+            side=sweep["side"],
+            peer_side=peers["side"],
+            traced_side=size.side,
+            turns=size.turns,
+            origins=origins,
+        )
+        + missing,
     }
+
+
+def _traced(size: Size, progress: Callable[[float], None]) -> tuple[Rows, dict[str, float], str]:
+    """Return rows of all samplers in traced scenes, errors of the references, and where these come from."""
+    rows: Rows = []
+    floors, origins = {}, []
+    compared = list(traced_sweep.cases(size.bounces).items())[: size.scenes]
+    for done, (name, (scene, shared)) in enumerate(compared, start=1):
+        exact = traced_sweep.reference(scene, size.side, size.reference)
+        found = traced_sweep.rows(scene, shared, size.side, size.counts, size.turns, exact)
+        rows += [{"scene": name, **row} for row in found]
+        floors[name] = exact.error
+        origins.append(f"{name}, {exact.origin}, RMS error {exact.error:.1e}.")
+        progress(done / len(compared))
+    return rows, floors, " ".join(origins)
+
+
+def _by_scene(rows: Rows) -> dict[str, Rows]:
+    return {
+        name: [row for row in rows if row["scene"] == name]
+        for name in dict.fromkeys(r["scene"] for r in rows)
+    }
+
+
+def _panels(rows: Rows, side: int, by: str, styles: Mapping[str, Style] | None) -> list[Panel]:
+    return [Panel(name, side, of, by, styles) for name, of in _by_scene(rows).items()]
+
+
+def _drawn(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
+    """Draw error over time, with the error of the reference, and a legend for each kind of panels."""
+    rows = -(-len(panels) // COLUMNS)
+    figure = Figure(figsize=(3.3 * COLUMNS + 2, 3.2 * rows + 0.6), layout="constrained")
+    figure.suptitle(
+        "Points that cost more must save samples: error over run time, one mark for each number of samples\n"
+        "(lower left is better; grey: error of the reference)"
+    )
+    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+    kinds: dict[str, list[Axes]] = {}
+    for ax, panel in zip(axes, panels, strict=False):
+        lines(ax, panel.rows, panel.by, panel.styles)
+        kind = f"{panel.by}s" if panel.styles is not STYLES else "samplers, traced scenes"
+        kinds.setdefault(kind, []).append(ax)
+        if panel.scene in floors:
+            ax.axhline(floors[panel.scene], color="0.6", lw=0.8, zorder=0)
+        title = panel.scene.replace("_", " ")
+        ax.set_title(f"{title}, {panel.side} x {panel.side}, {counted(panel.rows)}")
+    for ax in axes[len(panels) :]:
+        ax.set_axis_off()
+    heights: tuple[Literal["upper", "center", "lower"], ...] = ("upper", "center", "lower")
+    for height, (kind, drawn) in zip(heights, kinds.items(), strict=True):
+        legend(figure, drawn, height, kind)
+    return figure
 
 
 def _adaptive(rows: list[dict]) -> dict[str, dict[str, float]]:
@@ -95,3 +199,51 @@ def _ratios(rows: list[dict]) -> dict[str, dict[str, float]]:
         theirs = [row for row in rows if row["program"] == peer]
         ratios[peer] = {str(row["spp"]): time_for(theirs, row["rms error"]) / row["seconds"] for row in ours}
     return ratios
+
+
+def _compared(rows: list[dict]) -> dict:
+    """Return what is best, and the times to the error of the most random samples of ours."""
+    random = [row for row in rows if row["sampler"] == "random"]
+    most = max(random, key=lambda row: row["spp"])
+    error = most["rms error"]
+    names = dict.fromkeys(row["sampler"] for row in rows)
+    times = {name: time_for([row for row in rows if row["sampler"] == name], error) for name in names}
+    theirs = [name for name in times if name not in OURS]
+    ours = min(OURS, key=lambda name: times[name])
+    ratios = {name: times[name] / times[ours] for name in names}
+    found: dict = {
+        "best": best(rows, "sampler"),
+        "samples": most["spp"],
+        "error asked for": error,
+        "seconds to it": times,
+        "fastest of ours": ours,
+        "times as long as the fastest of ours": ratios,
+    }
+    if theirs:
+        means = [
+            row["mean over the reference's"]
+            for row in rows
+            if row["sampler"] in theirs and row["spp"] >= most["spp"]
+        ]
+        found |= {
+            "fastest of Mitsuba's": min(theirs, key=lambda name: times[name]),
+            "mean of Mitsuba's images of most samples over the reference's": float(np.mean(means)),
+        }
+    return found
+
+
+def _sentence(found: dict) -> str:
+    """Return in words how long samplers take to the error of random samples."""
+    ratios, ours = found["times as long as the fastest of ours"], found["fastest of ours"]
+    text = f"To the error of {found['samples']} random samples, these take {ratios['random']:.2g} times"
+    if "fastest of Mitsuba's" in found:
+        theirs = found["fastest of Mitsuba's"]
+        text += f", and the fastest sampler of Mitsuba's, {theirs}, {ratios[theirs]:.2g} times"
+    return f"{text} as long as {ours}."
+
+
+def _below_random(rows: Rows) -> bool:
+    """Return whether all of ours have less error than random samples at the largest count of these."""
+    errors = {(row["sampler"], row["spp"]): row["rms error"] for row in rows}
+    last = max(spp for sampler, spp in errors if sampler == "random")
+    return all(errors[sampler, last] < errors["random", last] for sampler in OURS if sampler != "random")

@@ -236,7 +236,7 @@ def _draw(
         _curves(axes, found, dims, size)
         axes.set_title(f"error {what}, {dims}-D", fontsize=9)
         if k == 0:
-            axes.set_ylabel("of white noise of 1 spp")
+            axes.set_ylabel("error / white noise, 1 spp")
             handles, labels = axes.get_legend_handles_labels()
             across = figure.get_size_inches()[0] * figure.dpi
             where = (820 / across, (height + 140) / (figure.get_size_inches()[1] * figure.dpi))

@@ -187,7 +187,8 @@ def _cell(value: float | None) -> str:
 def _draw(size: Size, table: dict, convergence: dict) -> Figure:
     figure = Figure(figsize=(13, 11), layout="constrained")
     figure.suptitle(
-        f"Generators in {DIMS} dimensions: {2**size.m} points, pairs of largest star discrepancy, errors"
+        f"Generators in {DIMS} dimensions: {2**size.m} points, projections of largest star discrepancy, "
+        "and errors"
     )
     parts: Any = figure.subfigures(3, 1, height_ratios=[3.4, 2.4, 4.4])
     top, middle, bottom = parts

@@ -128,7 +128,8 @@ def _draw(table: dict[str, dict[str, float | None]], m: int) -> Figure:
 
     figure = Figure(figsize=(1.6 + 1.05 * len(columns), 1.2 + 0.32 * len(table)), layout="constrained")
     figure.suptitle(
-        f"{2**m} points in the unit square: dark is best of the column (arrows: up if larger is better)"
+        f"No sequence is best by all measures: {2**m} points in the unit square\n"
+        "dark is the best of a column (arrows: up if larger is better)"
     )
     axes = figure.subplots()
     axes.imshow(shades, cmap="Blues_r", vmin=-0.2, vmax=1.4, aspect="auto")

@@ -1,5 +1,6 @@
 """Samplers of ours in Mitsuba 3 beside its own: errors, what a filter leaves of them, spectra, and speed."""
 
+import json
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -15,15 +16,16 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.making import own_process
-from figures.ours import benchmark_traced
-from figures.shared import diffusion, mitsuba_scenes
+from figures.ours import benchmark
+from figures.shared import diffusion, mitsuba_scenes, mitsuba_speed_process
 from figures.shared import mitsuba_samplers_process as process
 from figures.shared.image_grid import Panel, add_axes, image_grid
 from figures.shared.mitsuba_scenes import Run
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
 REFERENCE, REFERENCE_SPP = "multijitter", 64
-KEY, SPEED_KEY, REFERENCE_KEY = 1, 2, 2**20
+KEY, REFERENCE_KEY = 1, 2**20
+TIMED_SPP = 16
 SHOWN = ("independent", "multijitter", OWEN, OPTIMIZED)
 SHOWN_SPP, SPECTRUM_SPP = 4, 1
 GOAL = 1.5
@@ -40,26 +42,31 @@ class Size(NamedTuple):
     side: int
     counts: tuple[int, ...]
     samplers: tuple[str, ...]
-    timed: int
-    """Samples per pixel of images that are timed, of which there is one before."""
-
     replicates: int
     """Of the reference."""
 
+    timed_side: int
+    turns: int
+    """Images whose median is the time of a sampler, after the first."""
+
 
 SIZES = {
-    "draft": Size(("depth of field",), 32, (1, 4), ("independent", "multijitter", OWEN), 4, 2),
+    "draft": Size(("depth of field",), 32, (1, 4), ("independent", "multijitter", OWEN), 2, 32, 1),
     "paper": Size(
         ("Cornell box", "glossy", "depth of field"),
         64,
         (1, 4, 16, 64),
         (*process.THEIRS, *process.OURS),
-        16,
         12,
+        256,
+        5,
     ),
 }
 
 Images = dict[Run, NDArray]
+
+Rates = dict[str, dict[str, list[float]]]
+"""Seconds of the first image and the median of others, by variants and samplers."""
 
 NOTE = (
     "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image "
@@ -68,11 +75,13 @@ NOTE = (
     "{replicates} images of 64 multijittered samples. {explained} Their RMS errors: {noise}. At {most} "
     "samples the RMS error of independent samples is {ratios} times that of Owen-scrambled Sobol' points in "
     "each pixel; the goal was {goal} on two scenes. {verdict} Least of all: {best}; after the filter: "
-    "{filtered}. Samples a second of the second image by a sampler, of {speed_spp} samples a pixel, alone "
-    "({scene}): {speeds}. Mitsuba's samplers run on all threads; ours on one: "
-    "several would wait for each other at each number that they ask Python for. At one sample Mitsuba's "
-    "three are the same points."
+    "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at {timed_spp} samples, "
+    "paths of up to 8 edges, medians of {turns} images in turns, on all threads. {rates}At one sample "
+    "Mitsuba's three are the same points."
 )
+
+RATE = "{what}: of independent samples {speed:.2f} million per second; of others as parts of it: {ratios}. "
+"""One sentence for each variant and mode of loops."""
 
 LAMP = (
     "In the Cornell box errors are measured in the lower three quarters: above, a few pixels at the edge of "
@@ -87,19 +96,13 @@ def make(
     if not mitsuba_scenes.installed():
         return _missing()
     size = SIZES[quality]
-    *others, last = size.scenes
     with ThreadPoolExecutor(2) as pool:
         found: dict[str, Images] = {}
-        for name, (images, _) in zip(others, pool.map(lambda name: _run(name, size), others), strict=True):
+        runs = pool.map(lambda name: _run(name, size), size.scenes)
+        for name, images in zip(size.scenes, runs, strict=True):
             found[name] = images
             progress(0.7 * len(found) / len(size.scenes))
-    # Alone, since it is timed.
-    found[last], seconds = _run(last, size)
-    speeds = {
-        _shown(run.sampler): run.spp * size.side**2 / seconds[run]
-        for run in found[last]
-        if run.seed == SPEED_KEY
-    }
+    rates = _rates(size)
     exact = {name: _exact(of) for name, of in found.items()}
     rows = [
         {"scene": name, "sampler": _shown(run.sampler), "spp": run.spp}
@@ -124,7 +127,9 @@ def make(
         "measured": {
             f"RMS error of independent samples / Owen's, {most} spp": ratios,
             f"least of all, {most} spp": least,
-            "samples a second": speeds,
+            "seconds of the first image, and of others": {
+                what: {_shown(name): taken for name, taken in of.items()} for what, of in rates.items()
+            },
         },
         "table": rows,
         "note": NOTE.format(
@@ -140,9 +145,10 @@ def make(
             verdict=_verdict(ratios),
             best=_listed(least["RMS error"]),
             filtered=_listed(least["filtered error"]),
-            speed_spp=size.timed,
-            scene=last,
-            speeds=", ".join(f"{name} {speed:,.0f}" for name, speed in speeds.items()),
+            timed_side=size.timed_side,
+            timed_spp=TIMED_SPP,
+            turns=size.turns,
+            rates="".join(_said(what, of, size) for what, of in rates.items()),
         ),
     }
     images = {
@@ -150,7 +156,31 @@ def make(
         for name, of in found.items()
         for sampler in _pictured(size)
     }
-    return _drawn(size, found, exact, rows, speeds), numbers, images
+    return _drawn(size, found, exact, rows, rates), numbers, images
+
+
+def _rates(size: Size) -> Rates:
+    """Return first and median seconds of images, by variants and modes of loops, and by samplers."""
+    found: Rates = {}
+    for variant in ("scalar_rgb", *(["llvm_ad_rgb"] if mitsuba_scenes.has_llvm() else [])):
+        task = {
+            "variant": variant,
+            "samplers": size.samplers,
+            "side": size.timed_side,
+            "spp": TIMED_SPP,
+            "turns": size.turns,
+        }
+        modes = json.loads(own_process.run(mitsuba_speed_process, task=task).splitlines()[-1])
+        for mode, taken in modes.items():
+            found[f"{variant}, {mode} loops" if mode else variant] = taken
+    return found
+
+
+def _said(what: str, taken: dict[str, list[float]], size: Size) -> str:
+    base = taken["independent"][1]
+    others = {_shown(name): f"{base / of[1]:.2f}" for name, of in taken.items() if name != "independent"}
+    speed = size.timed_side**2 * TIMED_SPP / base / 1e6
+    return RATE.format(what=what, speed=speed, ratios=_listed(others))
 
 
 def _shown(sampler: str) -> str:
@@ -179,20 +209,15 @@ def _area(scene: str, side: int) -> diffusion.Area:
     return (slice(side // 4, side), slice(None)) if scene == "Cornell box" else diffusion.WHOLE
 
 
-def _run(scene: str, size: Size) -> tuple[Images, dict[Run, float]]:
-    """Return images by a process of their own, and the seconds that each took."""
+def _run(scene: str, size: Size) -> Images:
+    """Return images by a process of their own."""
     runs = [Run(REFERENCE, REFERENCE_SPP, REFERENCE_KEY + k) for k in range(size.replicates)]
-    for name in size.samplers:
-        runs += [Run(name, spp, KEY) for spp in size.counts]
-        if scene == size.scenes[-1]:
-            # The images before it compile, and wake threads.
-            runs += [Run(name, size.timed, SPEED_KEY)]
+    runs += [Run(name, spp, KEY) for name in size.samplers for spp in size.counts]
     with tempfile.TemporaryDirectory() as folder:
         task = {"scene": scene, "side": size.side, "runs": runs, "file": str(Path(folder, "images.npz"))}
         own_process.run(process, task=task)
         with np.load(task["file"]) as result:
-            images, seconds = result["images"].astype(np.float64), result["seconds"].tolist()
-    return dict(zip(runs, images, strict=True)), dict(zip(runs, seconds, strict=True))
+            return dict(zip(runs, result["images"].astype(np.float64), strict=True))
 
 
 def _exact(images: Images) -> diffusion.Reference:
@@ -213,7 +238,7 @@ def _style(sampler: str) -> plot.Style:
     name = _shown(sampler)
     if name == "Mitsuba, multijitter":  # Its colour elsewhere is that of our optimised orders.
         return plot.Style(plot.style("rank-1 lattice").color, "v", "--")
-    return benchmark_traced.STYLES[name] if name in benchmark_traced.STYLES else plot.style(sampler)
+    return benchmark.STYLES[name] if name in benchmark.STYLES else plot.style(sampler)
 
 
 ROW, HIGH, BAR = 266, 190, 26
@@ -227,7 +252,7 @@ def _drawn(
     found: dict[str, Images],
     exact: dict[str, diffusion.Reference],
     rows: list[dict[str, Any]],
-    speeds: dict[str, float],
+    rates: Rates,
 ) -> Figure:
     """Draw images of each scene in a row, and below them curves, a scene in each column."""
     panels = []
@@ -241,11 +266,11 @@ def _drawn(
             )
             caption = f"{_shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
             panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, KEY)])))
-    bars = BAR * len(speeds) + 70
+    bars = BAR * len(size.samplers) + 190
     below = len(CURVES) * ROW + bars + 20
-    title = "Samplers of ours in Mitsuba 3, beside its own"
+    title = "Samplers of ours in Mitsuba 3, beside its own: errors of pixels and from afar, and rates"
     figure = image_grid(title, panels, 1 + len(_pictured(size)), PANEL, below=below)
-    across, down = (int(inches * figure.dpi) for inches in figure.get_size_inches())
+    across = int(figure.get_figwidth() * figure.dpi)
     column = across // len(found)
     for k, (name, of) in enumerate(found.items()):
         for row, what in enumerate(CURVES):
@@ -258,17 +283,16 @@ def _drawn(
             axes.yaxis.set_label_coords(-62 / min(column - 110, 400), 0.5)
             if not row:
                 axes.set_title(name)
-    axes = add_axes(figure, 260, 60, min(across // 2 - 260, 480), BAR * len(speeds))
-    for k, sampler in enumerate(size.samplers):
-        speed = speeds[_shown(sampler)]
-        axes.barh(k, speed / 1e6, color=_style(sampler).color)
-        axes.text(speed / 1e6, k, f"  {speed / 1e6:.2f}", va="center", fontsize=8)
-    axes.set_yticks(range(len(size.samplers)), list(map(_shown, size.samplers)))
-    axes.invert_yaxis()
-    axes.set(xlabel=f"million samples a second, {list(found)[-1]}", xlim=(0, 1.2e-6 * max(speeds.values())))
+    wide = min((across - 290) // len(rates), 480)
+    for k, (what, taken) in enumerate(rates.items()):
+        axes = add_axes(figure, 260 + k * wide, 120, wide - 30, BAR * len(size.samplers))
+        _draw_rates(axes, what, taken, size)
+        if k:
+            axes.set_yticklabels([])
     handles, names = figure.axes[len(panels)].get_legend_handles_labels()
-    place = (across // 2 + 60) / across, (60 + BAR * len(speeds) / 2) / down
-    figure.legend(handles, names, loc="center left", bbox_to_anchor=place, frameon=False)
+    figure.legend(
+        handles, names, loc="lower left", bbox_to_anchor=(0.02, 0), ncols=len(names) // 2 + 1, frameon=False
+    )
     return figure
 
 
@@ -294,6 +318,18 @@ def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], 
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_locator(NullLocator())
     axes.grid(alpha=0.3)
+
+
+def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size) -> None:
+    base = taken["independent"][1]
+    for k, sampler in enumerate(size.samplers):
+        ratio = base / taken[sampler][1]
+        axes.barh(k, ratio, color=_style(sampler).color)
+        axes.text(ratio, k, f"  {ratio:.2f}", va="center", fontsize=8)
+    axes.set_yticks(range(len(size.samplers)), list(map(_shown, size.samplers)))
+    axes.invert_yaxis()
+    axes.set(xlabel="rate / independent", xlim=(0, 1.3))
+    axes.set_title(what, fontsize=9)
 
 
 def _draw_spectra(axes: Axes, scene: str, images: Images, exact: diffusion.Reference, size: Size) -> None:

@@ -268,7 +268,10 @@ def _draw(
             )
     rows, below = len(CLASSES) + 3, 320
     height = 34 * (rows + 2)
-    title = "Orders searched for small errors after a filter: a half-plane, in standard deviations of it"
+    title = (
+        "Orders of pixels searched for small errors after a filter, beside samplers of the papers\n"
+        "errors of a half-plane that is the same in all pixels, in its standard deviations"
+    )
     figure = image_grid(title, panels, 1 + len(SHOWN), PANEL, below=below + height + 60)
     axes = add_axes(figure, 60, height + 100, 230, 230)
     plot.order(orders.optimized(16, 16, 1, 1), title="16 x 16 pixels in order, 1 spp", ax=axes)
@@ -281,9 +284,9 @@ def _draw(
     axes = add_axes(figure, GAP, GAP, across - 2 * GAP, height)
     heads, widths = ["integrands"], [1.5]
     for spp in best:
-        heads += [spp, "of"]
+        heads += [spp, "over"]
         widths += [0.86, 2.1]
-    groups = [("filtered errors of optimised orders, as parts of those of others", 1, len(heads) - 1)]
+    groups = [("filtered error of optimised orders over that of others", 1, len(heads) - 1)]
     text_tables.draw(axes, heads, _rows(best, compared, drawn, first), groups, widths)
     return figure
 
@@ -298,8 +301,8 @@ def _rows(best: Best, compared: Compared, drawn: dict[str, float], first: Ratios
         s: (_geometric(of["filtered error"].values()), "the best") for s, of in compared.items()
     }
     rows["all classes "] = {spp: (ratio, "drawn permutations") for spp, ratio in drawn.items()}
-    rows[f"the first of {next(iter(first)).split()[-1]}"] = {
-        f"{name.split()[0]} spp": (_geometric(of.values()), "ours, made for them")
+    rows[f"first samples of {next(iter(first)).split()[-1]}"] = {
+        f"{name.split()[0]} spp": (_geometric(of.values()), "orders made for so many")
         for name, of in first.items()
     }
     return [[name, *(text for spp in best for text in _cells(of.get(spp)))] for name, of in rows.items()]

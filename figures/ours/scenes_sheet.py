@@ -34,7 +34,8 @@ NOTE = (
     "Exact means of {side} x {side} pixels; gray values from the least to the largest, which the captions "
     "give in brackets. 'bound' is of the error of every pixel. 'sum against integral' is the largest "
     "difference between the mean of all pixels and the integral, over images of {summed} pixels. 'error over "
-    "random' is the RMS error of {spp} Owen-scrambled Sobol' samples a pixel, in contiguous blocks along the "
+    "random' is the RMS error of {spp} Owen-scrambled Sobol' samples per pixel, in contiguous blocks "
+    "along the "
     "Hilbert curve, over that of {spp} random samples, both against the exact image and over {keys} keys."
 )
 

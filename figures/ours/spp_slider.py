@@ -1,4 +1,7 @@
-"""One scene by eight samplers, from 1 to 256 samples per pixel: images for the page's slider."""
+"""One scene by eight samplers, from 1 to 256 samples per pixel: images for the page's slider, and errors.
+
+With it goes what the page's playground renders with, which needs no images.
+"""
 
 from collections.abc import Callable
 
@@ -7,8 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import qmcjax as qj
+from figures import plot
 from figures._errors import rms
-from figures.shared.image_grid import Panel, image_grid
+from figures.playground import ours
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 128
@@ -41,12 +45,13 @@ def ways(spp: int) -> dict[str, samplers.Sampler]:
     }
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
-    """Render all, show the images of a few samples, and hand all of them out; drafts have fewer samplers."""
+def make(
+    quality: str, progress: Callable[[float], None]
+) -> tuple[Figure, dict, dict[str, NDArray], dict[str, bytes]]:
+    """Render all, draw their errors, and hand them out with the playground; drafts have fewer."""
     scene = scenes.checkerboard()
     reference, bound = scene.reference(SIDE, SIDE)
     images: dict[str, NDArray] = {"exact reference": np.asarray(reference)}
-    panels: list[Panel] = []
     errors: dict[str, dict[str, float]] = {}
     for done, spp in enumerate(COUNTS, start=1):
         for name, sampler in ways(spp).items():
@@ -54,11 +59,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
                 continue
             image = np.asarray(qj.render(scene, sampler, SIDE, SIDE, spp))
             images[f"{name}, {spp} spp"] = image
-            error = rms(image - reference)
-            errors.setdefault(name, {})[f"{spp} spp"] = error
-            panels.append(Panel(f"{name}, {spp} spp\nRMS error {error:.4f}", image))
-        progress(done / len(COUNTS))
+            errors.setdefault(name, {})[f"{spp} spp"] = rms(image - reference)
+        progress(done / (1 + len(COUNTS)))
     measured = {"rms_error": errors, "reference_error_bound": float(bound)}
-    columns = len(panels) // len(COUNTS)
-    figure = image_grid("The checkerboard, from 1 to 256 samples per pixel", panels, columns, 2 * SIDE)
-    return figure, {"measured": measured, "note": NOTE}, images
+    figure = Figure(figsize=(7, 4.6), layout="constrained")
+    plot.convergence(
+        COUNTS,
+        {name: list(of.values()) for name, of in errors.items()},
+        title=f"The checkerboard, {SIDE} x {SIDE} pixels, one key",
+        ax=figure.subplots(),
+    )
+    handed = {"playground.js": ours(SIDE).script.encode()}
+    return figure, {"measured": measured, "note": NOTE}, images, handed

@@ -1,244 +1,148 @@
-"""Where single precision holds and where it breaks: points, positions, sums, arguments, dimensions."""
+"""Where single precision holds and where it breaks: points, sums and rays."""
 
-from collections.abc import Callable
-from fractions import Fraction
-from typing import Any
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from figures.shared import point_precision, ray_precision
 
-KEY = 1
-COUNT = {"draft": 64, "paper": 1024}
-"""Points, pixels or indices that each error is the largest of."""
-
-UNIT = 2.0**-24
-"""The spacing of float32 coordinates."""
+COUNT = {"draft": (64, 2**12), "paper": (1024, 2**17)}
+"""Points, pixels or indices that each error is the largest of, and rays of each case."""
+TOP = {"draft": 14, "paper": 20}
+"""Of the powers of 2 that are summed."""
 
 BROKEN = 0.01
 """An error of values in [0, 1] that an image shows."""
+ALLOWED = 1e-3
+"""A part of the rays that an image shows."""
 
-Curves = dict[str, dict[int, float]]
-"""Errors over what is stressed, by method."""
+DOCUMENTED = 1e3, 0.03
+"""Distance, in sizes of a body, and the part of the rays that may go wrong there as `nearest_hit` says."""
+MESH, ALONE = (1e-8, 1e8), (1e-6, 1e2)
+"""Sizes between which no ray is lost: of a mesh, seen from as far, and of a triangle, seen from 1 at most."""
 
-NOTE = (
-    "Largest errors of {count} random cases (frequencies: 64 times as many), from fixed keys. Points: "
-    "against exact fractions, in units of 2^-24, the spacing of float32 coordinates; the textbook loop adds "
-    "digit / base^k in float32. Offsets: of a net over the whole screen, against its 32-bit words; the "
-    "textbook way is x width - floor(x width) in float32. The position on the screen that a scene gets is "
-    "one float32, of 2^-24 of the screen, for all samplers. Sums: means of the Gaussian bump, in units in "
-    "the last place, against that of the same values in float64; and against points, values and sums in "
-    "float64, which differ by what steep values make of rounded positions. Frequencies: values of the zone "
-    "plate against extended precision at the same float32 points; the phase f (x^2 + y^2) has a rounding "
-    "error of about f 2^-24 that nothing done to the sine can mend, dtype=float64 does. Dimensions: relative "
-    "error, in units of 2^-24, of products of d factors."
-)
+LEAVING, ENTERING = "Rays that leave a body hit it again", "Rays that enter a body are lost in it"
+SIZE = "Rays miss a small or huge body"
+
+COLUMNS = 2
+
+Curves = dict[str, dict[float, float]]
+
+
+class Panel(NamedTuple):
+    """What is measured, its axes, and from which error on an image shows it."""
+
+    measure: Callable[[], Curves]
+    x: str
+    y: str
+    limit: float | None = None
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure all five, and draw them."""
-    count = COUNT[quality]
-    top = 20 if quality == "paper" else 14
-    measures: dict[str, tuple[Callable[[], Curves], str, str]] = {
-        "points": (lambda: points(count), "index", "error / 2^-24"),
-        "offsets in pixels": (lambda: offsets(count), "pixels along a side", "error / 2^-24 of a pixel"),
-        "sums": (lambda: sums(top), "samples per pixel", "error / unit in the last place"),
-        "frequencies": (lambda: frequencies(count), "frequency", "error of values in [0, 1]"),
-        "dimensions": (lambda: dimensions(count), "dimensions", "relative error / 2^-24"),
+    """Measure all, and draw errors over what is stressed."""
+    count, rays = COUNT[quality]
+    of_points = {
+        "Points": Panel(partial(point_precision.points, count), "index", "error / $2^{-24}$"),
+        "Offsets in pixels": Panel(
+            partial(point_precision.offsets, count), "pixels along a side", "error / $2^{-24}$ of a pixel"
+        ),
+        "Sums": Panel(
+            partial(point_precision.sums, TOP[quality]), "samples per pixel", "error / unit in the last place"
+        ),
+        "Frequencies": Panel(
+            partial(point_precision.frequencies, count), "frequency", "error of values in [0, 1]", BROKEN
+        ),
+        "Dimensions": Panel(
+            partial(point_precision.dimensions, count), "dimensions", "relative error / $2^{-24}$"
+        ),
     }
-    figure = Figure(figsize=(13, 8.5), layout="constrained")
-    figure.suptitle("Errors of single precision (exact results are drawn a decade below the least error)")
-    panels = figure.subplots(2, 3).ravel()
-    measured = {}
-    for done, (axes, (name, (measure, x, y))) in enumerate(
-        zip(panels, measures.items(), strict=False), start=1
-    ):
-        curves = measured[name] = measure()
-        exact = 0.1 * min(error for curve in curves.values() for error in curve.values() if error > 0)
-        for label, curve in curves.items():
-            axes.loglog(list(curve), np.maximum(list(curve.values()), exact), "o-", ms=3, label=label)
-        axes.set(title=name, xlabel=x, ylabel=y)
-        axes.grid(alpha=0.3)
-        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
-        progress(done / len(measures))
-    breaks = {name: _breaks(curve) for name, curve in measured["frequencies"].items()}
-    panels[-1].set_axis_off()
-    lines = [f"{name}: error above {BROKEN} from frequency {at:.3g}" for name, at in breaks.items() if at]
-    panels[-1].text(0, 0.5, "\n".join(lines), va="center")
-    text = {name: {label: _keyed(c) for label, c in curves.items()} for name, curves in measured.items()}
+    part, away = "part of the rays", "distance from the origin / size of the body"
+    of_rays = {
+        LEAVING: Panel(partial(ray_precision.leaving, rays, 1.0), away, part, ALLOWED),
+        ENTERING: Panel(partial(ray_precision.leaving, rays, -1.0), away, part, ALLOWED),
+        SIZE: Panel(partial(ray_precision.sizes, rays), "size", part, ALLOWED),
+        "Grazing rays at a plane": Panel(
+            partial(ray_precision.grazing, rays), "slope of the rays", "relative error of distances"
+        ),
+        "Images with direct light": Panel(
+            partial(ray_precision.pictures, rays), away, "RMS difference to float64 / mean", BROKEN
+        ),
+    }
+    panels = of_points | of_rays
+    figure = Figure(figsize=(11, 19), layout="constrained")
+    figure.suptitle(
+        "Single precision holds for points and sums; frequencies, and rays far from the origin, need double\n"
+        "dashed: errors that an image shows; errors of 0 are drawn at the bottom"
+    )
+    axes = figure.subplots(len(panels) // COLUMNS, COLUMNS).ravel()
+    measured: dict[str, Curves] = {}
+    for done, (ax, (name, panel)) in enumerate(zip(axes, panels.items(), strict=True), start=1):
+        measured[name] = panel.measure()
+        _draw(ax, name, panel, measured[name])
+        progress(done / len(panels))
+    broken = {
+        name: {label: _first(curve, panel.limit) for label, curve in measured[name].items()}
+        for name, panel in panels.items()
+        if panel.limit is not None
+    }
     return figure, {
-        "measured": text | {f"frequency of an error of {BROKEN}": breaks},
-        "note": NOTE.format(count=count),
+        "measured": {name: {k: _keyed(v) for k, v in of.items()} for name, of in measured.items()}
+        | {"an image shows errors from": broken}
+        | _documented(measured),
+        "note": f"{point_precision.NOTE.format(count=count)} {ray_precision.NOTE.format(count=rays)}",
     }
 
 
-def points(count: int) -> Curves:
-    """Return errors of coordinates of indices up to 2^32 - 1."""
-    families: dict[str, tuple[sequences.Sequence, Callable[[int], Fraction]]] = {
-        "Sobol', second component": (sequences.sobol(2), lambda i: Fraction(_sobol(i), 2**32)),
-        "Halton, base 3": (sequences.halton(2), lambda i: _radical_inverse(i, 3)),
-        "Halton, base 13": (sequences.halton(6), lambda i: _radical_inverse(i, 13)),
-    }
-    curves: Curves = {name: {} for name in (*families, "textbook loop, base 3")}
-    rng = np.random.default_rng(KEY)
-    for k in range(4, 33, 4):
-        chosen = rng.integers(2 ** (k - 1), 2**k, count, dtype=np.uint32)
-        chosen[0] = 2**k - 1
-        for name, (sequence, exact) in families.items():
-            given = np.asarray(sequence(jnp.asarray(chosen), (sequence.dims - 1,)))[:, 0]
-            curves[name][2**k] = _largest(given, [exact(int(i)) for i in chosen])
-        loop = [_textbook(int(i), 3) for i in chosen]
-        exact_loop = [_radical_inverse(int(i), 3) for i in chosen]
-        curves["textbook loop, base 3"][2**k] = _largest(np.array(loop), exact_loop)
-    return curves
+def _draw(axes: Axes, name: str, panel: Panel, curves: Curves) -> None:
+    """Draw curves, those in double precision dotted in the colours of the same in single precision."""
+    positive = [error for of in curves.values() for error in of.values() if error > 0]
+    zero = 0.1 * min([*positive, panel.limit or np.inf])
+    colors: dict[str, str] = {}
+    for label, curve in curves.items():
+        color = colors.setdefault(label.replace(", float64", ", float32"), f"C{len(colors)}")
+        line = ":" if label.endswith(", float64") else "-"
+        values = np.maximum(list(curve.values()), zero)
+        axes.loglog(list(curve), values, "o", ls=line, color=color, ms=3, label=label)
+    if panel.limit is not None:
+        axes.axhline(panel.limit, color="0.5", ls="--", lw=0.8, zorder=0)
+    axes.set(title=name, xlabel=panel.x, ylabel=panel.y)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
 
 
-def _sobol(index: int) -> int:
-    return int(np.asarray(sequences.sobol(2).bits(jnp.uint32(index)))[1])
+def _documented(measured: Mapping[str, Curves]) -> dict[str, bool]:
+    """Return whether rays are as safe as the documentation says."""
+    far, most = DOCUMENTED
+    near = [
+        part
+        for name in (LEAVING, ENTERING)
+        for curve in measured[name].values()
+        for away, part in curve.items()
+        if away <= far
+    ]
 
+    def lost(body: str, sizes: tuple[float, float]) -> float:
+        of = measured[SIZE]
+        curves = (curve for label, curve in of.items() if label.startswith(body))
+        return max(part for curve in curves for size, part in curve.items() if sizes[0] <= size <= sizes[1])
 
-def _radical_inverse(index: int, base: int) -> Fraction:
-    inverse, scale = 0, 1
-    while index:
-        index, digit = divmod(index, base)
-        inverse, scale = inverse * base + digit, scale * base
-    return Fraction(inverse, scale)
-
-
-def _textbook(index: int, base: int) -> np.float32:
-    value, place = np.float32(0), np.float32(1)
-    while index:
-        index, digit = divmod(index, base)
-        place = np.float32(place / np.float32(base))
-        value = np.float32(value + np.float32(digit) * place)
-    return value
-
-
-def _largest(given: NDArray, exact: list[Fraction]) -> float:
-    return max(abs(float(Fraction(float(g)) - e)) for g, e in zip(given, exact, strict=True)) / UNIT
-
-
-def offsets(count: int) -> Curves:
-    """Return errors of the first coordinate inside a pixel, for a net over the screen."""
-    curves: Curves = {"on integers": {}, "textbook, float32": {}}
-    rng = np.random.default_rng(KEY)
-    net = sequences.larcher_pillichshammer_net(32)
-    for k in range(4, 17, 2):
-        side = 2**k
-        x, y = (jnp.asarray(rng.integers(0, side, count, dtype=np.uint32)) for _ in range(2))
-        sampler = samplers.full_screen(net, side, side)
-        zero = jnp.zeros(count, jnp.uint32)
-        index = net.index_in_cell(x, y, k, zero)
-        words = np.asarray(net.bits(index))[:, 0].astype(np.uint64)
-        exact = ((words << np.uint64(k)) & np.uint64(2**32 - 1)).astype(np.float64) / 2**32
-        given = np.asarray(sampler(x, y, zero, (0,)), np.float64)[:, 0]
-        whole = np.asarray(net(index, (0,)))[:, 0] * np.float32(side)
-        curves["on integers"][side] = float(np.abs(np.asarray(given, np.float64) - exact).max() / UNIT)
-        textbook = (whole - np.floor(whole)).astype(np.float64)
-        curves["textbook, float32"][side] = float(np.abs(textbook - exact).max() / UNIT)
-    return curves
-
-
-def sums(top: int) -> Curves:
-    """Return errors of means of up to 2^top samples in each of four pixels."""
-    scene = scenes.gaussian()
-    ours, wide = "render, float32", "render, float32, against all in float64"
-    curves: Curves = {name: {} for name in ("naive", "pairwise", "compensated", ours, wide)}
-    for k in range(4, top + 1, 2):
-        spp = 2**k
-        sampler = samplers.contiguous(orders.hilbert(2, 2), sequences.owen(sequences.sobol(2), KEY), spp)
-        values, ways = _sums(scene, sampler, jnp.arange(spp, dtype=jnp.uint32))
-        exact = np.asarray(values, np.float64).mean(axis=0)
-        ulp = np.spacing(exact.astype(np.float32)).astype(np.float64)
-        image = np.asarray(qj.render(scene, sampler, 2, 2, spp), np.float64)
-        for name, mean in (ways | {ours: image}).items():
-            curves[name][spp] = float(np.abs((np.asarray(mean, np.float64) - exact) / ulp).max())
-        in_float64 = np.asarray(qj.render(scene, sampler, 2, 2, spp, dtype=jnp.float64))
-        curves[wide][spp] = float(np.abs((image - in_float64) / ulp).max())
-    return curves
-
-
-@jax.jit
-def _sums(scene: Any, sampler: Any, samples: Any) -> tuple[Any, dict[str, Any]]:
-    """Return values in float32, and their means, added in three ways."""
-    y, x = (i[..., None].astype(jnp.uint32) for i in jnp.indices((2, 2)))
-    inside = sampler(x, y, samples)
-    corner = jnp.concatenate([x, y], axis=-1).astype(jnp.float32)
-    values = jnp.moveaxis(scene((inside + corner[:, :, None, :]) * np.float32(0.5)), -1, 0)
-    spp = np.float32(len(samples))
-
-    def compensated(state: Any, value: Any) -> tuple[Any, None]:
-        total, excess = state
-        value = value - excess
-        new = total + value
-        return (new, (new - total) - value), None
-
-    zero = jnp.zeros((2, 2), jnp.float32)
-    naive, _ = jax.lax.scan(lambda total, value: (total + value, None), zero, values)
-    kahan, _ = jax.lax.scan(compensated, (zero, zero), values)
-    tree = values
-    while len(tree) > 1:
-        tree = tree[::2] + tree[1::2]
-    return values, {
-        "naive": naive / spp,
-        "pairwise": tree[0] / spp,
-        "compensated": (kahan[0] - kahan[1]) / spp,
+    return {
+        f"at most {most:.0%} of the rays are wrong up to {far:g} sizes away": max(near) <= most,
+        f"no ray misses an edge of a mesh of size {MESH[0]:g} to {MESH[1]:g}": lost("mesh", MESH) == 0,
+        f"no ray misses a lone triangle of size {ALONE[0]:g} to {ALONE[1]:g}, or meets it again": (
+            lost("lone triangle", ALONE) == 0
+        ),
     }
 
 
-def frequencies(count: int) -> Curves:
-    """Return errors of values of the zone plate."""
-    curves: Curves = {"scene, float32": {}, "sine of radians, float32": {}, "scene, float64": {}}
-    drawn = np.random.default_rng(KEY).random((64 * count, 2)).astype(np.float32)
-    x, y = drawn.astype(np.longdouble).T
-    for frequency in (10**k for k in range(7)):
-        exact = 0.5 + 0.5 * np.sin(np.longdouble(frequency) * (x * x + y * y))
-        scene = scenes.zone_plate(float(frequency))
-        given = {"scene, float32": np.asarray(scene(jnp.asarray(drawn)))}
-        with jax.enable_x64(True):
-            given["scene, float64"] = np.asarray(scene(jnp.asarray(drawn, jnp.float64)))
-        squares = drawn[:, 0] * drawn[:, 0] + drawn[:, 1] * drawn[:, 1]
-        given["sine of radians, float32"] = np.float32(0.5) + np.float32(0.5) * np.sin(
-            np.float32(frequency) * squares
-        )
-        for name, values in given.items():
-            curves[name][frequency] = float(np.abs(values - exact).max())
-    return curves
+def _first(curve: Mapping[float, float], limit: float) -> float | None:
+    """Return the first place where errors are above a limit."""
+    return next((at for at, error in curve.items() if error > limit), None)
 
 
-def dimensions(count: int) -> Curves:
-    """Return errors of products of up to 1024 factors, and of Sobol' coordinates."""
-    curves: Curves = {"product, float32": {}, "coordinates, float32": {}}
-    for k in range(1, 11):
-        dims = 2**k
-        sequence = sequences.sobol(dims)
-        index = jnp.asarray(np.random.default_rng(KEY).integers(0, 2**32, count, dtype=np.uint32))
-        exact = np.asarray(sequence.bits(index)).astype(np.float64) / 2**32
-        given = sequence(index)
-        product = np.asarray(jnp.prod(1 + 0.5 * (given - 0.5), axis=-1), np.float64)
-        wide = np.prod(1 + 0.5 * (np.asarray(given, np.float64) - 0.5), axis=-1)
-        curves["product, float32"][dims] = float(np.abs(product / wide - 1).max() / UNIT)
-        curves["coordinates, float32"][dims] = float(
-            np.abs(np.asarray(given, np.float64) - exact).max() / UNIT
-        )
-    return curves
-
-
-def _breaks(curve: dict[int, float]) -> float | None:
-    """Return where a rising curve reaches `BROKEN`, between the measured in logarithms."""
-    x, y = np.log(list(curve)), np.log(np.maximum(list(curve.values()), 1e-300))
-    above = np.flatnonzero(y >= np.log(BROKEN))
-    if len(above) == 0 or above[0] == 0:
-        return None
-    k = above[0]
-    part = (np.log(BROKEN) - y[k - 1]) / (y[k] - y[k - 1])
-    return float(np.exp(x[k - 1] + part * (x[k] - x[k - 1])))
-
-
-def _keyed(curve: dict[int, float]) -> dict[str, float]:
-    return {str(at): value for at, value in curve.items()}
+def _keyed(curve: Mapping[float, float]) -> dict[str, float]:
+    return {f"{at:g}": error for at, error in curve.items()}

@@ -171,13 +171,19 @@ def _of_scene(
 
 def _draw(found: dict[str, dict[str, Way]]) -> Figure:
     figure = Figure(figsize=(3.6 * len(found), 6.6), layout="constrained")
-    figure.suptitle("Trees over moving triangles (thesis Sect. 4.2 and 4.3)", fontsize=11)
+    figure.suptitle(
+        "Trees that follow the motion need fewer nodes than one tree over whole paths (thesis Sect. 4.2 "
+        "and 4.3)\n"
+        "kappa: a triangle is split in time into parts of at most 1 / kappa of its area; in the hail, "
+        "small triangles fly",
+        fontsize=11,
+    )
     panels = figure.subplots(2, len(found), squeeze=False)
     for column, (name, of) in enumerate(found.items()):
         for row, key in enumerate(("expected", "visited")):
             axes = panels[row, column]
             _draw_ways(axes, of, key)
-            axes.set_ylabel("expected nodes of a line" if row == 0 else "visited nodes of a primary ray")
+            axes.set_ylabel("expected nodes per line" if row == 0 else "visited nodes per primary ray")
             if row == 0:
                 axes.set_title(name, fontsize=10)
             else:

@@ -11,9 +11,6 @@ from figures.page._html import Markup, fill, join, png_size, quantity
 from figures.page._ledger import measured, said
 from figures.page._places import PARTS
 
-SLIDER = "spp-slider"
-"""The figure whose images follow a slider."""
-
 PART = """
 <section class="part">
 <h1>$title</h1>
@@ -33,39 +30,41 @@ FIGURE = """
 <header><p class="id"><a href="#$name">$name</a> $badges</p>
 <h3>$title</h3></header>
 $picture
+$moving
 $images
 $claims
 $made
 </article>
 """
 
-CLAIMS = """
+CLAIMS = """\
 <details class="claims"><summary>$count <span class="verdicts">$summary</span></summary>
-<ul>$items</ul></details>
-"""
+<ul>$items</ul></details>"""
 
-CLAIM = (
-    '<li><b class="verdict $verdict">$word</b><b>$claim</b> <em>$place$draft</em><p>$measured</p>$said</li>'
-)
+CLAIM = '<li><b class="verdict $verdict">$word</b><b>$claim</b> <em>$place$draft</em>$measured$said</li>'
 
-MADE = """
-<details class="numbers"><summary>How it was made, and all numbers</summary>$table</details>
-"""
+MADE = """\
+<details class="numbers"><summary>How it was made, and all numbers</summary>$table</details>"""
 
-PICTURE = """
+PICTURE = """\
 <figure class="picture wide" style="--width:${width}px">
 <a class="scroll enlarge" href="$file"><img class="whole" src="$name.webp" width="$width" \
 height="$height" alt="$alt" loading="lazy"></a>
-</figure>
-"""
+</figure>"""
 
-DAMAGED = """
-<p class="warning">Its entry in numbers.json cannot be read ($error). <code>$command</code> makes it anew.</p>
-"""
+FRAMES = "frames.webp"
+"""The end of the name of a moving picture."""
 
-NOT_MADE = """
-<p class="note">Not in this folder: <code>$command</code> makes it$why.</p>
-"""
+MOVING = """\
+<details class="moving"><summary>Moving: raw frames above, their moving averages below</summary>
+<img src="$file" alt="$title: raw frames and moving averages" loading="lazy"></details>"""
+
+DAMAGED = """\
+<p class="warning">Its entry in numbers.json cannot be read ($error). <code>$command</code> makes it \
+anew.</p>"""
+
+NOT_MADE = """\
+<p class="note">Not in this folder: <code>$command</code> makes it$why.</p>"""
 
 
 class Shown(NamedTuple):
@@ -110,7 +109,7 @@ def _content(figure: Shown) -> Markup:
 
 def _figure(folder: Path, figure: Shown) -> Markup:
     name = figure.name
-    shown = {"images": "", "made": ""}
+    shown = {"images": "", "made": "", "moving": ""}
     if figure.entry is None:
         shown["picture"] = not_made(name)
     else:
@@ -131,8 +130,9 @@ def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, M
         rows = quantity(len(entry["numbers"]["table"]), "row")
         table = fill('<p><a href="$name.csv" download>$name.csv</a>, $rows</p>', name=name, rows=rows)
     return {
-        "picture": _images.wall(folder, name, title, images) if name == SLIDER else picture(folder, figure),
-        "images": _images.viewer(folder, name, title, images),
+        "picture": picture(folder, figure),
+        "moving": _moving(folder, figure, entry),
+        "images": _images.shown(folder, name, title, images),
         "made": fill(MADE, table=table),
     }
 
@@ -141,7 +141,7 @@ def _badges(figure: Shown) -> Markup:
     draft = figure.entry is not None and figure.entry.get("quality") == "draft"
     told = [
         ("our scene", "A stand-in: the paper's own scene was not to be had", figure.our_scene),
-        ("draft", "Computed small and quickly", draft),
+        ("draft", "Small and quick", draft),
         ("not up to date", "It failed when it was last made", figure.failed),
     ]
     return join(
@@ -161,8 +161,8 @@ def _claims(figure: Shown) -> Markup:
             word=_verdicts.word(finding.verdict),
             claim=finding.claim.claim,
             place=finding.claim.place,
-            draft="" if draft in (None, "alone") else f"; this draft: {draft}",
-            measured=measured(finding),
+            draft="" if draft in (None, "alone") else f"; draft {draft}",
+            measured=_paragraph(measured(finding)),
             said=join(said(finding.claim)),
         )
         for finding in figure.findings
@@ -172,6 +172,10 @@ def _claims(figure: Shown) -> Markup:
     return fill(CLAIMS, count=count, summary=_verdicts.summary(_counted(figure)), items=join(items))
 
 
+def _paragraph(text: Markup) -> Markup:
+    return fill("<p>$text</p>", text=text) if text.strip() else Markup("")
+
+
 def picture(folder: Path, figure: Shown) -> Markup:
     """Return a figure's picture, which fits the page until it is enlarged, or that it is not there."""
     file = f"{figure.name}.png"
@@ -179,6 +183,16 @@ def picture(folder: Path, figure: Shown) -> Markup:
     if size is None or not (folder / f"{figure.name}.webp").is_file():
         return fill('<p class="warning">$file is missing.</p>', file=file)
     return fill(PICTURE, name=figure.name, file=file, width=size[0], height=size[1], alt=figure.title)
+
+
+def _moving(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> Markup:
+    """Return the moving picture that a figure handed out, which plays once it is opened; nothing for none."""
+    if FRAMES not in entry.get("files", ()):
+        return Markup("")
+    file = f"{figure.name}.{FRAMES}"
+    if not (folder / file).is_file():
+        return fill('<p class="warning">$file is missing.</p>', file=file)
+    return fill(MOVING, file=file, title=figure.title)
 
 
 def details(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:

@@ -127,7 +127,7 @@ def said(claim: ledger.Claim) -> list[Markup]:
 
 def measured(finding: ledger.Finding) -> Markup:
     """Return what was measured, in which cases a claim holds, and why."""
-    why = fill("<small>$why</small>", why=finding.claim.why) if finding.claim.why else Markup("")
+    why = fill("<small>$why</small>", why=finding.why) if finding.why else Markup("")
     return fill("$text $cases$why", text=finding.measured, cases=cases(finding.cases), why=why)
 
 

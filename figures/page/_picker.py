@@ -16,7 +16,7 @@ CLASSES = {
 }
 """Scenes of the benchmarks by what makes them hard; of others, each is a class of its own."""
 
-SOURCES = ("benchmark", "benchmark-traced")
+SOURCE = "benchmark"
 
 EQUAL = 1.05
 """Errors that differ by no more are called equal."""
@@ -33,7 +33,7 @@ NONE = """
 BODY = """
 <p class="lead">The sampler of the least RMS error among those measured, at equal samples per pixel, with
 those that have at most $equal more, and how much more the next one has. Over several scenes, errors are
-geometric means. From $sources, where run times are, too.</p>
+geometric means. From <a href="#$source">$source</a> ($quality), which has run times, too.</p>
 <div class="scroll" tabindex="0" role="region" aria-label="Best samplers"><table class="pick">
 <thead><tr><th scope="col">Scenes</th>$counts</tr></thead><tbody>$rows</tbody></table></div>
 """
@@ -46,13 +46,8 @@ CELL = """
 
 def section(entries: Mapping[str, Mapping[str, Any]]) -> Markup:
     """Return the table, or that there is none."""
-    used, rows = [], []
-    for name in SOURCES:
-        found = _rows(entries.get(name, {}))
-        if found:
-            used.append((name, entries[name].get("quality", "")))
-            rows += found
-    return fill(SECTION, body=_table(rows, used) if rows else Markup(NONE))
+    rows = _rows(entries.get(SOURCE, {}))
+    return fill(SECTION, body=_table(rows, entries[SOURCE].get("quality", "")) if rows else Markup(NONE))
 
 
 def _rows(entry: Mapping[str, Any]) -> list[tuple[str, str, int, float]]:
@@ -68,7 +63,7 @@ def _rows(entry: Mapping[str, Any]) -> list[tuple[str, str, int, float]]:
     return [row for row in rows if row[3] > 0 and "adaptive" not in row[1] and "Mitsuba" not in row[1]]
 
 
-def _table(rows: Sequence[tuple[str, str, int, float]], used: Sequence[tuple[str, str]]) -> Markup:
+def _table(rows: Sequence[tuple[str, str, int, float]], quality: str) -> Markup:
     counts = sorted({row[2] for row in rows})
     scenes = list(dict.fromkeys(row[0] for row in rows))
     classes = {label: [scene for scene in members if scene in scenes] for label, members in CLASSES.items()}
@@ -78,10 +73,8 @@ def _table(rows: Sequence[tuple[str, str, int, float]], used: Sequence[tuple[str
     return fill(
         BODY,
         equal=f"{EQUAL - 1:.0%}",
-        sources=join(
-            fill('<a href="#$name">$name</a> ($quality)', name=name, quality=quality)
-            for name, quality in used
-        ),
+        source=SOURCE,
+        quality=quality,
         counts=join(fill('<th scope="col">$count spp</th>', count=count) for count in counts),
         rows=join(
             fill(

@@ -9,8 +9,8 @@ from typing import Any
 from figures import ledger
 from figures.catalogue import Entry
 from figures.making import store
-from figures.page import _figures, _images, _ledger, _picker, _tour, _verdicts
-from figures.page._figures import SLIDER, Shown
+from figures.page import _figures, _images, _ledger, _picker, _playground, _tour, _verdicts
+from figures.page._figures import Shown
 from figures.page._html import Markup, fill, join, quantity, static
 from figures.page._places import PAGES, PARTS, href, order, part_of
 from figures.page._verdicts import bar, summary
@@ -19,8 +19,11 @@ PAGE = "index.html"
 
 SCRIPTS = ("theme.js", "ledger.js", "zoom.js", "viewer.js", "wall.js", "numbers.js")
 
-FILES = (*(f"{name}.html" for name in PAGES), "page.css", "page.js", "page-numbers.js")
+FILES = (*(f"{name}.html" for name in PAGES), "page.css", "page.js", _playground.SCRIPT, "page-numbers.js")
 """What is written; the first is where one begins."""
+
+SLIDER = "spp-slider"
+"""The figure whose images follow the slider of the first screen."""
 
 THREE = ("random", "Z", "Hilbert, Owen")
 """The samplers of the first screen."""
@@ -30,8 +33,8 @@ HERO = "thesis-6.1"
 
 WALL = """
 $wall
-<p class="note">At 64 samples per pixel, both samplers of the papers have half the error of random points.
-<a href="ours.html#spp-slider">All eight samplers</a>, <a href="ours.html#pick">which one to pick</a></p>
+<p class="note"><a href="ours.html#spp-slider">All eight samplers</a>,
+<a href="ours.html#pick">which one to pick</a></p>
 """
 
 PAPER = """
@@ -108,7 +111,8 @@ def files(
     }
     shown = [_page(folder, name, mains[name]) for name in PAGES]
     scripts = "\n".join(static(name) for name in SCRIPTS)
-    return dict(zip(FILES, [*shown, static("style.css"), scripts, _numbers(entries)], strict=True))
+    others = [static("style.css"), scripts, _playground.script(), _numbers(entries)]
+    return dict(zip(FILES, [*shown, *others], strict=True))
 
 
 def _page(folder: Path, name: str, main: Markup) -> Markup:
@@ -167,7 +171,7 @@ def _front(
 
 
 def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
-    """Return three samplers at as many samples as a slider says; without these images, another picture."""
+    """Return the playground, or three samplers at as many samples as a slider says, or another picture."""
     slider, hero = figures.get(SLIDER), figures.get(HERO)
     with suppress(*_verdicts.UNREADABLE):
         if slider and slider.entry:
@@ -175,7 +179,8 @@ def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
             reference, *items = images["items"]
             chosen = [item for item in items if item["name"] in THREE]
             shown = images | {"items": [reference, *chosen]}
-            return fill(WALL, wall=_images.wall(folder, SLIDER, slider.title, shown))
+            wall = _images.wall(folder, SLIDER, slider.title, shown)
+            return fill(WALL, wall=_playground.playground(folder, f"{SLIDER}.playground.js", wall))
     return _figures.picture(folder, hero) if hero and hero.entry else Markup("")
 
 

@@ -24,11 +24,13 @@ SAMPLERS: dict[str, Style] = {
     "jittered grid": Style(GREY, "x"),
     "Lloyd relaxation": Style(DARK, "p"),
     # One set in each pixel.
+    "(0,2), Owen, new keys": Style(ORANGE, "X", "--"),
     "rank-1 lattice": Style(PURPLE, "s"),
     "(0,2), xor": Style(ORANGE, "^", ":"),
     "(0,2), Owen": Style(ORANGE, "o"),
     "SZ, Owen": Style(SKY, "*"),
     "R2, rotated": Style(PURPLE, "P", "--"),
+    "pmj02": Style(ORANGE, "*"),
     "Sobol' net": Style(ORANGE, "D"),
     "modified Sobol' net": Style(GREEN, "d"),
     # One set over the screen.
@@ -44,12 +46,18 @@ SAMPLERS: dict[str, Style] = {
     "dither mask": Style(YELLOW, "X"),
     "ranked keys": Style(PURPLE, "*"),
     "designed tiles": Style(RED, "*"),
+    "progressive orders": Style(GREEN, "D"),
+    "designed, progressive": Style(RED, "P"),
+    "designed frames": Style(RED, "X"),
+    "dither mask, golden shifts": Style(PURPLE, "D", "--"),
     # Along Morton's curve.
     "Z0": Style(BLUE, "1", ":"),
     "Z, hash": Style(BLUE, "o"),
     "Z, tree": Style(BLUE, "s", "--"),
     "Z, ART": Style(BLUE, "^", "-."),
     "Z, multiplicative": Style(BLUE, "D", ":"),
+    "Z, new keys": Style(BLUE, "P"),
+    "Z, moving": Style(BLUE, "X", "--"),
     "Z, joint": Style(BLUE, "*", "-."),
     "Z, 1 letter": Style(SKY, "$1$", ":"),
     "Z, 4 letters": Style(SKY, "$4$", ":"),
@@ -66,7 +74,12 @@ SAMPLERS: dict[str, Style] = {
     "Hilbert, partitioned": Style(VERMILLION, ">", ":"),
     "Moore, Halton (2,3)": Style(GREEN, "o"),
     "Peano, Halton (2,5)": Style(GREEN, "s", "--"),
+    "Hilbert, Niederreiter-Xing": Style(VERMILLION, "P", "--"),
+    "Hilbert, new keys": Style(VERMILLION, "X", "-."),
+    "Hilbert, golden shifts": Style(VERMILLION, "*", ":"),
     "optimised orders": Style(GREEN, "*"),
+    "optimised orders, new keys": Style(GREEN, "X", "--"),
+    "optimised orders, moving": Style(GREEN, "P", "-."),
 }
 """In the order of legends. One colour may stand for a family, colour and marker together for one sampler."""
 

@@ -46,7 +46,7 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = 
             color=drawn.color,
             label=name,
         )
-    axes.set(xscale="log", yscale="log", xlabel="seconds an image", ylabel="RMS error")
+    axes.set(xscale="log", yscale="log", xlabel="seconds per image", ylabel="RMS error")
     # Those of a decade would overlap.
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.grid(alpha=0.3)

@@ -14,6 +14,8 @@ from figures._errors import rms
 DPI = 150
 MARGIN, GAP, TOP, CAPTION, KEY = 40, 12, 64, 22, 96
 """Pixels: left of all, between images, above them, for a caption, and right of all for keys of shades."""
+LINE = 20
+"""Of a title after its first, in pixels."""
 
 DECADES = (-2.0, 2.0)
 """Powers of ten of a spectrum that are black and white."""
@@ -51,10 +53,11 @@ def image_sheet(title: str, rows: Mapping[str, Row], panel: int = 330) -> Figure
         label: max(panel // len(image) * len(image) for image in row.images.values())
         for label, row in rows.items()
     }
-    height = TOP + sum(sizes[label] + GAP + CAPTION * bool(row.captions) for label, row in rows.items())
+    above = TOP + LINE * title.count("\n")
+    height = above + sum(sizes[label] + GAP + CAPTION * bool(row.captions) for label, row in rows.items())
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
     figure.suptitle(title, y=1 - 12 / height, fontsize=9)
-    top = height - TOP
+    top = height - above
     for label, row in rows.items():
         if row.captions:
             top -= CAPTION
@@ -76,7 +79,7 @@ def image_sheet(title: str, rows: Mapping[str, Row], panel: int = 330) -> Figure
         top -= sizes[label] + GAP
     for column, name in enumerate(heads):
         x = MARGIN + column * (panel + GAP) + panel / 2
-        figure.text(x / width, (height - TOP + 6) / height, name, ha="center", va="bottom", fontsize=8)
+        figure.text(x / width, (height - above + 6) / height, name, ha="center", va="bottom", fontsize=8)
     return figure
 
 
@@ -121,10 +124,12 @@ def errors(images: Mapping[str, NDArray], reference: NDArray, captions: Mapping[
     return Row(found, (-scale, scale), Shades("error", ticks), captions)
 
 
-def spectra(powers: Mapping[str, NDArray], captions: Mapping[str, str]) -> Row:
-    """Return the row of spectra in decades, frequency 0 in the middle."""
+def spectra(
+    powers: Mapping[str, NDArray], captions: Mapping[str, str], decades: tuple[float, float] = DECADES
+) -> Row:
+    """Return the row of spectra between powers of ten, frequency 0 in the middle."""
     images = {
-        name: np.log10(np.fft.fftshift(power) + 10 ** (DECADES[0] - 1)) for name, power in powers.items()
+        name: np.log10(np.fft.fftshift(power) + 10 ** (decades[0] - 1)) for name, power in powers.items()
     }
-    ticks = {float(power): f"{10.0**power:g}" for power in np.arange(DECADES[0], DECADES[1] + 1)}
-    return Row(images, DECADES, Shades("power (white noise: 1)", ticks), captions)
+    ticks = {float(power): f"{10.0**power:g}" for power in np.arange(decades[0], decades[1] + 1)}
+    return Row(images, decades, Shades("power (white noise: 1)", ticks), captions)

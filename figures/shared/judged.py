@@ -7,6 +7,19 @@ from figures.making.schema import UNDECIDED
 from qmcjax.core import student
 
 
+def interval(values: ArrayLike) -> dict[str, float]:
+    """Return the mean of independent values, and the ends of its interval of 95 %."""
+    values = np.asarray(values, np.float64)
+    low, high = student.interval(values)
+    return {"mean": float(np.mean(values)), "low": low, "high": high}
+
+
+def ratio(first: ArrayLike, second: ArrayLike) -> dict[str, float]:
+    """Return the geometric mean of ratios of positive values, and the ends of its interval of 95 %."""
+    logs = np.log(np.asarray(first, np.float64) / np.asarray(second, np.float64))
+    return {end: float(np.exp(value)) for end, value in interval(logs).items()}
+
+
 def below(values: ArrayLike, limit: float) -> bool | str:
     """Return whether the mean of independent values is below a limit, by its interval of 95 %.
 
@@ -22,6 +35,11 @@ def smaller(first: ArrayLike, second: ArrayLike, factor: float = 1.0) -> bool | 
     return below(np.log(ratios), float(np.log(factor)))
 
 
+def alike(first: ArrayLike, second: ArrayLike, factor: float) -> bool | str:
+    """Return whether positive values are within a factor of others, in both directions, on average."""
+    return all_of(smaller(first, second, factor), smaller(second, first, factor))
+
+
 def falls(counts: ArrayLike, values: ArrayLike) -> bool | str:
     """Return whether positive values fall with the number of samples: by the exponent's interval of 95 %."""
     from scipy import stats
@@ -34,6 +52,11 @@ def falls(counts: ArrayLike, values: ArrayLike) -> bool | str:
     return True if slope + half < 0 else False if slope - half > 0 else UNDECIDED
 
 
-def both(first: bool | str, second: bool | str) -> bool | str:
-    """Return whether two statements hold together."""
-    return False if False in (first, second) else UNDECIDED if UNDECIDED in (first, second) else True
+def all_of(*found: bool | str) -> bool | str:
+    """Return whether statements hold together."""
+    return False if False in found else UNDECIDED if UNDECIDED in found else True
+
+
+def any_of(*found: bool | str) -> bool | str:
+    """Return whether one of some statements holds."""
+    return True if True in found else UNDECIDED if UNDECIDED in found else False

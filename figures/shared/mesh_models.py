@@ -236,18 +236,30 @@ def _disc(center: Any, axis: Any, radius: float, parts: int) -> Triangles:
 
 
 MESHES: dict[str, dict[str, Callable[[], Mesh]]] = {
-    "rooms": {"draft": lambda: rooms(1, 2, 1), "paper": lambda: rooms(4, 3, 1)},
-    "rooms, tessellated": {"draft": lambda: rooms(1, 1, 2), "paper": lambda: rooms(1, 3, 5)},
-    "knots": {"draft": lambda: knots(3), "paper": lambda: knots(10)},
-    "terrain": {"draft": lambda: terrain(4), "paper": lambda: terrain(14)},
-    "helicopter": {"draft": lambda: helicopter(5), "paper": lambda: helicopter(20)},
+    "rooms": {
+        "draft": lambda: rooms(1, 2, 1),
+        "paper": lambda: rooms(4, 3, 1),
+        "large": lambda: rooms(20, 15, 1),
+    },
+    "rooms, tessellated": {
+        "draft": lambda: rooms(1, 1, 2),
+        "paper": lambda: rooms(1, 3, 5),
+        "large": lambda: rooms(3, 9, 5),
+    },
+    "knots": {"draft": lambda: knots(3), "paper": lambda: knots(10), "large": lambda: knots(28)},
+    "terrain": {"draft": lambda: terrain(4), "paper": lambda: terrain(14), "large": lambda: terrain(40)},
+    "helicopter": {
+        "draft": lambda: helicopter(5),
+        "paper": lambda: helicopter(20),
+        "large": lambda: helicopter(60),
+    },
 }
-"""How they are made, by name and quality."""
+"""How they are made, by name and size: of drafts, of paper quality, and of its tables of whole trees."""
 
 
-def made(name: str, quality: str) -> Mesh:
-    """Return a mesh as large as a quality asks for."""
-    return MESHES[name][quality]()
+def made(name: str, size: str) -> Mesh:
+    """Return a mesh."""
+    return MESHES[name][size]()
 
 
 def corners(triangles: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

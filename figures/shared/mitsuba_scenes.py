@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from figures.making import own_process
 from figures.shared import mitsuba_process
 from qmcjax import tracing
+from qmcjax.bridges import mitsuba
 
 PLANE = 1e3
 """Radius of the disc that stands for a plane."""
@@ -21,6 +22,15 @@ PLANE = 1e3
 def installed() -> bool:
     """Tell whether there is a Mitsuba to run."""
     return find_spec("mitsuba") is not None
+
+
+def has_llvm() -> bool:
+    """Return whether Mitsuba's LLVM variants render here."""
+    try:
+        mitsuba.check_llvm()
+    except RuntimeError:
+        return False
+    return True
 
 
 class Run(NamedTuple):

@@ -1,6 +1,7 @@
 """The thesis's two moving scenes: the samplers of three dimensions it compares, images and convergence."""
 
 from collections.abc import Callable
+from functools import cache
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,10 +9,11 @@ from jax import Array
 from matplotlib.figure import Figure
 
 import analysis
+import qmcjax as qj
 from figures import plot
 from figures._errors import fluctuation, slope
 from figures.making.schema import Claims
-from figures.shared import judged, scene_images, traced_images
+from figures.shared import diffusion, judged, pixel_sets, scene_images, traced_images
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -32,16 +34,23 @@ NETS = ("Sobol' net", "modified Sobol' net")
 FULL = tuple(f"{net}, full screen" for net in NETS)
 OTHERS = ("random", "jittered grid", "Lloyd relaxation", "rank-1 lattice")
 
-SIDE = {"draft": 64, "paper": 256}
+DRAFT_SIDE = {"cornell_box": 64, "helicopter": 32}
+SIDES = (64, 128, 256)
+"""Of the images on which sentences about pictures are judged, in paper quality; the largest is shown."""
+KEYS = {"draft": 1, "paper": 16}
+"""Of rotated points, where the sets of pixels of one image do not decide."""
 REPLICATE = {"draft": 32, "paper": 128}
 """Samples in each replicate of an estimated reference."""
 
 
-def make_sampler(name: str, side: int, spp: int) -> samplers.Sampler:
+_lloyd = cache(sequences.lloyd)
+
+
+def make_sampler(name: str, side: int, spp: int, key: int = KEY) -> samplers.Sampler:
     """Return a sampler for a square screen: of x, y and time."""
     m = spp.bit_length() - 1
     if name in ("random", "jittered grid"):
-        points = sequences.uniform(3, KEY) if name == "random" else sequences.function(_jittered(spp), 3)
+        points = sequences.uniform(3, key) if name == "random" else sequences.function(_jittered(spp, key), 3)
         return samplers.contiguous(orders.raster(side, side), points, spp)
     if name == "Sobol' net, full screen":
         return samplers.full_screen(sequences.sobol_net_3d(2 * orders.log_side(side, side) + m), side, side)
@@ -50,17 +59,17 @@ def make_sampler(name: str, side: int, spp: int) -> samplers.Sampler:
         return samplers.full_screen(net, side, side)
     # Cranley-Patterson rotations of one set of points.
     make = {
-        "Lloyd relaxation": lambda: sequences.lloyd(spp, 3, KEY),
+        "Lloyd relaxation": lambda: _lloyd(spp, 3, key),
         "rank-1 lattice": lambda: sequences.components(sequences.rank1_lattice(spp, 3), (1, 2, 0)),
         "Sobol' net": lambda: sequences.sobol_net_3d(m),
         "modified Sobol' net": lambda: sequences.larcher_pillichshammer_net_3d(m),
     }
-    return samplers.independent(make[name](), KEY, "shift")
+    return samplers.independent(make[name](), key, "shift")
 
 
-def _jittered(spp: int) -> Callable[[Array], Array]:
+def _jittered(spp: int, key: int) -> Callable[[Array], Array]:
     """Return random points of which each block of ``spp`` has one in each cell of a grid."""
-    cells, uniform = round(spp ** (1 / 3)), sequences.uniform(3, KEY)
+    cells, uniform = round(spp ** (1 / 3)), sequences.uniform(3, key)
 
     def point(index: Array) -> Array:
         cell = jnp.stack([index // np.uint32(cells**j) % np.uint32(cells) for j in range(3)], axis=-1)
@@ -70,43 +79,105 @@ def _jittered(spp: int) -> Callable[[Array], Array]:
     return point
 
 
+def sides(name: str, quality: str) -> tuple[int, ...]:
+    """Return the sides of the images of a scene."""
+    return SIDES if quality == "paper" else (DRAFT_SIDE[name],)
+
+
 def counts(name: str, spps: list[int]) -> list[int]:
     """Return the numbers of samples that a sampler is made for: grids have cubes."""
     return [spp for spp in spps if name != "jittered grid" or round(spp ** (1 / 3)) ** 3 == spp]
+
+
+Sets = dict[str, dict[str, np.ndarray]]
+"""Errors of random sets of pixels, by size of the image and sampler."""
 
 
 def pictures(
     name: str,
     title: str,
     crop: tuple[float, float, float],
-    claims: Callable[[dict[str, float]], Claims],
+    claims: Callable[[Sets], Claims],
     quality: str,
     progress,
 ) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Show a scene's reference and all samplers at 64 samples per pixel, each with a magnified area.
 
-    Hands the images out.
+    ``claims`` takes the errors of all sizes. Hands the images out.
     """
-    side, spp = SIDE[quality], 64
+    sizes, spp = sides(name, quality), 64
+    side = sizes[-1]
     scene, exact = getattr(scenes, name)(), traced_images.reference(name, side, REPLICATE[quality])
     progress(0.3)
     panels = [traced_images.Panel("reference", exact.image, crop)]
-    compared = {spp: {sampler: make_sampler(sampler, side, spp) for sampler in COMPARED}}
-    found = scene_images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
-    images, errors, waves = {"reference": exact.image}, {}, {}
-    for (_, sampler), image in found.items():
-        images[sampler] = image
-        errors[sampler] = traced_images.rms_error(image, exact)
-        waves[sampler] = _strongest_wave(image, exact)
-        panels.append(traced_images.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", image, crop))
+    images, errors, waves, sets = {"reference": exact.image}, {}, {}, {}
+    for size in sizes:
+        compared = {spp: {sampler: make_sampler(sampler, size, spp) for sampler in COMPARED}}
+        found = scene_images.compared(scene, size, compared, lambda part: progress(0.3 + 0.5 * part))
+        of_size = diffusion.reference(scene, size, REPLICATE[quality] * diffusion.REPLICATES)
+        pixels = pixel_sets.all_pixels(size)
+        sets[f"{size} x {size} pixels"] = {
+            sampler: pixel_sets.errors(image[pixels.y, pixels.x], of_size, pixels)
+            for (_, sampler), image in found.items()
+        }
+        if size == side:
+            images |= {sampler: image for (_, sampler), image in found.items()}
+    for sampler in COMPARED:
+        errors[sampler] = traced_images.rms_error(images[sampler], exact)
+        waves[sampler] = _strongest_wave(images[sampler], exact)
+        panels.append(
+            traced_images.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop)
+        )
+    title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
     figure = traced_images.sheet(panels, 3, title, 192 if quality == "draft" else 256)
     numbers = {
-        "measured": {"rms_error": errors, "strongest wave": waves, "reference_error": exact.error},
-        "claims": claims(errors),
+        "measured": {
+            "rms_error": errors,
+            "strongest wave": waves,
+            "over the screen / rotated": {
+                size: {net: judged.ratio(of[full], of[net]) for net, full in zip(NETS, FULL, strict=True)}
+                for size, of in sets.items()
+            },
+            "modified / Sobol' net": {
+                size: judged.ratio(of[NETS[1]], of[NETS[0]]) for size, of in sets.items()
+            },
+            "lattice / Sobol' net": {
+                size: judged.ratio(of["rank-1 lattice"], of[NETS[0]]) for size, of in sets.items()
+            },
+            "reference_error": exact.error,
+        },
+        "claims": claims(sets),
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
+        f"Sentences are judged by intervals over {pixel_sets.SETS} random sets of the pixels. "
         + _note(exact),
     }
     return figure, numbers, images
+
+
+def over_keys(
+    name: str, names: tuple[str, ...], quality: str
+) -> tuple[dict[str, dict[str, list[float]]], dict[str, dict[str, list[float]]]]:
+    """Return RMS errors and strongest waves at 64 samples per pixel by size and sampler.
+
+    Those of rotated points are of as many keys as the quality has; those over the full screen have one value.
+    """
+    scene, spp = getattr(scenes, name)(), 64
+    errors: dict[str, dict[str, list[float]]] = {}
+    waves: dict[str, dict[str, list[float]]] = {}
+    for side in sides(name, quality):
+        exact = traced_images.reference(name, side, REPLICATE[quality])
+        size = f"{side} x {side} pixels"
+        errors[size], waves[size] = {each: [] for each in names}, {each: [] for each in names}
+        for each in names:
+            for key in range(1 if each in FULL else KEYS[quality]):
+                sampler = make_sampler(each, side, spp, key)
+                if quality == "paper":
+                    image = np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
+                else:
+                    image = scene_images.image(scene, sampler, side, spp)
+                errors[size][each].append(traced_images.rms_error(image, exact))
+                waves[size][each].append(_strongest_wave(image, exact))
+    return errors, waves
 
 
 def _note(exact: traced_images.Reference) -> str:
@@ -151,12 +222,13 @@ def convergence(
         errors[sampler][spp] = traced_images.rms_error(image, exact)
         waves[sampler][spp] = _strongest_wave(image, exact)
 
+    least = min(error for of in errors.values() for error in of.values())
     figure = Figure(figsize=(9, 6), layout="constrained")
     plot.convergence(
         spps,
         {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},
-        floor=exact.error,
-        title=title,
+        floor=exact.error if exact.error > least / 10 else None,  # Or it would take half of the axis.
+        title=f"{title}\n{side} x {side} pixels, our scene, one key",
         ax=figure.subplots(),
     )
     numbers = {
@@ -198,7 +270,7 @@ def smaller(errors: dict, ones: tuple[str, ...], others: tuple[str, ...], factor
 
 def slightly_smaller(errors: dict, one: str, other: str) -> bool | str:
     """Return whether a sampler has less error than another, by less than 10 %."""
-    return judged.both(smaller(errors, (one,), (other,)), smaller(errors, (other,), (one,), 1 / 0.9))
+    return judged.all_of(smaller(errors, (one,), (other,)), smaller(errors, (other,), (one,), 1 / 0.9))
 
 
 def steeper(errors: dict, one: str, other: str) -> bool | str:

@@ -1,5 +1,6 @@
-"""The memory that a call takes beyond what its process had, on Linux."""
+"""The memory that a process takes, and on Linux what a call takes beyond it."""
 
+import contextlib
 import ctypes
 import sys
 from collections.abc import Callable
@@ -21,6 +22,16 @@ def peak_of(call: Callable[[Any], Any], points: Any) -> int | None:
     before = _status("VmRSS")
     jax.block_until_ready(call(points))
     return _status("VmHWM") - before
+
+
+def largest() -> int:
+    """Return the most memory that this process had, in bytes."""
+    with contextlib.suppress(OSError):
+        return _status("VmHWM")
+    import resource
+
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else most * 1024
 
 
 def _status(key: str) -> int:

@@ -24,7 +24,7 @@ from figures._errors import rms
 from figures.shared import turns
 from qmcjax import orders, samplers, scenes, sequences
 
-SIZES = {"draft": (128, (16,), 2), "paper": (512, (4, 16, 64, 256), 7)}
+SIZES = {"draft": (128, (4, 16), 2), "paper": (512, (4, 16, 64, 256), 7)}
 """Side of the image, samples per pixel, calls after the first."""
 
 SCENES = {"checkerboard": scenes.checkerboard(), "zone_plate": scenes.zone_plate()}

@@ -9,18 +9,26 @@ import numpy as np
 from jax import Array
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
-import analysis
 import qmcjax as qj
 from figures import plot
 from figures._errors import residual, rms
 from figures.making import finished_cells
 from figures.making.schema import Claims
+from figures.shared import pixel_sets
 from qmcjax import samplers, sequences
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 
 REGIONS = ("whole", "upper", "lower")
+
+Sets = dict[str, NDArray[np.float64]]
+"""Errors of random sets of pixels and of all counts, shape (sets, counts), by sampler."""
+
+SIZE = {"draft": (128, 5), "paper": (512, 7)}
+"""Side of an image for convergence, and the logarithm, to base 4, of its largest number of samples."""
+
 KEYS = 4
 """Jittered grids are random: their errors are averaged over so many."""
 
@@ -98,7 +106,7 @@ def pictures(
     lines = {name: _line((image - reference)[area]) for name, image in images.items()}
     progress(0.9)
     images = {"exact reference": reference, **images}
-    figure = _sheet(images, captions, title, area)
+    figure = _sheet(images, captions, f"{title}\n{side} x {side} pixels, box filter, one key", area)
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -132,19 +140,27 @@ def _line(error: np.ndarray) -> float:
 
 
 def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area) -> Figure:
-    """Lay images out so that one image pixel is one pixel of the PNG, and whole ones in the magnification."""
+    """Lay images out so that one image pixel is one pixel of the PNG, and whole ones in the magnification.
+
+    The magnified areas have the contrast that shows the errors of all of them.
+    """
+    exact, *others = (image[area] for image in images.values())
+    margin = 3 * max(rms(image - exact) for image in others)
+    limits = max(0.0, float(exact.min()) - margin), min(1.0, float(exact.max()) + margin)
     side = next(iter(images.values())).shape[0]
-    gap, top = 12, 80
+    large = side / 256  # Wide sheets are shown smaller.
+    gap, top = 12, round(100 * large)
     width, height = len(images) * (side + gap) + gap, 2 * (side + gap) + gap + top
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle(title, y=1 - 18 / height, fontsize=9)
+    title += f"; magnified: black is {limits[0]:.2g}, white {limits[1]:.2g}"
+    figure.suptitle(title, y=1 - 14 / height, fontsize=9 * large)
     rows, columns = area
     for k, (name, image) in enumerate(images.items()):
-        for row, shown in enumerate((image, image[area])):
+        for row, (shown, shades) in enumerate(((image, (0.0, 1.0)), (image[area], limits))):
             x, y = gap + k * (side + gap), gap + (1 - row) * (side + gap)
-            axes = plot.place(figure, shown, x, y, side // len(shown))
+            axes = plot.place(figure, shown, x, y, side // len(shown), limits=shades)
             if row == 0:
-                axes.set_title(captions.get(name, name), fontsize=8, pad=3)
+                axes.set_title(captions.get(name, name), fontsize=8 * large, pad=3)
                 axes.add_patch(
                     Rectangle(
                         (columns.start - 0.5, rows.start - 0.5),
@@ -162,29 +178,23 @@ def convergence(
     scene: Any,
     title: str,
     crop: tuple[float, float, float],
-    claims: Callable[[dict], Claims],
+    claims: Callable[[dict, Sets], Claims],
     quality: str,
     progress,
 ) -> tuple[Figure, dict]:
     """Plot error over samples per pixel for the whole image and its halves, and errors in a magnified area.
 
-    ``crop`` is the left and upper edge and the side of the area, in parts of the image.
+    ``crop`` is the left and upper edge and the side of the area, in parts of the image; ``claims`` takes the
+    errors of regions, and of sets of pixels.
     """
-    side, largest = (512, 7) if quality == "paper" else (128, 5)
+    side, largest = SIZE[quality]
     spps = [4**k for k in range(largest + 1)]
     scene = scene if quality == "paper" else _OneByOne(scene)
-    makers = {f"jittered grid {key}": _jittered(side, key) for key in range(KEYS)} | deterministic(side)
-
-    def errors_of(name: str) -> list[np.ndarray]:
-        table = analysis.convergence(scene, {name: makers[name]}, spps, width=side, height=side, repeats=1)
-        return [table.errors(name, region)[1] for region in REGIONS]
-
-    found = finished_cells.shared(title, {name: partial(errors_of, name) for name in makers}, progress)
-    jittered = np.sqrt(np.mean([found[f"jittered grid {key}"] ** 2 for key in range(KEYS)], axis=0))
-    found = {"jittered grid": jittered} | {name: found[name] for name in deterministic(side)}
+    found = _errors(scene, side, spps, KEYS, title, progress)
+    sets = {name: of[len(REGIONS) :] for name, of in found.items()}
     errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
 
-    figure = _curves(spps, errors, title)
+    figure = _curves(spps, errors, f"{title}, {side} x {side} pixels, jittered grids: RMS over {KEYS} keys")
     _errors_of_area(figure, scene, side, crop)
     numbers = {
         "measured": {
@@ -193,13 +203,44 @@ def convergence(
             "slope": _slopes(spps, errors),
             "fluctuation": {name: residual(np.log(of_region["whole"])) for name, of_region in errors.items()},
         },
-        "claims": claims(errors),
+        "claims": claims(errors, sets),
         "note": f"{side} x {side} pixels. The thesis plots the norm of the error image, the RMS error times "
         f"{side}. Jittered grids: root mean square over {KEYS} keys. 'claims' lists the thesis's sentences "
         "and whether they hold in these numbers. 'fluctuation' is the root mean square of the distances of "
         "the errors' logarithms from the line that fits them best.",
     }
     return figure, numbers
+
+
+def of_sets(scene: Any, side: int, spps: list[int]) -> Sets:
+    """Return the errors of random sets of pixels; of jittered grids, those of one key."""
+    found = _errors(scene, side, spps, 1, f"sets of pixels, {side}")
+    return {name: of[len(REGIONS) :] for name, of in found.items()}
+
+
+def _errors(
+    scene: Any,
+    side: int,
+    spps: list[int],
+    keys: int,
+    label: str,
+    progress: Callable[[float], None] = lambda part: None,
+) -> Sets:
+    """Return RMS errors of all samplers: of the regions, and below these of the sets of pixels."""
+    makers = {f"jittered grid {key}": _jittered(side, key) for key in range(keys)} | deterministic(side)
+    exact, pixels = scene.reference(side, side)[0], pixel_sets.all_pixels(side)
+
+    def errors_of(name: str) -> list[NDArray[np.float64]]:
+        squares = [
+            np.square(np.asarray(qj.render(scene, makers[name](spp), side, side, spp), np.float64) - exact)
+            for spp in spps
+        ]
+        parts = (np.s_[:], np.s_[: side // 2], np.s_[side // 2 :], *zip(pixels.y, pixels.x, strict=True))
+        return [np.sqrt([square[part].mean() for square in squares]) for part in parts]
+
+    found = finished_cells.shared(label, {name: partial(errors_of, name) for name in makers}, progress)
+    jittered = np.sqrt(np.mean([found[f"jittered grid {key}"] ** 2 for key in range(keys)], axis=0))
+    return {"jittered grid": jittered} | {name: found[name] for name in deterministic(side)}
 
 
 def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: str) -> Figure:
@@ -212,7 +253,9 @@ def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: s
         axes = figure.add_axes(
             ((120 + 1170 * k) / width, (below + 80) / height, 820 / width, (height - below - 170) / height)
         )
-        plot.convergence(spps, whole, times=times, title="level as $n^{-0.75}$" if times else "", ax=axes)
+        plot.convergence(
+            spps, whole, times=times, title="the same, times $n^{0.75}$" if times else "", ax=axes
+        )
     return figure
 
 
@@ -229,7 +272,9 @@ def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, fl
     scale = 3 * rms(list(found.values()))
     zoom = 352 // part
     for k, (name, error) in enumerate(found.items()):
-        caption = f"{name}, {SHOWN} spp" + (f"\nerror, {-scale:.2g} to {scale:.2g}" if k == 0 else "")
+        caption = f"{name}, {SHOWN} spp" + (
+            f"\nerrors of an area: black {-scale:.2g}, white {scale:.2g}" if k == 0 else ""
+        )
         plot.place(figure, error, 40 + 392 * k, 24, zoom, title=caption, limits=(-scale, scale))
 
 

@@ -1,7 +1,7 @@
-"""Coordinates a second, ours and peers', in one process: ``python -m figures.shared.point_rates draft``.
+"""Coordinates per second, ours and peers': ``python -m figures.shared.point_rates draft``.
 
-A process of its own, since the pages that memory comes in are a matter of the environment it starts with.
-Prints JSON: the medians of several calls, each for other points, after others that are not counted.
+A process of its own, since the peak of its memory is read. Prints JSON: the
+medians of several calls, each for other points, after others that are not counted.
 """
 
 import contextlib

@@ -40,19 +40,32 @@ def image(
     To compile a scene takes longer than a small image of it. ``of_many`` says that there will be many images
     by the same sampler but for its key, which is then compiled, too.
     """
+    y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
+    return at_pixels(scene, sampler, side, spp, x, y, of_many).reshape(side, side, 3)
+
+
+def at_pixels(
+    scene: Any,
+    sampler: samplers.Sampler,
+    side: int,
+    spp: int,
+    x: NDArray[np.uint32],
+    y: NDArray[np.uint32],
+    of_many: bool = False,
+) -> NDArray[np.float64]:
+    """Return the pixels of such an image at columns ``x`` and rows ``y`` of one shape, with their colours."""
     sampler.check(side, side, spp)
     dims = tuple(range(len(scene.needs)))
-    y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    pixels = np.stack([x, y], axis=-1)
-    total = np.zeros((side**2, 3))
-    together = max(1, 2**16 // side**2)
+    pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
+    total = np.zeros((x.size, 3))
+    together = max(1, 2**16 // x.size)
     for first in range(0, spp, together):
         samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
-        columns, rows, each = np.broadcast_arrays(x[:, None], y[:, None], samples)
+        columns, rows, each = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
         points = _points(sampler, columns, rows, each, dims, of_many)
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
         total += _evaluated(scene, points).sum(axis=1)
-    return (total / spp).reshape(side, side, 3)
+    return (total / spp).reshape(*x.shape, 3)
 
 
 def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:

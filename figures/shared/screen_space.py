@@ -6,21 +6,15 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.special import erf
 
 import analysis
 from figures._errors import rms
-from figures.making.schema import Claims
-from figures.shared import screen_space_sheets
 from qmcjax import orders, samplers, sequences
 
 KEY = 1
 SIDE = {"draft": 64, "paper": 256}
-BINS = 32
-"""Of the frequencies of a radial spectrum."""
-
 RADIUS, SHARPNESS, CENTRE = 0.4, 10.0, (0.4, 0.55)
 
 
@@ -38,6 +32,10 @@ def _bump() -> float:
 
 
 INTEGRALS = {"x y": 0.25, "disc": np.pi * RADIUS**2, "x + y < 1": 0.5, "bump": _bump()}
+
+
+Measures = dict[str, dict[str, float]]
+"""By integrand."""
 
 
 class Method(NamedTuple):
@@ -95,8 +93,8 @@ def methods() -> dict[str, Method]:
     }
 
 
-def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Return the errors, shape (side, side, 4), and their measures by integrand."""
+def measure(method: Method, side: int, spp: int) -> tuple[NDArray[np.float64], Measures]:
+    """Return an image of each integrand, shape (side, side, 4), and the measures of their errors."""
     image = analysis.pixel_means(_integrands, method.make(side, spp), side, side, spp, method.dims)
     image = np.asarray(image, np.float64)
     measured = {}
@@ -108,7 +106,7 @@ def measure(method: Method, side: int, spp: int) -> tuple[np.ndarray, dict[str, 
             "low-frequency power": analysis.low_frequency_power(error, none) if np.ptp(error) else 0.0,
             "filtered error": analysis.filtered_error(error, none),
         }
-    return image - np.array(list(INTEGRALS.values())), measured
+    return image, measured
 
 
 FAMILIES = {
@@ -128,91 +126,3 @@ FAMILIES = {
         "Hilbert, partitioned",
     ),
 }
-PAGE = (
-    ("in each pixel", "over the screen, or optimised", "along Morton's curve"),
-    ("blocks of samples along a curve", "otherwise along Hilbert's curve"),
-)
-"""Columns of the pictures."""
-
-KEY_TO_PICTURES = (
-    "Above each picture: RMS error | power at low frequencies,\n"
-    "below 1/16 of a cycle per pixel (white noise: 1).\n\n"
-    "Grey: no error. White, black: three RMS errors of the\n"
-    "same picture above and below the exact integral.\n\n"
-    "64 x 64 of {side} x {side} pixels. Spectra of all methods:\n"
-    "figure screen-space-spectra."
-)
-
-OPTIMISED = ("dither, vectors", "ranked keys")
-
-ALIKE, DIFFUSED = 1.25, 0.5
-"""Up to which factor errors are comparable, and below which power at low frequencies they are diffused."""
-
-LARGE = 64
-"""Samples a pixel from which on optimised keys are said to diffuse errors no more; masks are from 2 on."""
-
-NOTE = (
-    "{side} x {side} pixels, {spp} sample(s) each. Integrands of the two coordinates that a pixel samples, "
-    f"the same in every pixel: x y, a disc of radius {RADIUS}, x + y < 1, and "
-    f"exp(-{SHARPNESS:.0f} |p - {CENTRE}|^2). Errors are against the exact integrals; power is 1 for white "
-    "noise, low is the radial mean below 1/16 of a cycle per pixel, filtered the RMS error after a Gaussian "
-    "of 1.5 pixels; images are taken as periodic. The global sequences show their dimensions 2 and 3, since "
-    "0 and 1 are the pixel. Peano's curve fills 3**k pixels a side, of which a part is used. One key for "
-    "what is random. At one sample, segments and the shifted lattice are the contiguous blocks of their "
-    "Halton components."
-)
-
-
-def pictures(spp: int, quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Draw the errors of all methods."""
-    side, measured, errors = SIDE[quality], {}, {}
-    for k, (name, method) in enumerate(methods().items(), start=1):
-        errors[name], measured[name] = measure(method, side, spp)
-        progress(k / len(methods()))
-    columns = [[name for family in part for name in FAMILIES[family]] for part in PAGE]
-    title = f"Errors at {spp} spp, of four integrands that are the same in all pixels"
-    figure = screen_space_sheets.pictures(title, columns, errors, measured, KEY_TO_PICTURES.format(side=side))
-    numbers = {
-        "measured": measured,
-        "claims": _claims(measured, spp),
-        "note": NOTE.format(side=side, spp=spp),
-    }
-    return figure, numbers
-
-
-def radial_power(errors: np.ndarray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return frequencies, in cycles per pixel, and the mean power over the integrands, in BINS of them."""
-    none = np.zeros(errors.shape[:2])
-    spectra = [analysis.error_spectrum(of, none) for of in np.moveaxis(errors, -1, 0) if np.ptp(of)]
-    frequency, power = analysis.radial_average(np.mean(spectra, axis=0))
-    return frequency.reshape(BINS, -1).mean(axis=1) / len(errors), power.reshape(BINS, -1).mean(axis=1)
-
-
-def _claims(measured: dict[str, dict[str, dict[str, float]]], spp: int) -> Claims:
-    def least(names: tuple[str, ...], integrand: str) -> float:
-        return min(measured[name][integrand]["filtered error"] for name in names)
-
-    def low(name: str) -> dict[str, float]:
-        return {integrand: of["low-frequency power"] for integrand, of in measured[name].items()}
-
-    def diffuses(what: str, name: str) -> dict[str, dict[str, bool]]:
-        claim = f"{what}: less than half of white noise at low frequencies"
-        return {claim: {integrand: power < DIFFUSED for integrand, power in low(name).items()}}
-
-    def fails(what: str, name: str) -> dict[str, dict[str, bool]]:
-        claim = f"{what} no more: at least half of white noise at low frequencies"
-        return {claim: {integrand: power >= DIFFUSED for integrand, power in low(name).items()}}
-
-    along = tuple(name for name in measured if name.startswith("Hilbert"))
-    mask, keys = OPTIMISED
-    return (
-        {
-            "along the Hilbert curve errors are as small from afar as with optimised masks and keys": {
-                integrand: least(along, integrand) < ALIKE * least(OPTIMISED, integrand)
-                for integrand in INTEGRALS
-            }
-        }
-        | (diffuses if spp == 1 else fails)("a mask diffuses errors", mask)
-        | (diffuses if spp < LARGE else fails)("optimised keys diffuse errors", keys)
-        | diffuses("Z diffuses errors", "Z, tree")
-    )

@@ -1,6 +1,5 @@
 """Error and run time of ray-traced scenes: samplers of ours, and Mitsuba's where it has the scene."""
 
-import time
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures.shared import diffusion, mitsuba_scenes, speed_sweep, traced_images
+from figures.shared.turns import timed
 from qmcjax import samplers, scenes
 from qmcjax.core.pytrees import jit
 
@@ -90,14 +90,17 @@ def rendered(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> tupl
     together = CALL // side**2
     if not together or spp % together:
         raise ValueError(f"samples must fill calls of {CALL}, got {spp} of {side} x {side} pixels")
-    start = time.perf_counter()
-    prepared = _prepared(sampler, side, len(scene.needs))
-    total = jnp.zeros((side, side, 3))
-    for block in range(spp // together):
-        points = _points(sampler, prepared, np.uint32(block), side, together, len(scene.needs))
-        total = _added(scene, points, total)
-    image = np.asarray(total, np.float64) / spp
-    return image, time.perf_counter() - start
+
+    def image() -> NDArray[np.float64]:
+        prepared = _prepared(sampler, side, len(scene.needs))
+        total = jnp.zeros((side, side, 3))
+        for block in range(spp // together):
+            points = _points(sampler, prepared, np.uint32(block), side, together, len(scene.needs))
+            total = _added(scene, points, total)
+        return np.asarray(total, np.float64) / spp
+
+    made, seconds = timed(image)
+    return made, seconds.clock
 
 
 @jit("side", "count")

@@ -1,5 +1,6 @@
 """Seconds of calls: those to compare take turns, so that noise hits all, and the first turn compiles."""
 
+import statistics
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -21,6 +22,14 @@ def timed(call: Callable[..., Any], *given: Any) -> tuple[Any, Seconds]:
     start, busy = time.perf_counter(), time.process_time()
     made = jax.block_until_ready(call(*given))
     return made, Seconds(time.perf_counter() - start, time.process_time() - busy)
+
+
+def typical(call: Callable[[int], Any], least: int, seconds: float, of: str = "clock") -> float:
+    """Return the median of the times of call 0, 1, ..., at least so many, which take so many seconds."""
+    times: list[float] = []
+    while len(times) < least or sum(times) < seconds:
+        times.append(getattr(timed(call, len(times))[1], of))
+    return statistics.median(times)
 
 
 def in_turns(

@@ -19,7 +19,7 @@ from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import DirectLight
 
-SIDE = {"draft": 64, "paper": 96}
+SIDE = {"draft": 48, "paper": 96}
 SPP = 4
 """Samples of each line in each pixel."""
 MOST = {"draft": 16, "paper": 64}
@@ -42,7 +42,7 @@ SIGMA = 1.5
 
 NOTE = (
     "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row of "
-    "boxes is in focus. {side} x {side} pixels; lines are `tracing.lens_line` with {spp} samples a pixel "
+    "boxes is in focus. {side} x {side} pixels; lines are `tracing.lens_line` with {spp} samples per pixel "
     "each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} "
     "on the lens; its variance is taken off from mean square errors. 'Points' are images by points on the "
     "lens that all pixels share (Fig. 3.8), 'samples of the lens' are Owen-scrambled in each pixel, as many "
@@ -70,7 +70,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     samples, of_sample = {}, 0.0
     for k in range((SAMPLED[quality] // SPP).bit_length()):
         sampler = samplers.independent(sequences.sobol(len(scene.needs)), 1)
-        samples[SPP * 2**k], seconds_of = timed(scene_images.image, scene, sampler, side, SPP * 2**k)
+        samples[SPP * 2**k], seconds_of = timed(scene_images.replicate, scene, sampler, side, SPP * 2**k)
         of_sample = seconds_of.clock / (SPP * 2**k)
     points = {}
     for k in range(most.bit_length()):
@@ -92,7 +92,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "lines": {n: others[:: 16 // n].mean(axis=0) for n in counts if n <= 16},
         "points": points,
         "samples of the lens": {
-            n: scene_images.image(
+            n: scene_images.replicate(
                 scene, samplers.independent(sequences.sobol(len(scene.needs)), 2), side, SPP * n
             )
             for n in counts
@@ -159,7 +159,7 @@ def _reference(scene: DirectLight, side: int, spp: int) -> diffusion.Reference:
     """Return the mean of replicates of samples of the lens."""
     sobol, each = sequences.sobol(len(scene.needs)), spp // REPLICATES
     images = [
-        scene_images.image(scene, samplers.independent(sobol, 2**20 + k), side, each)
+        scene_images.replicate(scene, samplers.independent(sobol, 2**20 + k), side, each)
         for k in range(REPLICATES)
     ]
     error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
@@ -179,7 +179,7 @@ class _Later:
         return self.sampler.dims
 
     def __call__(self, x: Any, y: Any, sample: Any, dims: Any, dtype: Any) -> Any:
-        return self.sampler(x, y, sample + np.uint32(self.first), dims, dtype)
+        return self.sampler(x, y, sample + self.first, dims, dtype)
 
 
 def _reversed(number: int, count: int) -> int:
@@ -200,8 +200,8 @@ def _of_lines(
     sobol = samplers.independent(sequences.sobol(3), randomised)
     for key, line in enumerate(tracing.lens_lines(count)):
         of_line = tracing.lens_line(scene, line, ROOM, redistributed=redistributed)
-        sampler = samplers.as_sampler("sampler", _Later(sobol, SPP * _reversed(key, count)))
-        image, seconds = timed(scene_images.image, of_line, sampler, side, SPP)
+        sampler = samplers.as_sampler("sampler", _Later(sobol, np.uint32(SPP * _reversed(key, count))))
+        image, seconds = timed(scene_images.replicate, of_line, sampler, side, SPP)
         images.append(image)
         times.append(seconds.clock)
         progress((key + 1) / count)
@@ -274,7 +274,13 @@ def _draw(
         if way in bands:
             right.plot(list(bands[way]), list(bands[way].values()), **style)
     counts = np.array(list(whole))
-    left.plot(counts / (SPP * ratio), list(whole.values()), ":", color=GREEN, label="the same, equal time")
+    left.plot(
+        counts / (SPP * ratio),
+        list(whole.values()),
+        ":",
+        color=GREEN,
+        label="lens, at equal time",
+    )
     right.axhline(STEPS, color=GREY, lw=0.8)
     left.set(title="RMS error, linear RGB", ylabel="RMS error")
     right.set(title="Bands: errors in common, after a blur", ylabel="steps of 255")

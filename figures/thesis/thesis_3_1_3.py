@@ -82,7 +82,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         Panel(f"one image of {COUNT}", images[0]),
         Panel(f"a frame: mean of {COUNT},\nring buffer", frame),
         Panel(f"thick line, {COUNT} times\nRMS error {errors[8]:.4f}", whole[8], (0.0, white)),
-        Panel(f"exact coverage in time\n(white: {white:.2f})", exact, (0.0, white)),
+        Panel(f"exact coverage in time,\nwhite: {100 * white:.0f} % of the shutter", exact, (0.0, white)),
         Panel("exact, with a colour\nthat fades while it moves", _image(faded, side), (0.0, white)),
     ]
     title = "Frames from images of others (thesis, Sect. 3.1.3), and a thick line that moves (Sect. 3.2)"

@@ -62,12 +62,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             of, image = measured[name][part], old.copy()
             image.ravel()[pixels[0][: SIDE**2 // n]] = new.ravel()[pixels[0][: SIDE**2 // n]]
             panels.append(
-                Panel(f"{name}, {part}\ngap {of['largest gap']:.2f}, error {of['error']:.3f}", image)
+                Panel(
+                    f"{name}, {part}\nhole {of['largest gap']:.2f}, error {of['error']:.3f}",
+                    image,
+                )
             )
         of_frame = measured[name]["frameless"]["filtered error"]
         panels.append(Panel(f"{name}, frameless\nfiltered error {of_frame:.4f}", frames[0]))
         progress(0.3 + 0.2 * done)
-    title = "Pixels updated in the order of a net, and at random (thesis, Sect. 3.1.7)"
+    title = (
+        f"Pixels updated in the order of a net, and at random, {SIDE} x {SIDE} pixels (thesis, Sect. 3.1.7)\n"
+        "1/16, 1/4, 1/2: part of the pixels that are new; hole: largest distance to a new pixel; error: RMS"
+    )
     figure = image_grid(title, panels, 4, 2 * SIDE)
     numbers = {
         "measured": measured,

@@ -173,7 +173,9 @@ def _numbers(scene: tracing.Estimator, x: jax.Array, y: jax.Array, at: jax.Array
 
 def _drawn(measured: Mapping[str, Any]) -> Figure:
     figure = Figure(figsize=(10, 3.9), layout="constrained")
-    figure.suptitle("Visibility in time, computed against sampled: the part that is blurred")
+    figure.suptitle(
+        "Where motion blurs, visibility computed in time has less error than samples (thesis, Sect. 3.2)"
+    )
     shown = {name: measured[name] for name in (BOX, ALL) if measured[name]}
     axes = figure.subplots(1, len(shown) + 1)
     for panel, (name, cases) in zip(axes, shown.items(), strict=False):
@@ -182,9 +184,9 @@ def _drawn(measured: Mapping[str, Any]) -> Figure:
             gain = [case[RATIO]["blurred part"][key] for case in cases.values()]
             panel.loglog(numbers, gain, marker, color=color, label=f"ratio {key}", ms=4)
         panel.axhline(1, color="k", lw=0.8)
-        panel.axhline(ASKED, color="0.4", lw=0.8, ls=":", label=f"{ASKED:g} times smaller")
+        panel.axhline(ASKED, color="0.4", lw=0.8, ls=":", label=f"{ASKED:g} times")
         scene, _, what = name.partition(", by ")
-        panel.set(title=scene, xlabel=what, ylabel=RATIO)
+        panel.set(title=scene, xlabel=what.replace("their number", "triangles"), ylabel=RATIO)
         _ticks(panel, numbers)
     cases = measured[ALL]
     for k, (name, color) in enumerate((("sampled", "C2"), ("analytic", "C3"))):
@@ -196,7 +198,7 @@ def _drawn(measured: Mapping[str, Any]) -> Figure:
             label=f"time, {name}",
             ms=4,
         )
-    axes[-1].set(title="moving triangles", xlabel="their number", ylabel="microseconds a sample")
+    axes[-1].set(title="moving triangles", xlabel="triangles", ylabel="microseconds per sample")
     _ticks(axes[-1], [int(n) for n in cases])
     first, last = axes[0].get_legend_handles_labels(), axes[-1].get_legend_handles_labels()
     figure.legend(first[0] + last[0], first[1] + last[1], loc="outside lower center", ncols=5)

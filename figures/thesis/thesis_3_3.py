@@ -34,7 +34,8 @@ CONTRAST = 0.1
 NOTE = (
     "The scene is ours: a box that slides and turns by 69 degrees above a checkerboard, its shadow and its "
     "reflection in a still sphere, {side} x {side} pixels, 9 intervals of the shutter. The first and the "
-    "last image have {spp} random samples a pixel, the truth of an interval {exact} Owen-scrambled ones. The "
+    "last image have {spp} random samples per pixel, the truth of an interval {exact} Owen-scrambled "
+    "ones. The "
     "blend is the mean of the first and last image; the prediction has no sample of the middle. Errors are "
     "RMS over all pixels, and over those of the box in the middle of the shutter: what is missing in the "
     "prediction is mostly the shadow and the reflection. Corrected, {checks} samples of each pixel check it "
@@ -104,11 +105,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         Panel("middle interval, truth", shown(truth[middle])),
         Panel("last interval", shown(raw.images[-1])),
         *(
-            Panel(f"middle, {name}\nRMS error {errors[name]:.3f}, box {of_box[name]:.3f}", shown(image))
+            Panel(
+                f"middle, {name}\nRMS error {errors[name]:.3f}, on the box {of_box[name]:.3f}", shown(image)
+            )
             for name, image in images.items()
         ),
     ]
-    title = "A prediction of the middle of the shutter (thesis, Fig. 3.3 and 3.4)"
+    title = (
+        "A prediction of the middle of the shutter (thesis, Fig. 3.3 and 3.4)\n"
+        f"our scene, {size.side} x {size.side} pixels, {size.spp} samples per pixel"
+    )
     figure = image_grid(title, panels, 3, 288, below=330)
     width = figure.get_size_inches()[0] * DPI
     _recursion(add_axes(figure, 90, 30, width - 110, 260), raw.steps, count)

@@ -22,7 +22,7 @@ BALL = scenes.ball([[0.05, 0.2], [0.75, 0.95]], [[0.95, 0.5], [0.25, 0.75]], tim
 STILL_SPP = 4
 
 NOTE = (
-    "The scene is ours: a disc that crosses the picture, jumps, and crosses again. {spp} samples a pixel, "
+    "The scene is ours: a disc that crosses the picture, jumps, and crosses again. {spp} samples per pixel, "
     "{side} x {side} pixels, gray values from 0 to the highest. Positions inside the pixel are "
     "Owen-scrambled in each pixel but in the accumulation buffer, where all pixels have the same. 'filtered' "
     "is the RMS error after a Gaussian of 1.5 pixels, about what an eye sees. The last two: the disc before "
@@ -61,9 +61,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress(0.1 * done)
     layers, noise = _layers(side, exact, 32 if quality == "paper" else 12)
 
-    title = f"A disc that moves and jumps, {SPP} samples per pixel (thesis, Fig. 3.5 and Sect. 3.1)"
+    title = (
+        f"A disc that moves and jumps, {SPP} samples per pixel (thesis, Fig. 3.5 and Sect. 3.1)\n"
+        f"{side} x {side} pixels; filtered: RMS error after a Gaussian of 1.5 pixels"
+    )
     brightest = float(exact.max())
-    panels = [Panel(f"exact\nwhite: {brightest:.2f}", exact, (0.0, brightest))]
+    panels = [Panel(f"exact\nwhite: visible {100 * brightest:.0f} % of the time", exact, (0.0, brightest))]
     for name, of in errors.items():
         caption = f"{name}\nRMS error {of['rms']:.4f}, filtered {of['filtered']:.4f}"
         panels.append(Panel(caption, images[name], (0.0, brightest)))

@@ -1,6 +1,8 @@
 """Thesis Fig. 3.8: images from points on the lens, each a perspective projection, and their mean."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,8 +14,9 @@ from figures._errors import rms
 from figures.shared import diffusion, scene_images
 from figures.shared.image_grid import Panel, image_grid
 from qmcjax import samplers, scenes, sequences, tracing
+from qmcjax.core.pytrees import pytree
 
-SIDE = {"draft": 64, "paper": 192}
+SIDE = {"draft": 48, "paper": 192}
 SPP = {"draft": 4, "paper": 16}
 """Of each image from one point."""
 MANY = {"draft": 256, "paper": 1024}
@@ -24,7 +27,7 @@ COUNTS = (4, 16, 64)
 LINEAR = 1e-6
 
 NOTE = (
-    "{side} x {side} pixels, the package's row of balls with a thin lens; {spp} samples a pixel of each "
+    "{side} x {side} pixels, the package's row of balls with a thin lens; {spp} samples per pixel of each "
     "image from one point, {many} over all of the lens. A slice of the light field is what one point on the "
     "lens sees: its rays have one origin, and where they cross the plane of focus is linear in the pixel, "
     "to {residual:.0e} of the plane's distance: a perspective projection off the axis, as graphics hardware "
@@ -39,7 +42,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     lens = np.asarray(sequences.sobol(2).points(max(COUNTS)))
     slices = []
     for number, point in enumerate(lens):
-        slices.append(scene_images.image(scene, _from_one_point(point, number), side, spp))
+        slices.append(scene_images.replicate(scene, _from_one_point(point, number), side, spp))
         progress(0.8 * (number + 1) / len(lens))
     every = samplers.independent(sequences.sobol(len(scene.needs)), 1)
     whole = scene_images.image(scene, every, side, MANY[quality])
@@ -50,7 +53,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     panels += [Panel(f"mean of {count} points", diffusion.shown(mean)) for count, mean in means.items()]
     panels.append(Panel("all of the lens", diffusion.shown(whole)))
     title = (
-        "Each point on the lens sees a perspective image; their mean has depth of field (thesis, Fig. 3.8)"
+        "Each point on the lens sees a perspective image;\ntheir mean has depth of field (thesis, Fig. 3.8)"
     )
     numbers = {
         "measured": {"RMS difference from all of the lens": errors, "residual": residual},
@@ -71,16 +74,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return image_grid(title, panels, 4, 256), numbers
 
 
+@pytree
+@dataclass(frozen=True)
+class _AtOnePoint:
+    """Samples of six coordinates; those on the lens are one point."""
+
+    sampler: Any
+    point: Array | NDArray
+
+    dims = 6
+
+    def __call__(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: Any) -> Array:
+        found = self.sampler(x, y, sample, tuple(range(6)), dtype)
+        fixed = jnp.broadcast_to(jnp.asarray(self.point, dtype), (*found.shape[:-1], 2))
+        return jnp.concatenate([found[..., :2], fixed, found[..., 4:]], axis=-1)[..., jnp.array(dims)]
+
+
 def _from_one_point(point: NDArray, key: int) -> samplers.Sampler:
     """Return a sampler whose lens coordinates are those of one point."""
     free = samplers.independent(sequences.sobol(6), key)
-
-    def points(x: Array, y: Array, sample: Array) -> Array:
-        found = free(x, y, sample, tuple(range(6)))
-        fixed = jnp.broadcast_to(jnp.asarray(point), (*found.shape[:-1], 2))
-        return jnp.concatenate([found[..., :2], fixed, found[..., 4:]], axis=-1)
-
-    return samplers.function(points, 6)
+    return samplers.as_sampler("sampler", _AtOnePoint(free, point))
 
 
 def _not_linear(camera: tracing.Camera, point: NDArray) -> float:

@@ -35,7 +35,8 @@ UNIFORM = 0.05
 
 NOTE = (
     "Densities are measured: a square light, 1/{part:g} as wide as its picture out of focus, shows the lens "
-    "itself, by `tracing.lens_line`, {side} x {side} pixels, {spp} samples a line and pixel. The density in "
+    "itself, by `tracing.lens_line`, {side} x {side} pixels, {spp} samples per line and pixel. The "
+    "density in "
     "rings of equal width is that of the mean of {many} diameters over that of a disc, blurred by the light "
     "as well. Evenly sampled diameters have the density 1 / (2 r), infinite in the middle. Where t "
     'runs evenly over [-1, 1], sign(t) sqrt(|t|) makes it uniform: the "sqrt(t)-like" mapping that the '
@@ -102,7 +103,9 @@ def _pictures(count: int, side: int, spp: int, redistributed: bool) -> NDArray[n
     images = []
     for key, line in enumerate(tracing.lens_lines(count)):
         of_line = tracing.lens_line(scene, line, 2, redistributed=redistributed)
-        images.append(scene_images.image(of_line, samplers.independent(sequences.sobol(3), key), side, spp))
+        images.append(
+            scene_images.replicate(of_line, samplers.independent(sequences.sobol(3), key), side, spp)
+        )
     return np.stack(images)[..., 0]
 
 

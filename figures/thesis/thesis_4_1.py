@@ -3,7 +3,9 @@
 from collections.abc import Callable
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from analysis import trees
 from figures.shared import mesh_models
@@ -35,7 +37,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         before, after = (traced(each, rays, distance).visits.reshape(side, side) for each in (tree, better))
         change = after - before
         # A few pixels at silhouettes have far more than all others.
-        white = float(np.percentile(np.maximum(before, after), 99.5))
+        nodes = float(np.percentile(np.maximum(before, after), 99.5))
         most = float(np.percentile(abs(change), 99)) or 1.0
         measured[name] = {
             "triangles": len(mesh.triangles),
@@ -48,17 +50,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "pixels with more": float(np.mean(change > 0)),
         }
         panels += [
-            Panel(f"{name}: before\nmean {before.mean():.2f}, white {white:.0f} nodes", before, (0.0, white)),
-            Panel(f"{name}: after\nmean {after.mean():.2f}, white {white:.0f} nodes", after, (0.0, white)),
+            Panel(
+                f"{name}: before\nmean {before.mean():.2f}, yellow {nodes:.0f} nodes", _false(before / nodes)
+            ),
+            Panel(f"{name}: after\nmean {after.mean():.2f}, yellow {nodes:.0f} nodes", _false(after / nodes)),
             Panel(
                 f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
-                f"black -{most:.0f}, white +{most:.0f}",
-                change,
-                (-most, most),
+                f"blue -{most:.0f}, red +{most:.0f}",
+                _false(0.5 + 0.5 * change / most, "RdBu_r"),
             ),
         ]
         progress(done / len(mesh_models.MESHES))
-    title = f"Visited nodes by pixel, {side} x {side}\n(thesis Fig. 4.1, on our meshes)"
+    title = f"Nodes that a ray visits, {side} x {side} pixels\n(thesis Fig. 4.1, on our meshes)"
     claims = {
         "fewer nodes are traversed after the optimisation, on average over the picture": {
             name: of["mean after"] < of["mean before"] for name, of in measured.items()
@@ -72,3 +75,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "claims": claims,
         "note": NOTE.format(side=side),
     }
+
+
+def _false(part: NDArray, colors: str = "viridis") -> NDArray[np.float64]:
+    """Return an image in false colours, from 0 to 1."""
+    return colormaps[colors](np.clip(part, 0, 1))[..., :3]

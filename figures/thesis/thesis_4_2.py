@@ -19,10 +19,11 @@ THICK = 0.02
 
 NOTE = (
     "The thesis prints no coordinates; both examples are ours, of small boxes on a plane, as of tessellated "
-    "ellipses, whose centres are clustered from {keys} random pairs of first means. c is Eq. 4.1 over the "
+    "ellipses, whose centres are clustered from {keys} random pairs of first means. The cost is Eq. 4.1 "
+    "over the "
     "same for one box of all; areas are over that of all, too. First: A lies in a corner of the box of B, "
-    "and has as many boxes; if it has three times as many, c is least for A and B, too. Second: two ellipses "
-    "longer than their distance, with the norm of the "
+    "and has as many boxes; if it has three times as many, the cost is least for A and B, too. Second: "
+    "two ellipses longer than their distance, with the norm of the "
     "largest coordinate. The thesis blames first means that are placed badly, but no pair finds the ellipses "
     "then: in this norm the ends of an ellipse are as far from the other one's mean as from its own. With "
     "the Euclidean norm {euclid:.0%} of the pairs do; and if the ellipses are shorter than their distance, "
@@ -108,8 +109,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     euclid = float(np.mean([_same(_clusters(*beside[:2], 2, key).second, beside[2]) for key in range(keys)]))
     slant, side = found["4.2"], found["4.3"]
     worst = max(side["clusters"], key=lambda c: sum(c.areas))
-    figure = Figure(figsize=(10.2, 6.2), layout="constrained")
-    figure.suptitle("Clusters of two means and their boxes (thesis Fig. 4.2 and 4.3)", fontsize=11)
+    figure = Figure(figsize=(10.2, 6.4), layout="constrained")
+    figure.suptitle(
+        "Clusters of two means and their boxes (thesis Fig. 4.2 and 4.3)\n"
+        "areas of the boxes over that of all; cost: by the surface area heuristic (Eq. 4.1); overlap: "
+        "part of the smaller box",
+        fontsize=11,
+    )
     panels = figure.subplots(2, 3)
     rows = (
         (
@@ -184,7 +190,7 @@ def _draw(axes: Axes, title: str, low: NDArray, high: NDArray, of: Parts) -> Non
         axes.plot(middle[:, 0], middle[:, 1], ".", color=color, ms=3)
         corner, far = low[part].min(axis=0), high[part].max(axis=0)
         axes.add_patch(Rectangle((corner[0], corner[1]), *(far - corner)[:2], fill=False, ec=color, lw=1.6))
-    numbers = f"areas {of.areas[0]:.2f} + {of.areas[1]:.2f}, c {of.cost:.2f}, overlap {of.overlap:.2f}"
+    numbers = f"areas {of.areas[0]:.2f} + {of.areas[1]:.2f}, cost {of.cost:.2f}, overlap {of.overlap:.2f}"
     axes.set_title(f"{title}\n{numbers}", fontsize=9)
     axes.set(aspect="equal", xlim=(-0.08, 1.08), ylim=(-0.06, 1.06))
     axes.set_axis_off()

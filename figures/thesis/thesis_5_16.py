@@ -30,7 +30,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         with_origin[f"m = {m}"] = bool((words == 0).all(axis=1).any())
         point_plots.grid(panel, 2 ** (m // 2), 2 ** (m // 2))
         point_plots.scatter(
-            panel, point_plots.block(net, 2**m), f"m = {m}, squared distance {measured[str(m)]}"
+            panel,
+            point_plots.block(net, 2**m),
+            f"m = {m}, squared distance {measured[str(m)]} / $2^{{{2 * m}}}$",
         )
     return figure, {
         "measured": {"squared distance on the integer grid": measured},

@@ -18,7 +18,11 @@ PLANES = ((0, 1), (0, 2), (1, 2))
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the three projections of each net."""
     del quality, progress
-    figure, axes = point_plots.panels(12, "P_2 to P_5 in the three planes (thesis Sect. 5.3.2)", columns=3)
+    figure, axes = point_plots.panels(
+        12,
+        "Permutation nets in three dimensions, $P_2$ to $P_5$, in the three planes (thesis Sect. 5.3.2)",
+        columns=3,
+    )
     measured: dict[str, dict] = {}
     planar: dict[str, dict[str, bool]] = {}
     for row, m in enumerate(PRINTED):
@@ -33,7 +37,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for column, (a, b) in enumerate(PLANES):
             panel = axes[3 * row + column]
             point_plots.grid(panel, 2**m, 2**m)
-            title = f"P_{m}, {'xyz'[a]}{'xyz'[b]}, squared distance {squared}"
+            title = f"$P_{m}$, {'xyz'[a]}{'xyz'[b]}, squared distance {squared} / $2^{{{2 * m}}}$"
             point_plots.scatter(panel, (words[:, [a, b]] + 0.5) / 2**m, title)
     return figure, {
         "measured": measured,

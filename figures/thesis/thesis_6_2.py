@@ -15,7 +15,7 @@ ALIKE = 4 / 3
 """Errors whose ratio is below are similar."""
 
 
-def _claims(errors: dict) -> Claims:
+def _claims(errors: dict, sets: plane_scenes.Sets) -> Claims:
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     low_discrepancy = {name: found for name, found in whole.items() if name != "jittered grid"}
     nets = [found for name, found in low_discrepancy.items() if name != "rank-1 lattice"]

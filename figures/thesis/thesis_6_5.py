@@ -1,36 +1,75 @@
 """Thesis Fig. 6.5: the Cornell box at 64 samples per pixel."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared import motion_blur
+from figures.making.schema import Claims, Found
+from figures.shared import judged, motion_blur
 from figures.shared.motion_blur import FULL, NETS, OTHERS
 
 CROP = (0.25, 0.6, 0.25)
 
-WHY = (
-    " At 64 samples nets over the full screen and rotated ones have about equal errors, also on 256 x 256 "
-    "pixels; what is worse over the full screen are patterns: there the strongest waves are 75 and 110, "
-    "against 9 and 10."
-)
-"""Of the sentences that do not hold."""
+PATTERN = 1.5
+"""How much stronger the strongest wave is than that of an error without patterns."""
+
+
+LATTICE = "rank-1 lattice"
+
+Keys = dict[str, dict[str, list[float]]]
+"""Values of each key by size of the image and sampler."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
     title = "The Cornell box, 64 samples per pixel, and a magnified area (thesis Fig. 6.5)"
-    figure, numbers, images = motion_blur.pictures("cornell_box", title, CROP, _claims, quality, progress)
-    return figure, numbers | {"note": numbers["note"] + WHY}, images
+    errors, waves = motion_blur.over_keys("cornell_box", (*NETS, *FULL, LATTICE), quality)
+    claims = partial(_claims, errors, waves)
+    figure, numbers, images = motion_blur.pictures("cornell_box", title, CROP, claims, quality, progress)
+    numbers["measured"] |= {
+        "keys": motion_blur.KEYS[quality],
+        "RMS error, mean over keys": {
+            size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in errors.items()
+        },
+        "strongest wave, mean over keys": {
+            size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in waves.items()
+        },
+    }
+    return figure, numbers, images
 
 
-def _claims(errors: dict[str, float]) -> dict[str, bool]:
-    rotated = [errors[net] for net in NETS]
+def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
+    one, other = NETS
+
+    def ahead(size: str) -> Found:
+        """Return whether both nets have less error than all others: but for the lattice by far."""
+        far = [
+            judged.smaller(sets[size][net], sets[size][name])
+            for net in NETS
+            for name in OTHERS
+            if name != LATTICE
+        ]
+        return judged.all_of(
+            *far, *(judged.smaller(errors[size][net], errors[size][LATTICE]) for net in NETS)
+        )
+
     return {
-        "the two rotated nets perform almost equally well (within 20 %)": max(rotated) < 1.2 * min(rotated),
-        "they outperform random, jittered, Lloyd's points and the lattice": max(rotated)
-        < min(errors[other] for other in OTHERS),
-        "the full-screen nets perform worse than the rotated ones": min(errors[net] for net in FULL)
-        > max(rotated),
+        "the two rotated nets perform almost equally well (within 20 %)": {
+            size: judged.alike(of[one], of[other], 1.2) for size, of in errors.items()
+        },
+        "they outperform random, jittered, Lloyd's points and the lattice": {
+            size: ahead(size) for size in errors
+        },
+        "the full-screen nets perform worse than the rotated ones": {
+            size: judged.all_of(*(judged.smaller(of[net], of[full]) for net in NETS for full in FULL))
+            for size, of in errors.items()
+        },
+        f"full-screen nets show patterns: waves {PATTERN:g} times those of rotated ones": {
+            size: judged.all_of(
+                *(judged.below(PATTERN * np.array(of[net]), of[full][0]) for net in NETS for full in FULL)
+            )
+            for size, of in waves.items()
+        },
     }

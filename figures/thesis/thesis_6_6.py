@@ -22,7 +22,7 @@ WHY = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
     title = "The Cornell box: error over samples per pixel (thesis Fig. 6.6)"
-    figure, numbers = motion_blur.convergence("cornell_box", title, (32, 7), _claims, quality, progress)
+    figure, numbers = motion_blur.convergence("cornell_box", title, (16, 7), _claims, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY}
 
 

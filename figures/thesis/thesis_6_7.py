@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared import motion_blur
+from figures.making.schema import Claims, Found
+from figures.shared import judged, motion_blur
 from figures.shared.motion_blur import FULL, NETS, OTHERS
 
 CROP = (0.62, 0.4, 0.3)
@@ -17,12 +18,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     return motion_blur.pictures("helicopter", title, CROP, _claims, quality, progress)
 
 
-def _claims(errors: dict[str, float]) -> dict[str, bool]:
-    rotated = [errors[net] for net in NETS]
+def _claims(sets: motion_blur.Sets) -> Claims:
+    def ahead(ones: tuple[str, ...], others: tuple[str, ...]) -> dict[str, Found]:
+        """Return by size whether samplers have less error than others."""
+        return {
+            size: judged.all_of(*(judged.smaller(of[one], of[other]) for one in ones for other in others))
+            for size, of in sets.items()
+        }
+
     return {
-        "the Sobol' nets perform best": max(errors[net] for net in NETS + FULL)
-        < min(errors[other] for other in OTHERS),
-        "the full-screen variants yield the best results": max(errors[net] for net in FULL) < min(rotated),
-        "the lattice has more error than any net": errors["rank-1 lattice"]
-        > max(errors[net] for net in NETS + FULL),
+        "the Sobol' nets perform best": ahead(NETS + FULL, OTHERS),
+        "the full-screen variants yield the best results": ahead(FULL, NETS),
+        "the lattice has more error than any net": ahead(NETS + FULL, ("rank-1 lattice",)),
     }

@@ -18,7 +18,7 @@ WHY = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
     title = "The helicopter: error over samples per pixel (thesis Fig. 6.8)"
-    figure, numbers = motion_blur.convergence("helicopter", title, (32, 7), _claims, quality, progress)
+    figure, numbers = motion_blur.convergence("helicopter", title, (16, 7), _claims, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY}
 
 

@@ -12,6 +12,9 @@ from figures.shared import mesh_models, text_tables
 from figures.shared.traversal import Rays, bounced, leaf_depths, traced
 from figures.shared.turns import timed
 
+SIZE = {"draft": "draft", "paper": "large"}
+"""Of the meshes."""
+
 SIDE = {"draft": 32, "paper": 128}
 SETS = {"draft": 10, "paper": 60}
 """Of random boxes of each kind, for the first way of Sect. 4.1.2."""
@@ -41,7 +44,7 @@ ROWS = (
 NOTE = (
     "One triangle a leaf; areas in units of the root's, so that the summed area is the mean number of nodes "
     "that lines spread evenly over those through the root visit. Nodes that rays visit: {side} x {side} "
-    "primary rays, and diffuse ones from where these hit; seconds on this machine, in NumPy. The area falls "
+    "primary rays, and diffuse ones from where these hit; seconds of a processor, in NumPy. The area falls "
     "as the thesis finds it where triangles are of many sizes, as in models of buildings, and little where "
     "they are of about one, as its Buddha's are. It finds the frame rate for primary rays to grow about in "
     "proportion to what the area falls by. 'About' is a factor of 2 between both reductions here, and they "
@@ -59,7 +62,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     side = SIDE[quality]
     measured: dict[str, dict[str, Any]] = {}
     for done, name in enumerate(mesh_models.MESHES, start=1):
-        measured[name] = _of_mesh(mesh_models.made(name, quality), side)
+        measured[name] = _of_mesh(mesh_models.made(name, SIZE[quality]), side)
         progress(done / (len(mesh_models.MESHES) + 1))
     growth = {name: [_growth(key, *of) for key in range(SETS[quality])] for name, of in SCALES.items()}
     within = _within(measured)
@@ -122,7 +125,10 @@ def _of_mesh(mesh: mesh_models.Mesh, side: int) -> dict[str, Any]:
             "reduction in percent": 100 * (1 - means[1] / means[0]),
         }
         rays = bounced(mesh.triangles, rays, before, 1)
-    return found | {"seconds to build": seconds.clock, "seconds to optimise": more.clock}
+    return found | {
+        "processor seconds to build": seconds.processors,
+        "processor seconds to optimise": more.processors,
+    }
 
 
 def _growth(key: int, count: int, scales: int) -> float:
@@ -157,22 +163,30 @@ def _rebuilt(low: NDArray, high: NDArray, most: int = 8) -> float:
     return total
 
 
+def _area(value: float) -> str:
+    return f"{value:.2f}" if value < 1e4 else f"{value:,.0f}"
+
+
 def _draw(measured: dict[str, dict[str, Any]]) -> Figure:
     figure = Figure(figsize=(13.4, 4.4), layout="constrained")
-    figure.suptitle("Trees before and after one optimisation of subtrees (thesis Table 4.2)", fontsize=11)
-    formats = ("{:.4g}", "{:.4g}", "{:.2f} %", "{}", "{}", "{:.2f}", "{:.2f}")
-    rows = [["triangles", *(str(of["triangles"]) for of in measured.values()), *[""] * len(PRINTED)]]
+    figure.suptitle(
+        "Trees before and after one optimisation of subtrees: our meshes, and the thesis's (Table 4.2)",
+        fontsize=11,
+    )
+    two = "{:.2f}".format
+    formats = (_area, _area, "{:.2f} %".format, str, str, two, two)
+    rows = [["triangles", *(str(of["triangles"]) for of in measured.values()), *["–"] * len(PRINTED)]]
     for k, (row, form) in enumerate(zip(ROWS, formats, strict=True)):
-        cells = [form.format(of[row]) for of in measured.values()]
+        cells = [form(of[row]) for of in measured.values()]
         label = row.removesuffix(" in percent").replace("summed area before", "summed area before (root: 1)")
-        rows.append([label, *cells, *(form.format(of[k]) for of in PRINTED.values())])
+        rows.append([label, *cells, *(form(of[k]) for of in PRINTED.values())])
     for kind in KINDS:
         for part, form in (("nodes before", "{:.2f}"), ("nodes after", "{:.2f}"), ("reduction", "{:.2f} %")):
             key = part if part != "reduction" else "reduction in percent"
             cells = [form.format(of[f"{kind} rays"][key]) for of in measured.values()]
-            rows.append([f"{kind} rays, {part}", *cells, *[""] * len(PRINTED)])
-    for key in ("seconds to build", "seconds to optimise"):
-        rows.append([key, *(f"{of[key]:.2f}" for of in measured.values()), *[""] * len(PRINTED)])
+            rows.append([f"{kind} rays, {part}", *cells, *["–"] * len(PRINTED)])
+    for key in ("processor seconds to build", "processor seconds to optimise"):
+        rows.append([key, *(f"{of[key]:.2f}" for of in measured.values()), *["–"] * len(PRINTED)])
     heads = ["", *(name.replace("rooms, tessellated", "tessellated") for name in measured), *PRINTED]
     groups = [
         ("our meshes", 1, len(measured)),

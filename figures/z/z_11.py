@@ -2,41 +2,52 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from figures import plot
 from figures._errors import rms
-from figures.shared import diffusion, padded_samplers, scene_images
-from figures.z.z_1 import KEY, ways
+from figures.making import heitz
+from figures.making.schema import Claims, Found
+from figures.shared import diffusion, judged, padded_samplers, pixel_sets, published_keys, z_renderings
+from figures.z.z_1 import ways
 from qmcjax import samplers, scenes
 
-SIDE = {"draft": 32, "paper": 64}
-LARGEST = {"draft": 3, "paper": 5}
+SIDE = {"draft": 32, "paper": 128}
+PIXELS = {"draft": 16, "paper": 32}
+"""Of each of the sets over which claims are judged."""
+KEYS = {"draft": 1, "paper": 4}
+LARGEST = {"draft": 3, "paper": 6}
 """Logarithm, to base 4, of the largest number of samples."""
-REFERENCE_SPP = {"draft": 1024, "paper": 65536}
+REFERENCE_SPP = {"draft": 512, "paper": 65536}
 BOUNCES = {"draft": 2, "paper": 6}
 
 SAME = 1.15
 """Up to this factor errors are almost identical."""
 
 NOTE = (
-    "{side} x {side} pixels; scenes of the package for those of the paper: sports for motion blur, defocus "
+    "{sets} sets of {each} random pixels of {side} x {side}, divided among {keys} keys; scenes of "
+    "the package for those of the paper: sports for motion blur, defocus "
     "for depth of field, the interior for path tracing, with {bounces} bounces, and the caustic for "
-    "bidirectional path tracing. Up to 16 samples, 2 % of the pixels have half of the square error of "
-    "defocus or more, mostly over 0.9 at one sample: this curve, and perhaps that of sports, depend on luck. "
+    "bidirectional path tracing. Intervals are those of the means of logarithms over the sets, as wide "
+    "as the bands: few pixels have most of the square error. "
     "Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, with an order of the "
     "samples for each pair of dimensions: in about the same order in all pairs, the error would level off, "
     "as that of Z0 does in Fig. 12. Theirs has 256 dimensions of one Owen-scrambled Sobol' sequence. "
-    "That Sobol' "
-    "overtakes is said of 'considerably high' rates, which drafts do not reach. 'Almost identical' is "
+    "'Almost identical' is "
     f"within a factor of {SAME}. "
-    "{origins}" + diffusion.EXPLAINED
+    "{origins}"
 )
+
+
+Errors = dict[str, dict[str, dict[int, NDArray[np.float64]]]]
+"""Of the sets of pixels, by scene, sampler and samples per pixel."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure RMS errors over the number of samples."""
-    side = SIDE[quality]
+    side, keys = SIDE[quality], range(1, KEYS[quality] + 1)
     counts = [4**k for k in range(LARGEST[quality] + 1)]
     compared = {
         "sports": scenes.sports(),
@@ -45,75 +56,124 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "caustic": scenes.caustic(),
     }
     figure = Figure(figsize=(11, 8.5), layout="constrained")
-    figure.suptitle("Convergence on rendered scenes (Z paper, Fig. 11)")
-    measured: dict[str, dict[str, dict[str, dict[str, float]]]] = {}
+    figure.suptitle(
+        "Convergence on rendered scenes (Z paper, Fig. 11)\n"
+        f"our scenes, {side} x {side} pixels, {len(keys)} keys; ranked keys: ours, after Heitz et al."
+    )
+    errors: Errors = {}
     origins = ""
     for done, (axes, (title, scene)) in enumerate(
-        zip(figure.subplots(2, 2).flat, compared.items(), strict=True), start=1
+        zip(figure.subplots(2, 2).flat, compared.items(), strict=True)
     ):
         area = diffusion.beside_window(side) if title == "interior" else diffusion.WHOLE
         exact = diffusion.reference(scene, side, REFERENCE_SPP[quality])
         origins += f"The reference of {title} is {exact.origin}. "
-        found = measured.setdefault(title, {})
-        made = {spp: _ways(len(scene.needs), side, spp) for spp in counts}
-        for (spp, name), image in scene_images.compared(scene, side, made).items():
-            found.setdefault(name, {})[f"{spp} spp"] = diffusion.measures(image, exact, area)
-        errors = {
-            name: [of_count[f"{spp} spp"]["RMS error"] for spp in counts] for name, of_count in found.items()
-        }
-        floor = rms(exact.error[area])
-        if floor < min(map(min, errors.values())) / 10:
+        pixels = pixel_sets.drawn(side, PIXELS[quality], area)
+        made = {spp: _ways(len(scene.needs), side, spp, keys) for spp in counts}
+        found = errors[title] = pixel_sets.compared(
+            scene, exact, pixels, made, lambda part, done=done: progress((done + part) / len(compared))
+        )
+        floor = rms(exact.error[pixels.y, pixels.x])
+        if floor < min(rms(of[spp]) for of in found.values() for spp in of) / 10:
             floor = None  # It does not matter, and would take the most of the axis.
-        plot.convergence(counts, errors, floor=floor, title=f"{title}, {side} x {side} pixels", ax=axes)
-        progress(done / len(compared))
-    note = NOTE.format(side=side, bounces=BOUNCES[quality], origins=origins)
-    return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}
-
-
-def _ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
-    """Return the samplers of Fig. 1; all pairs of dimensions have the samples in orders of their own."""
-    heitz = padded_samplers.ranked_in_orders(
-        padded_samplers.pairs(dims), KEY, KEY + 1, (spp - 1).bit_length()
+        curves, bands = pixel_sets.curves(found, counts)
+        title = f"{title}: {z_renderings.EFFECTS[title]}"
+        plot.convergence(counts, curves, bands=bands, floor=floor, title=title, ax=axes)
+    note = NOTE.format(
+        side=side,
+        sets=pixel_sets.SETS,
+        each=PIXELS[quality],
+        keys=len(keys),
+        bounces=BOUNCES[quality],
+        origins=origins,
     )
-    return ways(dims, side, spp) | {"ranked keys": heitz}
-
-
-def _claims(measured: dict, counts: list[int]) -> dict[str, dict[str, bool]]:
-    last = f"{counts[-1]} spp"
-
-    def error(title: str, name: str, spp: str) -> float:
-        return measured[title][name][spp]["RMS error"]
-
-    def identical(title: str, spp: str) -> bool:
-        return 1 / SAME < error(title, "Z", spp) / error(title, "(0,2)", spp) < SAME
-
-    return {
-        "Z almost identical to (0,2), at all counts": {
-            title: all(identical(title, f"{spp} spp") for spp in counts) for title in measured
+    last = counts[-1]
+    measured = {
+        title: {
+            name: {f"{spp} spp": {"RMS error": rms(values)} for spp, values in of.items()}
+            for name, of in found.items()
+        }
+        for title, found in errors.items()
+    } | {
+        "largest count": last,
+        "Z over (0,2), all counts": {
+            title: judged.ratio(pixel_sets.over_counts(of["Z"]), pixel_sets.over_counts(of["(0,2)"]))
+            for title, of in errors.items()
         },
-        "Z almost identical to (0,2), at the largest count": {
-            title: identical(title, last) for title in measured
+        "Z over (0,2), largest count": {
+            title: judged.ratio(of["Z"][last], of["(0,2)"][last]) for title, of in errors.items()
         },
-        "Sobol' eventually overtakes (0,2) and Z: it has by the largest count": {
-            title: error(title, "Sobol'", last)
-            < min(error(title, "(0,2)", last), error(title, "Z", last)) / SAME
-            for title in measured
+        "Sobol' over Z, largest count": {
+            title: judged.ratio(of["Sobol'"][last], of["Z"][last]) for title, of in errors.items()
         },
-        "ranked keys eventually overtake (0,2) and Z: they have by the largest count": {
-            title: error(title, "ranked keys", last)
-            < min(error(title, "(0,2)", last), error(title, "Z", last)) / SAME
-            for title in measured
+        "ranked keys over Z, largest count": {
+            title: judged.ratio(of["ranked keys"][last], of["Z"][last]) for title, of in errors.items()
         },
-        "ranked keys tend to lead, surpassing Sobol': over the counts, it has the least product of errors": {
-            title: _product(measured[title], "ranked keys")
-            == min(_product(measured[title], n) for n in measured[title])
-            for title in measured
+        "ranked keys over Sobol', all counts": {
+            title: judged.ratio(
+                pixel_sets.over_counts(of["ranked keys"]), pixel_sets.over_counts(of["Sobol'"])
+            )
+            for title, of in errors.items()
         },
     }
+    return figure, {"measured": measured, "claims": _claims(errors), "note": note + published_keys.note()}
 
 
-def _product(found: dict[str, dict[str, dict[str, float]]], name: str) -> float:
-    product = 1.0
-    for values in found[name].values():
-        product *= values["RMS error"]
-    return product
+def _ways(dims: int, side: int, spp: int, keys: range) -> dict[str, list[samplers.Sampler]]:
+    """Return the samplers of Fig. 1 by key; each pair of dimensions has an order of the samples."""
+    found: dict[str, list[samplers.Sampler]] = {}
+    bits, pairs = (spp - 1).bit_length(), padded_samplers.pairs(dims)
+    for key in keys:
+        made = ways(dims, side, spp, key)
+        made["ranked keys"] = padded_samplers.ranked_in_orders(pairs, key, key + 1, bits)
+        if spp <= heitz.SEQUENCE:
+            made |= published_keys.beside(dims, key)
+        for name, sampler in made.items():
+            found.setdefault(name, []).append(sampler)
+    return found | {"Sobol'": found["Sobol'"][:1]}
+
+
+def _claims(errors: Errors) -> Claims:
+    def overtaken(name: str) -> dict[str, Found]:
+        """Return by scene whether (0,2) and Z have more error at the sampler's largest count."""
+        last = max(errors["sports"][name])
+        return {
+            title: judged.all_of(
+                *(judged.smaller(of[name][last], of[other][last]) for other in ("(0,2)", "Z"))
+            )
+            for title, of in errors.items()
+        }
+
+    def leads(name: str) -> dict[str, Found]:
+        """Return by scene whether a sampler has the least geometric mean of errors, over its counts."""
+        counts = list(errors["sports"][name])
+        return {
+            title: judged.all_of(
+                *(
+                    judged.smaller(
+                        pixel_sets.over_counts(of[name]),
+                        pixel_sets.over_counts({spp: of[other][spp] for spp in counts}),
+                    )
+                    for other in ("(0,2)", "Z", "Sobol'")
+                )
+            )
+            for title, of in errors.items()
+        }
+
+    return {
+        "Z almost identical to (0,2), over all counts": {
+            title: judged.alike(pixel_sets.over_counts(of["Z"]), pixel_sets.over_counts(of["(0,2)"]), SAME)
+            for title, of in errors.items()
+        },
+        "Z almost identical to (0,2), at the largest count": {
+            title: judged.alike(of["Z"][max(of["Z"])], of["(0,2)"][max(of["Z"])], SAME)
+            for title, of in errors.items()
+        },
+        "Sobol' eventually overtakes (0,2) and Z: it has by the largest count": overtaken("Sobol'"),
+        "ranked keys eventually overtake (0,2) and Z: they have by the largest count": (
+            published_keys.judged_by(overtaken)
+        ),
+        "ranked keys tend to lead, surpassing Sobol': over the counts, it has the least product of errors": (
+            published_keys.judged_by(leads)
+        ),
+    }

@@ -5,26 +5,41 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures import plot
-from figures.making.schema import Claims
-from figures.shared import diffusion, padded_samplers, scene_images
+from figures._errors import rms
+from figures.making.schema import Claims, Found
+from figures.shared import diffusion, judged, padded_samplers, pixel_sets, scene_images
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 32, "paper": 64}
 SPP = 2
 """Of the insets."""
-LARGEST = {"draft": 6, "paper": 10}
+LARGEST = {"draft": 6, "paper": 12}
 """Binary logarithm of the largest number of samples of the graphs."""
-REFERENCE_SPP = {"draft": 1024, "paper": 65536}
+
+PIXELS = {"draft": 16, "paper": 32}
+"""Of each of the sets over which errors of the graphs are judged."""
+KEYS = {"draft": 1, "paper": 4}
+"""Among which the sets are divided."""
+
+JUDGED_SIDE = 32
+JUDGED_KEYS = {"draft": 4, "paper": 16}
+"""Side and number of the images whose filtered errors are judged."""
+DIFFUSED = {"draft": 4, "paper": 6}
+"""Binary logarithm of the largest number of samples of these."""
 
 KEY = 1
 ALPHABETS = {"1 letter": 1, "4 letters": 4, "16 letters": 16, "64 letters": 64, "256 letters": 256}
 
 SAME = 1.1
 """Up to this factor errors are not noticeably different."""
+
+LIKE_TREES = ("Z hash", "Z ART", "16 letters", "256 letters")
+"""What is compared to Z with large tables, at two samples."""
 
 VARIANTS = {
     "Z0": "plain",
@@ -52,60 +67,120 @@ NOTE = (
     "occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, and v. "
     "'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that the "
     "paper prints; 'Z joint' has one sequence of five dimensions and one order. "
-    "The reference is {origin}. Convergence stops at {most} samples: what differs beyond "
-    "them, the drafts cannot tell. " + diffusion.EXPLAINED
+    "The reference is {origin}. Convergence: {sets} sets of {each} random pixels, divided among {keys} keys, "
+    "with intervals from the sets. Filtered errors: {small} x {small} pixels, {judged} keys. "
+    + diffusion.EXPLAINED
 )
 
 
 @cache
-def _orders(dims: int, side: int) -> dict[str, Any]:
-    """Return the Z-samplers, for one sample: more have the same orders."""
-    return (
-        {
-            name: samplers.z(side, side, 1, None if variant == "plain" else KEY, variant, dims)
-            for name, variant in VARIANTS.items()
-        }
-        | {
-            name: samplers.z(side, side, 1, KEY, "tree", dims, alphabet=letters)
-            for name, letters in ALPHABETS.items()
-        }
-        | {"Z joint": samplers.z(side, side, 1, KEY, sequence=sequences.sobol(dims))}
-    )
+def _of_one_sample(name: str, dims: int, side: int, key: int) -> Any:
+    """Return a Z-sampler for one sample: more have the same orders."""
+    if name == "Z joint":
+        return samplers.z(side, side, 1, key, sequence=sequences.sobol(dims))
+    if name in ALPHABETS:
+        return samplers.z(side, side, 1, key, "tree", dims, alphabet=ALPHABETS[name])
+    variant = VARIANTS[name]
+    return samplers.z(side, side, 1, None if variant == "plain" else key, variant, dims)
 
 
-def ways(dims: int, side: int, spp: int) -> Mapping[str, samplers.Sampler]:
+def _z(name: str, dims: int, side: int, spp: int, key: int) -> samplers.Sampler:
+    return replace(_of_one_sample(name, dims, side, key), spp=spp)
+
+
+def ways(dims: int, side: int, spp: int, key: int = KEY) -> Mapping[str, samplers.Sampler]:
     """Return the implementations, the trees with few letters, and what they are compared to."""
-    return {name: replace(made, spp=spp) for name, made in _orders(dims, side).items()} | {
-        "(0,2)": padded_samplers.zero_two(padded_samplers.pairs(dims), KEY, KEY),
-        "random": samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, KEY), spp),
+    return {name: _z(name, dims, side, spp, key) for name in (*VARIANTS, *ALPHABETS, "Z joint")} | {
+        "(0,2)": padded_samplers.zero_two(padded_samplers.pairs(dims), key, key),
+        "random": samplers.contiguous(orders.raster(side, side), sequences.uniform(dims, key), spp),
     }
+
+
+Errors = dict[str, dict[int, NDArray[np.float64]]]
+"""By sampler and samples per pixel: of sets of pixels, or of keys."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render insets with all variants, and measure their errors over the number of samples."""
-    side, scene = SIDE[quality], scenes.occluder()
-    exact = diffusion.reference(scene, side, REFERENCE_SPP[quality])
+    side, scene, dims = SIDE[quality], scenes.occluder(), len(scenes.occluder().needs)
+    exact = diffusion.reference(scene, side, SPP)
+    insets = {
+        name: scene_images.image(scene, sampler, side, SPP) for name, sampler in ways(dims, side, SPP).items()
+    }
+    progress(0.1)
+    diffused = _diffused(scene, quality)
     progress(0.3)
     counts = [2**k for k in range(LARGEST[quality] + 1)]
-    insets: dict[str, NDArray] = {}
-    measured: dict[str, dict[str, dict[str, float]]] = {}
-    compared = {spp: ways(len(scene.needs), side, spp) for spp in counts}
-    images = scene_images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
-    for (spp, name), image in images.items():
-        measured.setdefault(name, {})[f"{spp} spp"] = diffusion.measures(image, exact)
-        if spp == SPP:
-            insets[name] = image
-    figure = _sheet(insets | {"reference": exact.image}, counts, measured, SPP)
-    note = NOTE.format(side=side, spp=SPP, origin=exact.origin, most=counts[-1])
-    return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}
+    keys = range(KEY, KEY + KEYS[quality])
+    of_keys = {spp: [ways(dims, side, spp, key) for key in keys] for spp in counts}
+    errors = pixel_sets.compared(
+        scene,
+        exact,
+        pixel_sets.drawn(side, PIXELS[quality]),
+        {spp: {name: [made[name] for made in of] for name in of[0]} for spp, of in of_keys.items()},
+        lambda part: progress(0.3 + 0.7 * part),
+    )
+    figure = _sheet(insets | {"reference": exact.image}, counts, errors, exact)
+    note = NOTE.format(
+        side=side,
+        spp=SPP,
+        origin=exact.origin,
+        sets=pixel_sets.SETS,
+        each=PIXELS[quality],
+        keys=len(keys),
+        small=JUDGED_SIDE,
+        judged=JUDGED_KEYS[quality],
+    )
+    last = counts[-1]
+    measured = {
+        "largest count": last,
+        "RMS error": {
+            name: {f"{spp} spp": rms(values) for spp, values in of.items()} for name, of in errors.items()
+        },
+        "RMS error over that of Z, largest count": {
+            name: judged.ratio(of[last], errors["Z"][last]) for name, of in errors.items() if name != "Z"
+        },
+        "RMS error of (0,2) over that of Z, all counts": judged.ratio(
+            pixel_sets.over_counts(errors["(0,2)"]), pixel_sets.over_counts(errors["Z"])
+        ),
+        "filtered error over that of Z, 2 spp": {
+            name: judged.ratio(diffused[name][SPP], diffused["Z"][SPP]) for name in LIKE_TREES
+        },
+        "filtered error, padded over joint": {
+            f"{spp} spp": judged.ratio(diffused["Z hash"][spp], diffused["Z joint"][spp])
+            for spp in diffused["Z joint"]
+        },
+    }
+    return figure, {"measured": measured, "claims": _claims(diffused, errors), "note": note}
 
 
-def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict, spp: int) -> Figure:
+def _diffused(scene: Any, quality: str) -> Errors:
+    """Return filtered errors of images of many keys: of all variants at two samples, of two at all counts."""
+    dims, found = len(scene.needs), {}
+    exact = diffusion.reference(scene, JUDGED_SIDE, SPP)
+    for spp in (2**k for k in range(DIFFUSED[quality] + 1)):
+        names = ("Z hash", "Z joint", *(("Z", *LIKE_TREES) if spp == SPP else ()))
+        for key in range(JUDGED_KEYS[quality]):
+            for name in dict.fromkeys(names):
+                sampler = _z(name, dims, JUDGED_SIDE, spp, key)
+                image = scene_images.image(scene, sampler, JUDGED_SIDE, spp)
+                values = found.setdefault(name, {}).setdefault(spp, [])
+                values.append(diffusion.measures(image, exact)["filtered error"])
+    return {name: {spp: np.array(values) for spp, values in of.items()} for name, of in found.items()}
+
+
+def _sheet(
+    insets: dict[str, NDArray], counts: list[int], errors: Errors, exact: diffusion.Reference
+) -> Figure:
     """Lay insets out at whole zoom, seven a row, above the graphs."""
-    top, gap, caption, graphs = 46, 12, 48, 640
+    top, gap, caption, graphs = 68, 12, 48, 640
     width, height = gap + 7 * (INSET + gap), top + 2 * (INSET + caption) + graphs
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    title = f"Variants of the Z-sampler and sizes of its alphabet, insets of {spp} spp (Z paper, Fig. 12)"
+    side = len(insets["reference"])
+    title = (
+        f"Variants of the Z-sampler and sizes of its alphabet, images at {SPP} spp (Z paper, Fig. 12)\n"
+        f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels"
+    )
     figure.suptitle(title, y=1 - 14 / height, fontsize=10)
     for k, (name, image) in enumerate(insets.items()):
         row, column = divmod(k, 7)
@@ -113,8 +188,8 @@ def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict, spp: i
         left, bottom = gap + column * (INSET + gap), height - top - (row + 1) * (INSET + caption)
         axes = plot.place(figure, image, left, bottom, zoom, transfer="srgb")
         text = NAMES.get(name, name)
-        if name in measured:
-            text += f"\nfiltered error {measured[name][f'{spp} spp']['filtered error']:.4f}"
+        if name in errors:
+            text += f"\nfiltered error {diffusion.measures(image, exact)['filtered error']:.4f}"
         axes.set_title(text, fontsize=8, pad=3)
     for k, (title, names) in enumerate(
         {
@@ -127,41 +202,38 @@ def _sheet(insets: dict[str, NDArray], counts: list[int], measured: dict, spp: i
         )
         plot.convergence(
             counts,
-            {
-                NAMES.get(name, name): [measured[name][f"{spp} spp"]["RMS error"] for spp in counts]
-                for name in names
-            },
+            {NAMES.get(name, name): [rms(errors[name][spp]) for spp in counts] for name in names},
             title=title,
             ax=axes,
         )
     return figure
 
 
-def _claims(measured: dict, counts: list[int]) -> Claims:
-    inset, last = "2 spp", f"{counts[-1]} spp"
+def _claims(diffused: Errors, errors: Errors) -> Claims:
+    last = max(errors["Z"])
 
-    def near(one: str, other: str, spp: str, measure: str = "filtered error") -> bool:
-        ratio = measured[one][spp][measure] / measured[other][spp][measure]
-        return bool(1 / SAME < ratio < SAME)
+    def like_trees(name: str) -> Found:
+        return judged.alike(diffused[name][SPP], diffused["Z"][SPP], SAME)
 
-    few = [measured[name][last]["RMS error"] for name in ALPHABETS]
     return {
-        "no noticeable difference between hashing and look-up with large tables": near("Z", "Z hash", inset),
-        "nor between random and ART production": near("Z", "Z ART", inset),
-        "small tables, of 16 letters, work reasonably well": near("16 letters", "Z", inset),
-        "256 letters work equally fine": near("256 letters", "Z", inset),
-        "convergence almost identical to that of (0,2)": all(
-            near("Z", "(0,2)", f"{spp} spp", "RMS error") for spp in counts
+        "no noticeable difference between hashing and look-up with large tables": like_trees("Z hash"),
+        "nor between random and ART production": like_trees("Z ART"),
+        "small tables, of 16 letters, work reasonably well": like_trees("16 letters"),
+        "256 letters work equally fine": like_trees("256 letters"),
+        "convergence almost identical to that of (0,2)": judged.alike(
+            pixel_sets.over_counts(errors["Z"]), pixel_sets.over_counts(errors["(0,2)"]), SAME
         ),
-        "Z0 has fixed ordering for all dimensions: its errors are larger than with 1 letter": measured["Z0"][
-            last
-        ]["RMS error"]
-        > few[0],
+        "Z0 has fixed ordering for all dimensions: its errors are larger than with 1 letter": judged.smaller(
+            errors["1 letter"][last], errors["Z0"][last]
+        ),
         "padding has less error than a joint sequence of all dimensions, from afar": {
-            f"{spp} spp": measured["Z hash"][f"{spp} spp"]["filtered error"]
-            < measured["Z joint"][f"{spp} spp"]["filtered error"]
-            for spp in counts
+            f"{spp} spp": judged.smaller(diffused["Z hash"][spp], values)
+            for spp, values in diffused["Z joint"].items()
         },
-        "small tables hinder full convergence: 1 letter is worse than 4096 at the most samples": few[0]
-        > SAME * measured["Z"][last]["RMS error"],
+        "small tables hinder full convergence: 1 letter is worse than 4096 at the most samples": (
+            judged.smaller(errors["Z"][last], errors["1 letter"][last], 1 / SAME)
+        ),
+        "the printed hash starts to slow down: more error than trees at the most samples": judged.smaller(
+            errors["Z"][last], errors["Z multiplicative"][last], 1 / SAME
+        ),
     }

@@ -1,4 +1,4 @@
-"""Z paper Fig. 3: a soft shadow at one sample a pixel, with the (0,2)-sequence and in Morton order."""
+"""Z paper Fig. 3: a soft shadow at one sample per pixel, with the (0,2)-sequence and in Morton order."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,9 +31,9 @@ TOP, LEFT, CROP = 32, 96, 64
 
 NOTE = (
     "The paper renders a scene of its own; here a disc casts the shadow of a square light onto the floor, "
-    "seen from above: four dimensions, two of the pixel and two of the light. At one sample a pixel, the "
+    "seen from above: four dimensions, two of the pixel and two of the light. At one sample per pixel, the "
     "(0,2)-sequence with its xor scrambling is one random point in each pixel. Z0 has the same samples for "
-    "pixel and light, as the paper says of it. The reference has {spp} samples a pixel; the error is the "
+    "pixel and light, as the paper says of it. The reference has {spp} samples per pixel; the error is the "
     f"difference from it, black where the image is too dark. {EXPLAINED}"
 )
 
@@ -72,13 +72,17 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         for name, sampler in compared.items()
     }
     progress(0.3)
-    many = samplers.contiguous(orders.morton(SIDE, SIDE), sequences.sobol(4), spp)
+    many = samplers.contiguous(orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(4), KEY), spp)
     reference = np.asarray(qj.render(scene, many, SIDE, SIDE, spp), np.float64)
     progress(0.9)
     shown = {**images, f"reference, {spp} spp": reference}
     area = np.s_[TOP : TOP + CROP, LEFT : LEFT + CROP]
     spectra = {name: analysis.error_spectrum(image, reference) for name, image in images.items()}
-    title = "A soft shadow at 1 sample a pixel, with and without Morton order (Z paper, Fig. 3)"
+    title = (
+        "A soft shadow at one sample per pixel, with and without Morton order (Z paper, Fig. 3)\n"
+        f"a disc below a square light, {SIDE} x {SIDE} pixels, one key; low frequencies: power below 1/16 "
+        "of a cycle per pixel"
+    )
     measured = {
         name: {"RMS error": rms(image - reference)}
         | structure(image - reference)

@@ -22,7 +22,7 @@ GRID = 256
 PRINTED = {"Z": 0.000372996695, "xor-scrambled": 0.011730194092}
 
 NOTE = (
-    "One sample a pixel. A block of the Z-sampler holds the points of one aligned run of the Sobol' "
+    "One sample per pixel. A block of the Z-sampler holds the points of one aligned run of the Sobol' "
     "sequence: the first 16384 here in the picture. Their star discrepancy is 0.000372990965843; written "
     "with 8 decimals and read back, the points have 0.000372996695290, the printed digits. The compared "
     "sampler: each pixel has one of 256 points of 8 bits, xor-scrambled by 8 bits of its own, in the "
@@ -47,7 +47,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     scramblings = [analysis.star_discrepancy(_xor(key)) for key in keys]
 
     figure, panels = point_plots.panels(
-        2, "The samples of 128 x 128 pixels at 1 sample a pixel (Z paper, Fig. 6)"
+        2, "The samples of 128 x 128 pixels at one sample per pixel (Z paper, Fig. 6)"
     )
     figure.set_size_inches(13, 7.2)
     for axes, (name, found) in zip(panels, points.items(), strict=True):

@@ -134,7 +134,7 @@ def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
     axes.set(
         xlabel="samples per pixel",
         ylabel="RMS error",
-        title=f"grey: the other dimensions of {COMPARED[0]} to {COMPARED[-1]}",
+        title=f"in grey: dimensions {COMPARED[0]} to {COMPARED[-1]} but {DIM}",
     )
     axes.grid(alpha=0.3)
 

@@ -13,10 +13,12 @@ ROOT = Path(__file__).parents[2]
 # fmt: off
 NOT_HANDED_ON = {
     "analysis.tables": "programs", "figures": "rooms of figures", "figures.arena": "for the command line",
+    "figures.playground": "for the page",
     "figures.commands": "for the command line", "figures.docs": "this",
     "figures.hilbert": "a module a figure", "figures.making": "for the command line",
     "figures.ours": "a module a figure", "figures.page": "for the command line",
-    "figures.shared": "for figures", "figures.thesis": "a module a figure", "figures.z": "a module a figure",
+    "figures.shared": "for figures", "figures.suite": "for the command line",
+    "figures.thesis": "a module a figure", "figures.z": "a module a figure",
     "qmcjax.choosing": "handed on by qmcjax", "qmcjax.core": "of no use outside",
     "qmcjax.rendering": "handed on by qmcjax",
     "qmcjax.scenes.traced": "handed on by qmcjax.scenes, but for how references are stored",

@@ -134,7 +134,7 @@ def alive(pid):
     "arguments, status, said",
     [
         (["--list"], 0, "Rendering along the Hilbert curve:\n  hilbert-1 "),
-        (["--list"], 0, "Our own, by --all:\n  tree-builders "),
+        (["--list"], 0, "Our own, by --all:\n  benchmark "),
         (["--list", "thesis-6.2"], 0, "thesis-6.2  "),
         (
             ["--list", "z-table-1"],
@@ -351,7 +351,7 @@ def test_workers_end_with_a_killed_command(tmp_path):
         ([], lambda name: name not in OURS or name == "spp-slider"),
         (["--all"], lambda name: True),
         (["--all", "--quality", "paper"], lambda name: True),
-        (["z-2", "benchmark", "measures"], lambda name: name in ("z-2", "benchmark", "measures")),
+        (["z-2", "scale", "measures"], lambda name: name in ("z-2", "scale", "measures")),
     ],
 )
 def test_no_names_mean_the_papers_and_what_a_reader_wants_comes_first(
@@ -365,7 +365,7 @@ def test_no_names_mean_the_papers_and_what_a_reader_wants_comes_first(
     left_out = () if "paper" in options else NO_DRAFT
     assert len(asked) == len(set(asked))
     assert set(asked) == {name for name in CATALOGUE if chosen(name) and name not in left_out}
-    assert ("benchmark: no draft" in capsys.readouterr().err) == ("benchmark" in options)
+    assert ("scale: no draft" in capsys.readouterr().err) == ("scale" in options)
     if options[:1] != ["z-2"]:
         assert asked[:3] == ["thesis-6.1", "spp-slider", "hilbert-1"]
         assert all(name in OURS for name in asked[len(set(asked) - OURS) + 1 :])
@@ -486,10 +486,10 @@ def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp
 
     monkeypatch.setattr(figures, "run", no_run)
     for quality in ("draft", "paper"):
-        updating.update(["ray-speed", "z-2", "z-11"], CATALOGUE, tmp_path, quality, 2)
+        updating.update(["speed", "z-2", "z-11"], CATALOGUE, tmp_path, quality, 2)
     assert asked == [
-        [("ray-speed", False), ("z-2", False), ("z-11", False)],
-        [("z-11", False), ("z-2", False), ("ray-speed", True)],
+        [("speed", False), ("z-2", False), ("z-11", False)],
+        [("z-11", False), ("z-2", False), ("speed", True)],
     ]
 
 
@@ -628,10 +628,15 @@ def test_images_that_are_handed_out_lie_beside_the_picture(tmp_path):
     assert project.files() == sorted(["index.html", "numbers.json", *pictures])
     assert [item["name"] for item in project.numbers()["one"]["images"]["items"]] == ["reference", "Z"]
     assert project.run("one")[1].startswith("one: up to date\n")
+    known = {"one": project.numbers()["one"]["fingerprint"]}
     for picture in pictures:
-        (project.out / picture).unlink()
-        assert re.match(r"one: \d", project.run("one")[1])
-        assert (project.out / picture).exists()
+        path = project.out / picture
+        lost = path.rename(tmp_path / picture)
+        assert figures.outdated({"one": Entry("fakes.one", "")}, project.out, "draft", known)
+        lost.rename(path)
+        assert not figures.outdated({"one": Entry("fakes.one", "")}, project.out, "draft", known)
+    path.unlink()
+    assert re.match(r"one: \d", project.run("one")[1]) and path.exists()
 
 
 def test_a_page_that_cannot_be_written_is_told(tmp_path):

@@ -202,7 +202,7 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     drafts = {"true": "agrees", "false": "contradicts", "cases": "too small"}
     assert assessed.drafts == {("z-9", key): said for key, said in drafts.items()}
     claims = [each["text"] for each in Parsed(written(folder, "z")).all("em")]
-    assert claims == ["Fig. 2", *(f"Fig. 1; this draft: {said}" for said in drafts.values())]
+    assert claims == ["Fig. 2", *(f"Fig. 1; draft {said}" for said in drafts.values())]
     small = [each["text"] for each in Parsed(written(folder, "ledger")).all("small")]
     assert [each for each in small if "draft" in each] == ["this draft: contradicts", "this draft: too small"]
     told = "Drafts: 1 agree with paper quality, 1 contradict it, 1 are too small."
@@ -324,7 +324,7 @@ def test_pages_of_all_figures_are_light(folder, monkeypatch):
     monkeypatch.undo()
     others = itertools.cycle(["differs", "undecided", "depends", *["reproduced"] * 7])
     found = [
-        ledger.Finding(claim, "by-test" if claim.test else next(others), claim.measured or "", {})
+        ledger.Finding(claim, "by-test" if claim.test else next(others), claim.measured or "", {}, "")
         for claim in ledger.claims()
     ]
     monkeypatch.setattr(ledger, "findings", lambda entries: found)
@@ -337,6 +337,35 @@ def test_pages_of_all_figures_are_light(folder, monkeypatch):
     assert articles == len(CATALOGUE)
     sizes = {name: (folder / f"{name}.html").stat().st_size for name in _places.PAGES}
     assert max(sizes.values()) < 150e3, sizes
+
+
+def test_a_series_over_samples_per_pixel_has_a_slider(folder):
+    """One count has images beside each other only; of several, all samplers follow a slider, too."""
+    entries = json.loads((folder / "numbers.json").read_text())
+
+    def walls():
+        return [each["data-name"] for each in Parsed(written(folder, "z")).all("div", "wall")]
+
+    assert walls() == []
+    items = entries["z-9"]["images"]["items"]
+    items.append(items[-1] | {"spp": 16})
+    (folder / "numbers.json").write_text(json.dumps(entries))
+    assert walls() == ["z-9"]
+
+
+def test_a_moving_picture_is_still_until_it_is_opened(folder):
+    """An animation in closed details loads and plays once a reader opens them, and stops when they close."""
+    entries = json.loads((folder / "numbers.json").read_text())
+    entries["own"]["files"] = ["frames.webp"]
+    (folder / "numbers.json").write_text(json.dumps(entries))
+    assert "own.frames.webp is missing." in written(folder, "ours")
+    png(folder / "own.frames.webp")
+    parsed = Parsed(written(folder, "ours"))
+    (moving,) = parsed.all("details", "moving")
+    assert "open" not in moving
+    (image,) = [each for each in parsed.all("img") if each["src"] == "own.frames.webp"]
+    assert image["loading"] == "lazy"
+    assert image["alt"] == "Our own: raw frames and moving averages"
 
 
 def test_figures_of_the_tour_and_the_slider_exist():

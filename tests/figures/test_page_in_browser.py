@@ -1,16 +1,20 @@
-"""The pages in Debian's chromium, on drafts of figures: ``python -m pytest -m browser -n 0 --drafts=out``."""
+"""The pages in Debian's chromium, on drafts of figures: ``python -m pytest -m browser -n 0 --drafts=out``.
+
+It has no WebGL here, so that pictures stand in for the playground of the first page.
+"""
 
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from webgl import GRAPHICS, NO_GRAPHICS
 
 from figures.page import FILES
 
 ROOT = Path(__file__).parents[2]
 FIGURES = ("hilbert-1", "spp-slider", "thesis-6.1")
-OPTIONS = """--no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking
+OPTIONS = """--no-sandbox --disable-quic --no-first-run --disable-background-networking
     --disable-component-update --disable-sync"""
 
 pytestmark = pytest.mark.browser
@@ -26,13 +30,26 @@ def address(pytestconfig):
 
 
 @pytest.fixture(scope="module")
-def browser():
+def launch():
+    """Return what starts a browser with some options."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=OPTIONS.split())
-        yield started
-        started.close()
+        started = []
+
+        def launch(more):
+            options = [*OPTIONS.split(), *more]
+            started.append(playwright.chromium.launch(executable_path="/usr/bin/chromium", args=options))
+            return started[-1]
+
+        yield launch
+        for browser in started:
+            browser.close()
+
+
+@pytest.fixture(scope="module")
+def browser(launch):
+    return launch(NO_GRAPHICS)
 
 
 @pytest.fixture
@@ -51,7 +68,9 @@ def visit(browser, address):
         page.on("requestfailed", failed)
         page.on(
             "request",
-            lambda request: None if request.url.startswith(("file:", "data:")) else wrong.append(request.url),
+            lambda request: (
+                None if request.url.startswith(("file:", "data:", "blob:")) else wrong.append(request.url)
+            ),
         )
         page.goto(f"{address.as_uri()}/{place}")
         opened.append(page)
@@ -95,6 +114,19 @@ def test_the_first_page_has_twelve_screens_and_begins_with_the_slider(visit):
     box = page.locator(".intro .wall").bounding_box()
     assert box["y"] + box["height"] < 900
     assert page.locator(".intro .wall figure").count() == 4, "three samplers and the reference"
+
+
+def test_with_webgl_the_first_page_begins_with_the_playground(launch, address):
+    """It has no more screens, and the claim below it holds for what it shows."""
+    page = launch(GRAPHICS).new_page(viewport={"width": 1400, "height": 900})
+    page.goto(f"{(address / 'index.html').as_uri()}#left=random&right=z-hash&scene=checkerboard&spp=64")
+    page.wait_for_selector(".live[data-state=finished]", timeout=60000)
+    assert not page.locator(".intro .wall").is_visible()
+    box = page.locator(".live .stage").bounding_box()
+    assert box["y"] + box["height"] < 900
+    assert page.evaluate("document.documentElement.scrollHeight") <= 12 * 900
+    random, z = (float(text.split("error ")[1]) for text in page.locator(".legend span").all_inner_texts())
+    assert 2 * z <= 1.05 * random
 
 
 def test_claims_are_filtered_by_verdict_paper_and_words(visit):
@@ -209,10 +241,10 @@ def test_what_is_under_the_pointer_is_magnified_in_both(visit):
     assert viewer.locator(".over").get_attribute("src") == "thesis-6.1.exact-reference.webp"
 
 
-@pytest.mark.parametrize(("place", "samplers"), [("index.html", 3), ("ours.html", 3)])
+@pytest.mark.parametrize(("place", "samplers"), [("index.html", 3), ("ours.html#spp-slider", 3)])
 def test_all_samplers_follow_the_slider(visit, place, samplers):
     page = visit(place)
-    wall = page.locator(".wall")
+    wall = page.locator(".wall[data-name=spp-slider]")
     wall.scroll_into_view_if_needed()
     slider = wall.locator("input.spp")
     slider.focus()

@@ -57,7 +57,7 @@ def test_what_is_printed(measured, tmp_path, capsys):
     assert f"time         {total:.1f} s ({total:.1f} s to {total:.1f} s)" in printed
     assert "1024 samples each\non 4 x one core of a processor, 2 processes" in printed
     assert f"memory       {2 * (PROCESS + PIXEL * 2**20) / 2**20:.0f} MiB" in printed
-    assert "40 bytes a pixel" in printed and "262144 pixels, 64 spp, 1 device: +10.0%" in printed
+    assert "40 bytes per pixel" in printed and "262144 pixels, 64 spp, 1 device: +10.0%" in printed
     assert planning.main(arguments) == 0
     assert measured == [("zone-plate", "hilbert")]  # What was measured is kept,
     kept = json.loads((tmp_path / planning.FILE).read_text())

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures.ours import ray_speed
 from figures.shared import (
     error_over_time,
     mitsuba_scenes,
     motion_blur,
+    ray_rates,
     scene_images,
     traced_images,
     traced_sweep,
@@ -116,14 +116,14 @@ def test_mitsubas_samplers_have_the_samples_that_they_say():
 @pytest.mark.parametrize("count", [32, 512])
 def test_bodies_are_closed(count):
     """Each edge of the triangles is there once in each direction."""
-    vertices = ray_speed.body(count)
+    vertices = ray_rates.body(count)
     assert vertices.shape == (count, 3, 3)
     edges = {(tuple(face[j]), tuple(face[j - 1])) for face in vertices.tolist() for j in range(3)}
     assert len(edges) == 3 * count and all(edge[::-1] in edges for edge in edges)
 
 
 def test_coherent_rays_go_through_all_pixels_in_squares():
-    _, direction = ray_speed.coherent(64 * 64)
+    _, direction = ray_rates.coherent(64 * 64)
     pixels = np.round((direction[:, :2] + 1) * 32 - 0.5).astype(int)
     assert len(np.unique(pixels, axis=0)) == 64 * 64
     for square in pixels.reshape(-1, 256, 2):
@@ -133,5 +133,5 @@ def test_coherent_rays_go_through_all_pixels_in_squares():
 def test_all_ways_are_timed_by_turns():
     calls = []
     ways = {name: lambda name=name: calls.append(name) for name in "ab"}
-    measured = ray_speed._measured(ways, 100, 3)
+    measured = ray_rates.timed_rates(ways, 100, 3)
     assert calls == list("abababab") and all(entry["per second"] > 0 for entry in measured.values())

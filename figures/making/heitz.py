@@ -1,0 +1,107 @@
+"""The published tables of Heitz et al. (2019), which are not shipped: where a user has them, what they have.
+
+E. Heitz, L. Belcour, V. Ostromoukhov, D. Coeurjolly, J.-C. Iehl, "A Low-Discrepancy Sampler that Distributes
+Monte Carlo Errors as a Blue Noise in Screen Space", SIGGRAPH Talks, 2019, come with C++ files
+``samplerBlueNoiseErrorDistribution_128x128_OptimizedFor_2d2d2d2d_<N>spp.cpp``, for N from 1 to 256.
+"""
+
+import os
+import re
+import zipfile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+SWITCH = "QMCJAX_FIGURES_HEITZ"
+"""The variable by which processes that make figures know of the file."""
+
+SEQUENCE, TILE, OPTIMISED = 256, 128, 8
+"""Samples and dimensions of the sequence, side of the tile, dimensions with keys of their own."""
+
+SIZES = {
+    "sobol_256spp_256d": SEQUENCE * SEQUENCE,
+    "scramblingTile": TILE * TILE * OPTIMISED,
+    "rankingTile": TILE * TILE * OPTIMISED,
+}
+"""The arrays by their names in the files, and how many numbers they have."""
+
+
+class Tables(NamedTuple):
+    """Arrays of uint8, flat as in the files."""
+
+    sequence: Any
+    """Dimension d of sample s at ``256 s + d``."""
+    scrambling: Any
+    """Key of dimension d of the pixel in column x and row y at ``8 (x + 128 y) + d``."""
+    ranking: Any
+    """Of the numbers of samples, in the same way."""
+
+
+def path() -> Path | None:
+    """Return the file that the user has named, if any."""
+    named = os.environ.get(SWITCH)
+    return Path(named) if named else None
+
+
+def read(file: Path) -> Tables:
+    """Read the tables from one of the C++ files, or from an ``.npz`` with arrays of the same names.
+
+    Raises
+    ------
+    OSError
+        If there is no such file, or it cannot be read.
+    ValueError
+        If an array is missing, has another size, or numbers that are not integers from 0 to 255.
+    """
+    arrays = _of_npz(file) if file.suffix == ".npz" else _of_cpp(file)
+    missing = [name for name in SIZES if name not in arrays]
+    if missing:
+        raise ValueError(f"{file} has no array {', '.join(missing)}")
+    return Tables(*(_checked(file, name, arrays[name]) for name in SIZES))
+
+
+def _of_npz(file: Path) -> dict[str, Any]:
+    import numpy as np
+
+    try:
+        with np.load(file, allow_pickle=False) as arrays:
+            return {name: arrays[name] for name in SIZES if name in arrays}
+    except (zipfile.BadZipFile, ValueError, EOFError) as error:
+        raise ValueError(f"{file} is no .npz of plain arrays: {error}") from None
+
+
+def _of_cpp(file: Path) -> dict[str, Any]:
+    """Return the initialisers ``name[...] = { ... }`` of the three arrays."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise ValueError(f"{file} is neither a C++ file nor an .npz: it is no text") from None
+    text = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL)
+    found = {}
+    for name in SIZES:
+        if initialiser := re.search(rf"\b{name}\s*\[[^\]]*\]\s*=\s*\{{([^}}]*)\}}", text):
+            found[name] = _numbers(file, name, initialiser[1])
+    return found
+
+
+def _numbers(file: Path, name: str, text: str) -> Any:
+    import numpy as np
+
+    words = [word for word in (part.strip() for part in text.split(",")) if word]
+    wrong = next((word for word in words if not re.fullmatch(r"-?\d{1,9}", word)), None)
+    if wrong is not None:
+        raise ValueError(f"{name} of {file} must have integers from 0 to 255, got {wrong[:40]!r}")
+    return np.array(words, np.int64)
+
+
+def _checked(file: Path, name: str, values: Any) -> Any:
+    import numpy as np
+
+    flat = values.ravel()
+    if flat.size != SIZES[name]:
+        raise ValueError(f"{name} of {file} must have {SIZES[name]} numbers, got {flat.size}")
+    if not np.issubdtype(flat.dtype, np.integer):
+        raise ValueError(f"{name} of {file} must have integers from 0 to 255, got {flat.dtype}")
+    outside = flat[(flat < 0) | (flat > 255)]
+    if outside.size:
+        raise ValueError(f"{name} of {file} must have integers from 0 to 255, got {outside[0]}")
+    return flat.astype(np.uint8)

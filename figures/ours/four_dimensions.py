@@ -1,0 +1,179 @@
+"""Sequences in four dimensions: which can exist in base 2, and their errors beside those of Sobol's."""
+
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import StrMethodFormatter
+
+from analysis.tables.search_columns import QUESTIONS, SIZE, Found, search
+from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
+from figures.shared import projection_errors
+from figures.shared.integrands_of_dims import CLASSES, COUNT
+from figures.shared.projection_errors import DIMS, PROJECTIONS, Ratio
+from qmcjax import sequences
+
+REFERENCE = "Sobol'"
+
+SEQUENCES = {
+    "Niederreiter-Xing": (sequences.niederreiter_xing, BLUE, "o"),
+    "SZ": (sequences.sz, VERMILLION, "s"),
+    "quad-optimized, base 3": (sequences.quad_optimized, GREEN, "D"),
+}
+
+KEYS = {"draft": 128, "paper": 1024}
+FIRST, LAST = 6, {"draft": 8, "paper": 14}
+"""Binary logarithms of the numbers of points."""
+
+DISCONTINUOUS, SMOOTH = slice(0, 2), slice(2, 4)
+"""Of the classes: half-spaces and balls; bumps and products."""
+
+GOALS = 0.95, 1.3
+"""What a sequence should reach for every pair, and in four dimensions."""
+
+TITLE = (
+    "In base 2, t <= 1 in four dimensions leaves no coordinate with t = 0 beyond 2^{order} points:\n"
+    "Sobol's errors are {four:.2f} times Niederreiter-Xing's in all four, {pair:.2f} times in the first pair"
+)
+
+NOTE = (
+    "Left: exhaustive searches for generator matrices, column by column "
+    "(python -m analysis.tables.search_columns): bars end at the last m for which the first 2^m points can "
+    "have all that is asked, and an arrow says that not all matrices were tried, up to m = {size}. "
+    "Niederreiter-Xing sequences have t = 1 in four dimensions for all m. Middle and right: how many times "
+    "smaller RMS errors are than those of Sobol's sequence, both Owen-scrambled, over {keys} keys and "
+    "{count} random integrands of a class, geometric means over 2^{first} to 2^{last} points and the classes "
+    "({classes}), with intervals of 95 % from {parts} sets of keys. Quad-optimized points are made for "
+    "powers of 3. The goal was {pair} for every pair and {four} in four dimensions: {verdict}. There, "
+    "Niederreiter-Xing's errors are {discontinuous:.2f} times smaller for half-spaces and balls and "
+    "{smooth:.2f} times for bumps and products. The discontinuous ones depend on intervals that are finer "
+    "than 2^-m, whose counts t does not bound."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Search, measure, and draw both."""
+    found = {question.asked: search(question.bounds, question.limit, question.seed) for question in QUESTIONS}
+    progress(0.2)
+    last, keys = LAST[quality], KEYS[quality]
+    reference = projection_errors.estimates(sequences.sobol(DIMS), FIRST, last, keys)
+    projections, sizes, kinds = {}, {}, {}
+    for done, (name, (maker, _, _)) in enumerate(SEQUENCES.items(), start=1):
+        ours = projection_errors.estimates(maker(DIMS), FIRST, last, keys)
+        projections[name] = {
+            axes: projection_errors.ratio(reference[:, k], ours[:, k]) for k, axes in enumerate(PROJECTIONS)
+        }
+        sizes[name] = {
+            2**m: projection_errors.ratio(reference[:, -1, m - FIRST], ours[:, -1, m - FIRST])
+            for m in range(FIRST, last + 1)
+        }
+        kinds[name] = [
+            projection_errors.ratio(reference[:, -1, :, part], ours[:, -1, :, part])
+            for part in (DISCONTINUOUS, SMOOTH)
+        ]
+        progress(0.2 + 0.8 * done / len(SEQUENCES))
+    reached = [name for name, of in projections.items() if _reaches(of)]
+    discontinuous, smooth = kinds["Niederreiter-Xing"]
+    return _draw(found, projections, sizes), {
+        "measured": {
+            name: {
+                **{", ".join(map(str, axes)): of._asdict() for axes, of in rows.items()},
+                **{str(n): of._asdict() for n, of in sizes[name].items()},
+                "half-spaces and balls": kinds[name][0]._asdict(),
+                "bumps and products": kinds[name][1]._asdict(),
+            }
+            for name, rows in projections.items()
+        },
+        "table": [
+            {"asked": asked, "largest m": of.order, "complete": of.complete, "systems": of.nodes}
+            for asked, of in found.items()
+        ],
+        "note": NOTE.format(
+            size=SIZE,
+            keys=keys,
+            first=FIRST,
+            last=last,
+            count=COUNT,
+            classes=", ".join(CLASSES),
+            parts=projection_errors.PARTS,
+            pair=GOALS[0],
+            four=GOALS[1],
+            verdict=f"reached by {', '.join(reached)}" if reached else "none of them reaches both",
+            discontinuous=discontinuous.middle,
+            smooth=smooth.middle,
+        ),
+    }
+
+
+def _reaches(projections: dict[tuple[int, ...], Ratio]) -> bool:
+    *pairs, four = projections.values()
+    return min(of.middle for of in pairs) >= GOALS[0] and four.middle >= GOALS[1]
+
+
+def _draw(
+    found: dict[str, Found],
+    projections: dict[str, dict[tuple[int, ...], Ratio]],
+    sizes: dict[str, dict[int, Ratio]],
+) -> Figure:
+    figure = Figure(figsize=(14, 5), layout="constrained")
+    four, pair = (projections["Niederreiter-Xing"][axes].middle for axes in (PROJECTIONS[-1], PROJECTIONS[0]))
+    order = max(of.order for asked, of in found.items() if asked.startswith("all: t <= 1"))
+    figure.suptitle(TITLE.format(order=order, four=four, pair=pair))
+    left, middle, right = figure.subplots(1, 3, width_ratios=(1, 1.2, 1))
+    _searches(left, found)
+    of_projections = {
+        name: {", ".join(map(str, axes)): of for axes, of in rows.items()}
+        for name, rows in projections.items()
+    }
+    of_sizes = {
+        name: {f"$2^{{{n.bit_length() - 1}}}$": of for n, of in rows.items()} for name, rows in sizes.items()
+    }
+    for axes, rows, label in (
+        (middle, of_projections, "coordinates of the integrand"),
+        (right, of_sizes, "points; integrands of all four coordinates"),
+    ):
+        _ratios(axes, rows)
+        axes.set(xlabel=label)
+    middle.set(ylabel=f"RMS error of {REFERENCE} / RMS error")
+    middle.legend(frameon=False)
+    return figure
+
+
+def _searches(axes: Axes, found: dict[str, Found]) -> None:
+    for place, of in enumerate(found.values()):
+        axes.barh(place, of.order, color=ORANGE if of.complete else GREY, height=0.6)
+        if not of.complete:
+            axes.annotate(
+                "", (of.order + 1.4, place), (of.order, place), arrowprops={"arrowstyle": "->", "color": GREY}
+            )
+        axes.text(of.order - 0.3, place, str(of.order), ha="right", va="center")
+    axes.set(
+        xlabel="largest m", xlim=(0, SIZE + 2), yticks=range(len(found)), title="what 2^m points can have"
+    )
+    axes.set_yticklabels(list(found))
+    axes.set_xticks(range(0, SIZE + 1, 4))
+    axes.invert_yaxis()
+
+
+def _ratios(axes: Axes, rows: dict[str, dict[str, Ratio]]) -> None:
+    for shift, (name, row) in zip((-0.2, 0, 0.2), rows.items(), strict=True):
+        _, color, marker = SEQUENCES[name]
+        middle, low, high = np.array(list(row.values())).T
+        axes.errorbar(
+            np.arange(len(row)) + shift,
+            middle,
+            [middle - low, high - middle],
+            color=color,
+            marker=marker,
+            ls="",
+            ms=5,
+            capsize=3,
+            label=name,
+        )
+    axes.axhline(1, color=BLACK, lw=0.8)
+    labels = list(next(iter(rows.values())))
+    axes.set(yscale="log", xticks=range(len(labels)), xticklabels=labels)
+    for of_axis in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        of_axis(StrMethodFormatter("{x:g}"))
+    axes.grid(axis="y", which="both")

@@ -1,0 +1,192 @@
+"""What grows with the size: time and memory of images over samples, and of measures over points."""
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from figures.making import own_process
+from figures.making.this_machine import machine
+from figures.shared import image_scaling, measure_scaling
+
+DOUBLED, WITHIN = 2.0, 0.1
+"""The factor of the time of twice the samples, and how far off it may be."""
+LARGE = 2**20
+"""Samples of the whole image from which on the time to start does not count any more."""
+IMAGES = {
+    "pixels": f"more pixels, {image_scaling.AT} samples per pixel",
+    "spp": f"more samples per pixel, {image_scaling.SIDE} x {image_scaling.SIDE} pixels",
+}
+
+MEMORY = "times the points' memory"
+LEAST = 2**23
+"""Bytes of points below which tables and batches, which do not grow, are most of the memory."""
+ALLOWED = 3
+"""Times the points' memory that a measure may take."""
+COLORS = (*(f"C{k}" for k in range(8)), "tab:brown")
+
+NOTE = (
+    "On {cores} cores, compiled before. Images: checkerboard, sampler z, float32; the least of several "
+    "calls, or one. Processor time is that of all threads, and other programs disturb it less than the "
+    "clock. The factor of a doubling is the square root of that from one size to the next, four times as "
+    "large. {factors}A call takes {start:.1f} ms however small the image. Memory is the peak over that "
+    "before, less the image's own: at most {of_spp:.1f} MiB over samples and {of_pixels:.0f} MiB over "
+    "pixels, where large images are made in several calls, {largest:.0f} MiB, or {each:.2f} bytes per "
+    "pixel, for the largest. A mesh of one device takes {overhead:+.1%} of the processor time of none at "
+    "{side} x {side}. Measures: of the first n Sobol' points, float64; one call after another one. "
+    "Dashed: the growth that is expected, through the time at the largest n. Memory is the peak over that "
+    "before the call, by the points' own, where those take 8 MiB or more. In 3-D the star discrepancy is "
+    "bounded by counts in 251^3 cells, in 2-D it is exact. Exponents are least squares over the larger "
+    "half of the n, without logarithms. {held} of {all} measures take at most {allowed} times the points' "
+    "memory at their largest n{others}."
+)
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Measure in processes of their own, and draw time and memory over sizes."""
+    images = own_process.measured(image_scaling, quality)
+    progress(0.4)
+    measures = own_process.measured(measure_scaling, quality)
+    progress(0.9)
+    figure = Figure(figsize=(13, 10.5), layout="constrained")
+    figure.suptitle(
+        "The time of an image is proportional to its samples; memory does not grow with samples per pixel"
+    )
+    (of_images, image_memory), (of_measures, measure_memory) = figure.subplots(2, 2)
+    doublings = _images(of_images, image_memory, images)
+    table = _measures(of_measures, measure_memory, measures)
+    figure.legend(
+        *of_measures.get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=2,
+        frameon=False,
+        title="measures: expected growth, and measured exponent; triangles: 3-D",
+    )
+    for axes in figure.axes:
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.grid(alpha=0.3)
+    return figure, {
+        "measured": {"images": images, "measures": measures, "images, a doubling takes": doublings},
+        "table": table,
+        "note": NOTE.format(cores=machine()["cores"], **_of_images(images, doublings), **_of_measures(table)),
+    }
+
+
+def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Draw time per sample and memory, and return the factors of doublings of large images."""
+    doublings = {}
+    for number, (kind, name) in enumerate(IMAGES.items()):
+        rows = measured[kind]
+        sizes = np.array([row["side"] ** 2 * row["spp"] for row in rows], float)
+        busy = [row["processor seconds"] for row in rows]
+        for of, line, clock in (
+            (busy, "o-", "processors"),
+            ([row["seconds"] for row in rows], "x--", "clock"),
+        ):
+            label = f"{name}, {clock}"
+            times.loglog(sizes, np.array(of) / sizes * 1e9, line, ms=4, lw=1, color=f"C{number}", label=label)
+        beyond = [row["beyond"] for row in rows]
+        if None not in beyond:
+            memory.semilogx(sizes, np.array(beyond) / 2**20, "o-", ms=4, lw=1, color=f"C{number}")
+        doublings[name] = {
+            f"{size:.0f} samples": float(np.sqrt(after / before))
+            for size, (before, after) in zip(sizes[1:], pairwise(busy), strict=True)
+            if size > LARGE
+        }
+    times.set(title="Images: time per sample", xlabel="samples of the whole image", ylabel="nanoseconds")
+    memory.set(title="Images: memory beyond the image", xlabel="samples of the whole image", ylabel="MiB")
+    memory.set_ylim(bottom=0)
+    times.legend(frameon=False)
+    return doublings
+
+
+def _of_images(measured: Mapping[str, Any], doublings: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
+    """Return what the note says of images."""
+    factors = [factor for of in doublings.values() for factor in of.values()]
+    of_factors = ""
+    if factors:
+        inside = sum(abs(factor - DOUBLED) <= WITHIN for factor in factors)
+        of_factors = (
+            f"From 2^{int(np.log2(LARGE))} samples on it is {min(factors):.2f} to {max(factors):.2f}, in "
+            f"{inside} of {len(factors)} cases within {DOUBLED} +- {WITHIN}. "
+        )
+    beyond = {kind: [(row["beyond"] or 0) / 2**20 for row in measured[kind]] for kind in IMAGES}
+    largest = beyond["pixels"][-1]
+    return {
+        "factors": of_factors,
+        "start": 1e3 * min(row["seconds"] for kind in IMAGES for row in measured[kind]),
+        "of_spp": max(beyond["spp"]),
+        "of_pixels": max(beyond["pixels"]),
+        "largest": largest,
+        "each": largest * 2**20 / measured["pixels"][-1]["side"] ** 2,
+        "overhead": measured["overhead"]["processor seconds"],
+        "side": measured["overhead"]["side"],
+    }
+
+
+def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Draw time and memory over points, and return a row for each measure."""
+    table = []
+    for color, (name, rows) in zip(COLORS, measured.items(), strict=False):
+        n, seconds = np.array(rows["n"], float), np.array(rows["seconds"])
+        slope, (power, logs) = _slope(n, seconds), rows["theory"]
+        label = f"{name}: {_grows(power, logs)}" + (
+            "" if slope is None else f", measured $n^{{{slope:.2f}}}$"
+        )
+        style = "o-" if rows["dims"] == 2 else "^-"
+        times.loglog(n, seconds, style, ms=4, color=color, label=label)
+        expected = n**power * np.log(n) ** logs
+        times.loglog(n, expected * (seconds[-1] / expected[-1]), "--", lw=0.8, color=color)
+        row: dict[str, Any] = {
+            "measure": name,
+            "n": rows["n"][-1],
+            "seconds": seconds[-1],
+            "processors busy": rows["processor seconds"][-1] / seconds[-1],
+            "exponent": slope,
+            "expected": _grows(power, logs).replace("$", ""),
+            MEMORY: None,
+        }
+        own = n * rows["dims"] * 8
+        shown = own >= LEAST
+        if shown.any() and None not in rows["bytes"]:
+            ratio = (np.array(rows["bytes"]) / own)[shown]
+            memory.semilogx(n[shown], ratio, style, ms=4, color=color)
+            row[MEMORY] = float(ratio[-1])
+        table.append(row)
+    memory.axhline(ALLOWED, color="black", lw=0.8, label=f"{ALLOWED} times")
+    times.set(title="Measures: time of a call", xlabel="points", ylabel="seconds")
+    memory.set(title="Measures: peak memory of a call", xlabel="points", ylabel=MEMORY)
+    memory.set_ylim(bottom=0)
+    memory.legend(frameon=False)
+    return table
+
+
+def _of_measures(table: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what the note says of measures."""
+    known = [row for row in table if row[MEMORY] is not None]
+    more = [row for row in known if row[MEMORY] > ALLOWED]
+    others = "; more take " + ", ".join(
+        f"{row['measure']} ({row[MEMORY]:.1f} at n = {row['n']})" for row in more
+    )
+    return {
+        "held": len(known) - len(more),
+        "all": len(known),
+        "allowed": ALLOWED,
+        "others": others if more else "",
+    }
+
+
+def _grows(power: float, logs: int) -> str:
+    """Return a growth as a formula."""
+    n = "n" if power == 1 else f"n^{{{power:g}}}"
+    return "$" + n + ("", r" \log n", r" \log^2 n")[logs] + "$"
+
+
+def _slope(n: np.ndarray, seconds: np.ndarray) -> float | None:
+    """Return the exponent of the larger half, if there are two n."""
+    half = len(n) // 2
+    return float(np.polyfit(np.log(n[half:]), np.log(seconds[half:]), 1)[0]) if len(n) - half > 1 else None

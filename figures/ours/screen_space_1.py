@@ -1,7 +1,0 @@
-"""All screen-space methods at 1 sample a pixel: pictures of their errors."""
-
-from functools import partial
-
-from figures.shared.screen_space import pictures
-
-make = partial(pictures, 1)

@@ -1,0 +1,241 @@
+"""Samplers of animations: what filters in space and time leave of their errors, and spectra over both."""
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from figures.making import stbn
+from figures.shared import integrands_of_dims
+from figures.shared.animations import FRAMES, METHODS, Animation, Frame, errors, image
+from figures.shared.moving_picture import moving_picture
+from qmcjax import samplers, scenes, sequences
+from qmcjax.core import student
+
+SIDE = {"draft": 32, "paper": 64}
+KEYS = {"draft": 4, "paper": 16}
+CASES = {"draft": ((2, 1),), "paper": ((2, 1), (2, 4), (4, 1), (4, 4))}
+"""Dimensions and samples per pixel and frame."""
+
+ALPHA = 0.1
+"""Weight of a new frame in moving averages."""
+
+AVERAGE, WINDOW = analysis.moving_average(ALPHA), np.ones(8)
+COLUMNS: Mapping[str, tuple[float, Any]] = {
+    "space": (1.5, 0.0),
+    "space\n+ EMA": (1.5, AVERAGE),
+    "space\n+ Gauss": (1.5, 1.5),
+    "EMA": (0.0, AVERAGE),
+    "last 8\nframes": (0.0, WINDOW),
+}
+"""Filters: in space, and in time."""
+
+BLOCKS = "blocks\nof 8"
+"""A further column: averages that begin anew every eight frames."""
+
+GOALS = (0.55, 0.45, 0.45, 0.60, 0.60)
+
+PUBLISHED = "published texture"
+
+
+SPECTRA = ("Z, new keys", "Z, golden shifts", "optimised orders, in time", "designed tile")
+
+MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
+"""Columns of the moving picture."""
+
+NOTE = (
+    "{side} x {side} pixels, {frames} frames, {keys} keys. Root mean squares over half-spaces, balls, bumps "
+    "and products, {count} of each, the same in all pixels and frames, relative to white noise after the "
+    "same filter; geometric means over keys. Filters in space are Gaussians of 1.5 pixels; the moving "
+    "average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. Frames repeat without end: "
+    "shifts by the golden ratio jump once in {frames} frames. Without a tile, {goals} were asked, the last "
+    "of blocks. The moving picture is a soft shadow of one sample per pixel and frame. {verdicts}{published}"
+)
+
+TEXTURE = (
+    " The published texture of {name}, {shape} frames, rows and columns, has no keys; its further samples "
+    "are shifted by a lattice, its further coordinates are those of pixels far away."
+)
+
+
+@cache
+def _texture() -> NDArray[np.float64] | None:
+    folder = stbn.path()
+    return None if folder is None else stbn.read(folder)
+
+
+def published(side: int, spp: int, dims: int, key: int) -> Animation:
+    """Return the animation of the named texture, which has no key."""
+    texture, lattice = _texture(), sequences.lattice(dims)
+    assert texture is not None
+    return lambda frame: Frame(samplers.dither(texture[frame], lattice))
+
+
+def shadow(points: Array) -> Array:
+    """Return the values of a soft shadow, whose pixels the first two coordinates sample."""
+    rows, columns = points.shape[:2]
+    x = (jnp.arange(columns, dtype=points.dtype)[None] + points[..., 0]) / columns
+    y = (jnp.arange(rows, dtype=points.dtype)[:, None] + points[..., 1]) / rows
+    return scenes.soft_shadow()(jnp.concatenate([x[..., None], y[..., None], points[..., 2:]], axis=-1))
+
+
+def moving() -> bytes:
+    """Return a moving picture of the soft shadow, one sample per pixel and frame."""
+    side, dims = SIDE["paper"], len(scenes.soft_shadow().needs)
+    ways = {name: METHODS[name](side, 1, dims, 1) for name in MOVING}
+    frames = {
+        name: np.stack([np.asarray(image(of(t), side, side, 1, dims, shadow), float) for t in range(FRAMES)])
+        for name, of in ways.items()
+    }
+    return moving_picture(frames, ALPHA)
+
+
+def _in_blocks(error: NDArray[np.float64]) -> NDArray[np.float64]:
+    blocks = len(WINDOW)
+    return error.reshape(-1, blocks, *error.shape[1:]).mean(axis=1)
+
+
+def columns(error: NDArray[np.float64]) -> list[float]:
+    """Return root mean squares of errors after each filter."""
+    none = np.zeros(error.shape[1:])
+    found = [analysis.filtered_error(error, none, sigma, time) for sigma, time in COLUMNS.values()]
+    return [*found, analysis.filtered_error(_in_blocks(error), none, 0, 0)]
+
+
+def white(shape: tuple[int, ...], spp: int) -> list[float]:
+    """Return what is expected of independent samples: what an impulse leaves."""
+    impulse = np.zeros(shape)
+    impulse[0, 0, 0] = np.sqrt(impulse.size / spp)
+    return columns(impulse)
+
+
+def verdicts(logs: Mapping[str, NDArray[np.float64]], labels: list[str]) -> dict[str, str]:
+    """Say by column which way leaves least, or between which that is undecided, by joint comparisons."""
+    names, said = list(logs), {}
+    for k, label in enumerate(labels):
+        found = np.stack([logs[name][:, k] for name in names])
+        least = int(found.mean(axis=1).argmin())
+        low, _ = student.differences(found[None])
+        open_ = [names[j] for j in range(len(names)) if j != least and not low[j, least] > 0]
+        between = " or ".join([names[least], *open_])
+        said[label] = f"undecided: {between}" if open_ else f"{between} least"
+    return said
+
+
+def make(
+    quality: str, progress: Callable[[float], None]
+) -> tuple[Figure, dict] | tuple[Figure, dict, dict, dict[str, bytes]]:
+    """Measure all ways through the frames, draw tables by filter and spectra, and the moving picture."""
+    texture = _texture()
+    methods = METHODS if texture is None else {**METHODS, PUBLISHED: published}
+    side, keys = SIDE[quality], KEYS[quality]
+    labels = [name.replace("\n", " ") for name in (*COLUMNS, BLOCKS)]
+    relative: dict[str, dict[str, NDArray[np.float64]]] = {}
+    spectra: dict[str, Any] = {}
+    steps = len(CASES[quality]) * len(methods)
+    for dims, spp in CASES[quality]:
+        case = f"{dims}-D, {spp} spp"
+        logs = relative[case] = {}
+        for done, (name, animation) in enumerate(methods.items(), start=1):
+            keyless = name == PUBLISHED
+            shape = (FRAMES, side, side) if texture is None or not keyless else texture.shape[:3]
+            expected, found, powers = np.array(white(shape, spp)), [], []
+            for key in range(1, 2 if keyless else keys + 1):
+                error = errors(animation(side, spp, dims, key), shape, spp, dims)
+                found.append(np.log(columns(error) / expected))
+                if (dims, spp) == CASES[quality][0] and name in (*SPECTRA, PUBLISHED):
+                    spectrum = analysis.error_spectrum(error, np.zeros(error.shape[1:]), animated=True)
+                    powers.append(analysis.radial_average(spectrum)[1])
+            logs[name] = np.broadcast_to(found, (keys, len(labels)))
+            if powers:
+                spectra[name] = np.mean(powers, axis=0)
+            progress(((len(relative) - 1) * len(methods) + done) / steps)
+    said = {
+        case: verdicts({n: of for n, of in logs.items() if n != "random"}, labels)
+        for case, logs in relative.items()
+    }
+    folder = stbn.path()
+    note = NOTE.format(
+        side=side,
+        frames=FRAMES,
+        keys=keys,
+        count=integrands_of_dims.COUNT,
+        goals=", ".join(map(str, GOALS)),
+        verdicts=" ".join(
+            f"{case}: {'; '.join(f'{label}: {one}' for label, one in of.items())}."
+            for case, of in said.items()
+        ),
+        published=""
+        if folder is None or texture is None
+        else TEXTURE.format(name=stbn.slices(folder)[0].stem, shape=texture.shape[:3]),
+    )
+    measured = {
+        case: {
+            name: {label: _with_interval(of[:, k]) for k, label in enumerate(labels)}
+            for name, of in logs.items()
+        }
+        for case, logs in relative.items()
+    }
+    figure = _drawn(
+        {c: {n: np.exp(of.mean(axis=0)) for n, of in logs.items()} for c, logs in relative.items()}, spectra
+    )
+    figure.suptitle(
+        f"Samplers that move with the frames diffuse errors in space and in time, new keys only in space\n"
+        f"Filtered errors over those of white noise; {side} x {side} pixels, {FRAMES} frames, {keys} keys",
+        fontsize=11,
+    )
+    numbers = {"measured": {"error / white noise": measured, "verdicts": said}, "note": note}
+    return (figure, numbers) if quality == "draft" else (figure, numbers, {}, {"frames.webp": moving()})
+
+
+def _with_interval(logs: NDArray[np.float64]) -> list[float]:
+    """Return a geometric mean and the ends of its interval, the mean itself without variance."""
+    ends = student.interval(logs) if np.ptp(logs) else (logs.mean(), logs.mean())
+    return [float(np.exp(value)) for value in (logs.mean(), *ends)]
+
+
+def _drawn(tables: Mapping[str, Mapping[str, NDArray[np.float64]]], spectra: Mapping[str, Any]) -> Figure:
+    rows = -(-len(tables) // 2)
+    figure = Figure(figsize=(11, 3.0 * rows + 3.2), layout="constrained")
+    halves: Any = figure.subfigures(2, 1, height_ratios=[3.0 * rows, 2.8])
+    above, below = halves
+    grid = np.atleast_1d(above.subplots(rows, min(2, len(tables)), squeeze=False)).ravel()
+    for k, (axes, (case, table)) in enumerate(zip(grid, tables.items(), strict=True)):
+        cells = np.array(list(table.values()))
+        axes.imshow(np.log2(cells), cmap="RdYlBu_r", vmin=-1.5, vmax=1.5, aspect="auto")
+        for row, of in enumerate(cells):
+            for column, value in enumerate(of):
+                least, dark = value == cells[:, column].min(), abs(np.log2(value)) > 1.3
+                axes.text(
+                    column, row, f"{value:.2f}", ha="center", va="center", fontsize=8.5,
+                    weight="bold" if least else "normal", color="white" if dark else "black",
+                )  # fmt: skip
+        axes.set_xticks(range(cells.shape[1]), [*COLUMNS, BLOCKS], fontsize=8)
+        axes.xaxis.tick_top()
+        axes.tick_params(length=0)
+        axes.set_yticks(range(len(table)), list(table) if k % 2 == 0 else [""] * len(table), fontsize=8.5)
+        axes.set_title(case, fontsize=10)
+    panels = below.subplots(1, len(spectra), sharey=True, squeeze=False)[0]
+    shown = None
+    for axes, (name, power) in zip(panels, spectra.items(), strict=True):
+        half = power[: len(power) // 2 + 1]
+        shown = axes.imshow(
+            np.log2(half), origin="lower", aspect="auto", cmap="RdYlBu_r", vmin=-4, vmax=4,
+            extent=(0.5 / (2 * half.shape[1]), 0.5, -0.5 / len(power), 0.5 + 0.5 / len(power)),
+        )  # fmt: skip
+        axes.set_title(name, fontsize=9)
+        axes.set_xlabel("cycles per pixel", fontsize=8)
+        axes.tick_params(labelsize=8)
+    panels[0].set_ylabel("cycles per frame", fontsize=8)
+    bar = below.colorbar(shown, ax=list(panels), ticks=[-4, -2, 0, 2, 4])
+    bar.ax.set_yticklabels(["1/16", "1/4", "1", "4", "16"], fontsize=8)
+    below.suptitle(
+        f"Power of the error over space and time, {next(iter(tables))}; white noise is 1", fontsize=10
+    )
+    return figure

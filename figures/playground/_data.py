@@ -1,0 +1,78 @@
+"""The script that a page loads for its playground."""
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from figures.making.web_images import slug
+from figures.playground import _scenes
+from figures.playground._blob import Blob
+from figures.playground._programs import Maker, Programs
+
+KEYS = tuple(range(1, 17))
+
+
+class Playground(NamedTuple):
+    script: str
+    """Empty if no sampler or no scene is left."""
+    left_out: dict[str, str]
+    """Samplers and scenes that are not in it, and why."""
+
+
+def playground(
+    makers: Mapping[str, Maker],
+    scenes: Mapping[str, tuple[Any, NDArray[np.float64]]],
+    side: int,
+    counts: Sequence[int],
+    keys: Sequence[int] = KEYS,
+    start: Mapping[str, str | int] = MappingProxyType({}),
+) -> Playground:
+    """Translate samplers and scenes for a playground.
+
+    Parameters
+    ----------
+    makers : mapping of names to functions of a number of samples and a key
+    scenes : mapping of names to scenes with their exact images
+    side : int, of the images in pixels
+    counts : sequence of int, samples per pixel
+    keys : sequence of int
+    start : mapping of str
+        What is shown first: left and right, a sampler each, scene and spp.
+
+    Returns
+    -------
+    Playground
+        A sampler is left out if no number of samples has a program.
+    """
+    left_out: dict[str, str] = {}
+    blob, worlds = Blob(), []
+    for name, (scene, reference) in scenes.items():
+        try:
+            worlds.append({"id": slug(name), "name": name} | _scenes.described(scene, reference, blob))
+        except ValueError as error:
+            left_out[name] = str(error)
+    programs, samplers = Programs(side, blob), []
+    most_dims = max((world["needs"] for world in worlds), default=2)
+    for name, make in makers.items():
+        of = programs.add(make, counts, keys, most_dims)
+        if all(isinstance(each, str) for each in of["programs"]):
+            left_out[name] = of["programs"][0]
+        else:
+            samplers.append({"id": slug(name), "name": name} | of)
+    if not (samplers and worlds):
+        return Playground("", left_out)
+    shown = {each: slug(value) if isinstance(value, str) else value for each, value in start.items()}
+    data = {
+        "side": side,
+        "counts": list(counts),
+        "keys": list(keys),
+        "start": {each: value for each, value in shown.items() if start[each] not in left_out},
+        "levels": _scenes.LEVELS,
+        "samplers": samplers,
+        "scenes": worlds,
+        "texts": programs.texts,
+    }
+    return Playground(f'window.playgroundData = "{blob.packed(data)}";\n', left_out)

@@ -1,0 +1,150 @@
+"""Rows of the table, and scores: geometric means over the tasks of a class, relative to random samples."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from figures.suite import integrands
+from figures.suite.cells import SETS, Size
+from figures.suite.tasks import DIMS, EXACT, TRACED, tasks
+from qmcjax.core import student
+
+FORMAT = 1
+"""Of the table: another one where columns, their units, or the meaning of tasks change."""
+
+COLUMNS = ("rms", "filtered", "perceived", "low_frequency")
+"""Of `MEASURES`."""
+
+PREFIX = "rms_prefix"
+"""The RMS error of the first samples of a set that is made for more."""
+
+BASE = "random"
+"""The entry that scores are relative to."""
+
+
+class Score(NamedTuple):
+    """A ratio of errors to those of random samples, less than 1 if better, and its interval of 95 %."""
+
+    middle: float
+    low: float
+    high: float
+
+
+class Measured(NamedTuple):
+    """What an entry was measured to; cells that are missing were left out."""
+
+    image: bool
+    errors: Mapping[tuple[int, int], NDArray[np.float64]]
+    """By dimensions and samples."""
+    sets: Mapping[tuple[int, int], NDArray[np.float64]]
+    seconds: float
+
+
+def rows(found: Mapping[str, Measured]) -> list[dict[str, Any]]:
+    """Return the rows of the table, all with the same columns; empty text where nothing was measured."""
+    made = []
+    for entry, of in found.items():
+        for (dims, spp), errors in of.errors.items():
+            for task, values in zip(tasks(dims, spp, of.image), errors.swapaxes(0, 1), strict=True):
+                keys = int(np.isfinite(values[:, 0]).sum())
+                head = (entry, dims, task.of, task.name, spp, task.samples, keys)
+                made.append(_row(head, errors=values))
+        for (dims, spp), sets in of.sets.items():
+            made.append(_row((entry, dims, "points", "pixel", spp, spp, ""), sets=sets))
+        if math.isfinite(of.seconds):
+            made.append(_row((entry, "", "points", "time", "", "", ""), seconds=of.seconds))
+    return made
+
+
+def _row(head: tuple[Any, ...], errors: Any = None, sets: Any = None, seconds: Any = "") -> dict[str, Any]:
+    names = ("entry", "dims", "class", "task", "spp", "samples", "keys")
+    row: dict[str, Any] = {"format": FORMAT, **dict(zip(names, head, strict=True))}
+    for place, name in enumerate(COLUMNS):
+        score: Any = ("", "", "")
+        if errors is not None and np.isfinite(errors[0, place]):
+            with np.errstate(divide="ignore"):
+                score = _geometric(np.log(errors[:, place]))
+        row |= dict(zip((name, f"{name}_low", f"{name}_high"), score, strict=True))
+    for place, name in enumerate(SETS):
+        row[name] = float(sets[place]) if sets is not None and np.isfinite(sets[place]) else ""
+    return row | {"seconds_per_million": seconds}
+
+
+def _geometric(logarithms: NDArray[np.float64]) -> Score:
+    """Return the geometric mean over keys, without those that are NaN, and Student's interval.
+
+    With an error of 0, both are as far as they can be: (0, 0, inf).
+    """
+    known = logarithms[~np.isnan(logarithms)]
+    if not np.isfinite(known).all():
+        return Score(0.0, 0.0, math.inf)
+    low, high = student.interval(known)
+    with np.errstate(over="ignore"):
+        return Score(*(float(value) for value in np.exp([known.mean(), low, high])))
+
+
+Ratios = dict[tuple[int, str, str], NDArray[np.float64]]
+"""Logarithms of ratios (keys,) by dimensions, class and measure (of `COLUMNS`, or `PREFIX`)."""
+
+
+def ratios(found: Mapping[str, Measured], size: Size) -> dict[str, Ratios]:
+    """Return by entry how errors compare with those of random samples, key by key.
+
+    They are means over the tasks and numbers of samples of a class, all of equal weight. They are there if an
+    entry has all numbers of samples.
+    """
+    made: dict[str, Ratios] = {}
+    for entry, of in found.items():
+        made[entry] = {}
+        for dims in DIMS:
+            for (kind, measure), values in _logarithms(of, found[BASE], dims, size).items():
+                made[entry][dims, kind, measure] = np.mean(values, axis=0)
+    return made
+
+
+def scores(of: Ratios) -> dict[tuple[int, str, str], Score]:
+    """Return the scores of an entry by dimensions, class and measure."""
+    return {key: _geometric(values) for key, values in of.items()}
+
+
+def _logarithms(
+    of: Measured, base: Measured, dims: int, size: Size
+) -> dict[tuple[str, str], list[NDArray[np.float64]]]:
+    """Return the logarithms of ratios (keys,) of all tasks and numbers of samples, by class and measure."""
+    found: dict[tuple[str, str], list[NDArray[np.float64]]] = {}
+    if any((dims, spp) not in of.errors or (dims, spp) not in base.errors for spp in size.spps):
+        return found
+    for spp in size.spps:
+        known = base.errors[dims, spp][:, : of.errors[dims, spp].shape[1]]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.log(of.errors[dims, spp]) - np.log(known)
+        for place, task in enumerate(tasks(dims, spp, of.image)):
+            for column, name in enumerate(COLUMNS):
+                if not np.isfinite(ratios[0, place, column]):
+                    continue
+                if task.samples == spp:
+                    found.setdefault((task.of, name), []).append(ratios[:, place, column])
+                elif name == "rms":
+                    found.setdefault((task.of, PREFIX), []).append(ratios[:, place, column])
+    return found
+
+
+def families(of: Ratios, measure: str) -> dict[str, Score]:
+    """Return the geometric mean over classes, each with the same weight, by family: columns of the summary.
+
+    The families are the integrands of each number of dimensions, exact scenes, and traced scenes.
+    """
+    kinds: dict[str, list[tuple[int, str]]] = {
+        f"{dims}-D": [(dims, kind) for kind in integrands.CLASSES] for dims in DIMS
+    }
+    for kind in (EXACT, TRACED):
+        kinds[kind] = [(dims, kind) for dims in DIMS if any(t.of == kind for t in tasks(dims, 1, True))]
+    found = {}
+    for family, classes in kinds.items():
+        values = [of[dims, kind, measure] for dims, kind in classes if (dims, kind, measure) in of]
+        if len(values) == len(classes) > 0:
+            found[family] = _geometric(np.mean(values, axis=0))
+    return found

@@ -1,0 +1,251 @@
+"""Measures of very many points: the values of the plain ways, to the last bit, in little memory."""
+
+import math
+import tracemalloc
+from fractions import Fraction
+
+import jax
+import numpy as np
+import pytest
+from closed_forms import CLOSED_FORMS, KERNELS, exact_square, fractions
+
+import analysis
+from analysis._l2 import l2_discrepancy, merges, scalars
+from analysis._l2.kernels import STAR
+from analysis._l2.merges import many_points_discrepancy
+from analysis._star import bounds, cells, plane_rows, star_discrepancy
+from analysis._star.cells import cell_bounds
+from analysis._star.plane import plane_star_discrepancy
+from analysis._star.plane_rows import many_star_discrepancy
+from figures.ours import scale
+from figures.shared import measure_scaling
+from qmcjax import sequences
+
+RANDOM = np.random.default_rng(17)
+
+
+def sobol(dims, n):
+    return np.asarray(sequences.sobol(dims).points(n)).astype(np.float64)
+
+
+def plane_sets(n):
+    """Return points that are random, in a net, on a lattice with near ties, and on few coordinates."""
+    k = np.arange(n)
+    return {
+        "random": RANDOM.random((n, 2)),
+        "net": sobol(2, n),
+        "lattice": np.stack([k / n, (k * 0.6180339887) % 1], axis=1),
+        "equal coordinates": RANDOM.integers(0, 7, (n, 2)) / 7,
+        "a corner": RANDOM.random((n, 2)) * 2.0**-40,
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [1, 2, 7, 64, 100, 1000, 4097])
+def test_compiled_stripes_find_the_same_value_to_the_last_bit(n, monkeypatch):
+    for stripe in (16, 3):
+        monkeypatch.setattr(plane_rows, "_STRIPE", stripe)
+        for name, points in plane_sets(n).items():
+            assert many_star_discrepancy(points) == plane_star_discrepancy(points), (name, stripe)
+
+
+@pytest.mark.slow
+def test_many_points_in_the_plane_take_the_compiled_way(monkeypatch):
+    points = sobol(2, 2**12)
+    plain = analysis.star_discrepancy(points)
+    monkeypatch.setattr(star_discrepancy, "_MANY", 2**12)
+    monkeypatch.setattr(star_discrepancy, "plane_star_discrepancy", pytest.fail)
+    assert analysis.star_discrepancy(points) == plain
+    lower, upper = analysis.star_discrepancy_bounds(points.astype(np.float32))
+    assert lower <= plain <= upper < lower + 2**-46
+    monkeypatch.undo()
+    monkeypatch.setattr(star_discrepancy, "_MANY", 2**12)
+    monkeypatch.setattr(star_discrepancy, "COMPILED", False)
+    monkeypatch.setattr(star_discrepancy, "many_star_discrepancy", pytest.fail)
+    assert analysis.star_discrepancy(points) == plain
+
+
+@pytest.mark.parametrize("dims", [1, 2, 3])
+@pytest.mark.parametrize("count", [30, 400])
+def test_counts_in_cells_bound_the_star_discrepancy(dims, count, monkeypatch):
+    """Also where points lie on the edges of cells; the bounds are at most the sides of a cell apart."""
+    monkeypatch.setattr(cells, "_CELLS", count)
+    side = cells._prime(int(count ** (1 / dims)))
+    for n in (1, 40):
+        for points in (RANDOM.random((n, dims)), RANDOM.integers(0, side, (n, dims)) / side):
+            lower, upper = cell_bounds(points)
+            exact = analysis.star_discrepancy(points)
+            assert lower - 1e-15 <= exact <= upper + 1e-15
+            inside = np.prod((points[:, None, :] < np.full(dims, 1 / side)), axis=2).mean()
+            assert lower >= abs(inside - side**-dims) - 1e-15, "the first cell is one of the boxes"
+
+
+def test_cells_have_as_many_points_as_there_are(monkeypatch):
+    """In blocks of any size: the bounds are those of one block."""
+    monkeypatch.setattr(cells, "_CELLS", 1000)
+    points = RANDOM.random((500, 3))
+    whole = cell_bounds(points)
+    monkeypatch.setattr(cells, "_BLOCK", 7)
+    assert cell_bounds(points) == whole
+    monkeypatch.setattr(bounds, "_MANY", 499)
+    lower, upper = analysis.star_discrepancy_bounds(points)
+    assert (lower, upper) == pytest.approx(whole, abs=1e-14) and lower < whole[0] and upper > whole[1]
+
+
+def traced_peak(call, points):
+    tracemalloc.start()
+    call(points)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / points.nbytes
+
+
+@pytest.mark.parametrize("dims", [2, 3])
+def test_the_minimum_distance_takes_three_times_the_memory_and_leaves_points_alone(dims):
+    points = RANDOM.random((2**15, dims))
+    before = points.copy()
+    assert traced_peak(analysis.min_distance, points) < 3
+    assert (points == before).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "measure, dims, m",
+    [
+        (analysis.min_distance, 2, 20),
+        (analysis.min_distance, 3, 20),
+        (analysis.star_discrepancy, 2, 18),
+        (analysis.star_discrepancy_bounds, 3, 21),
+        (analysis.l2_star_discrepancy, 2, 18),
+        (analysis.l2_star_discrepancy, 3, 17),
+    ],
+)
+def test_measures_of_many_points_take_three_times_their_memory(measure, dims, m):
+    """As NumPy counts; programs of JAX are counted in the figure, by the system."""
+    points = sobol(dims, 2**m)
+    if measure in (analysis.star_discrepancy, analysis.l2_star_discrepancy):
+        measure(points[: 2**17])  # compiles
+    assert traced_peak(measure, points) < 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dims", [2, 3])
+@pytest.mark.parametrize("kind", CLOSED_FORMS)
+def test_merging_finds_what_all_pairs_find(kind, dims, monkeypatch):
+    """For points at random, with equal coordinates, and so even that most digits cancel; in any parts."""
+    measure = getattr(analysis, f"{kind}_discrepancy")
+    sets = [RANDOM.random((1, dims)), RANDOM.random((299, dims))]
+    sets += [RANDOM.integers(0, 5, (299, dims)) / 8, sobol(dims, 299)]
+    expected = [float(measure(points)) for points in sets]
+    monkeypatch.setattr(l2_discrepancy, "_MANY", 1)
+    monkeypatch.setattr(l2_discrepancy, "_measure", pytest.fail)
+    for parts in (16, 1):
+        monkeypatch.setattr(merges, "_PARTS", parts)
+        found = [measure(points) for points in sets]
+        assert [float(value) for value in found] == pytest.approx(expected, rel=1e-12)
+        assert all(value.dtype == np.float64 and value.shape == () for value in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dims", [2, 3])
+@pytest.mark.parametrize("kind", CLOSED_FORMS)
+def test_merging_is_exact_to_the_last_digits(kind, dims, monkeypatch):
+    """Points with all digits, far apart in size, on few coordinates, twice the same; parts with no points."""
+    sets = [RANDOM.random((n, dims)) for n in (1, 2, 3, 31)] + [RANDOM.random((31, dims)) ** 9]
+    sets += [RANDOM.integers(0, 4, (31, dims)) / 7, np.repeat(RANDOM.random((11, dims)), 3, axis=0)]
+    for parts in (16, 2):
+        monkeypatch.setattr(merges, "_PARTS", parts)
+        for points in sets:
+            expected = math.sqrt(exact_square(fractions(points), kind))
+            assert many_points_discrepancy(points, KERNELS[kind]) == pytest.approx(expected, rel=1e-15)
+
+
+@pytest.mark.slow
+def test_scalars_keep_what_rounding_takes():
+    """Also of sums of many numbers, where what rounding took is much more than the last digit."""
+    numbers = RANDOM.random((2**16, 4)) * 2.0 ** RANDOM.integers(-30, 1, (2**16, 4))
+    numbers[:, 1::2] = numbers[:, ::2] * RANDOM.random((2**16, 2)) * 2.0**-53
+    high, low, exact = 0.0, 0.0, []
+    for a, b, c, d in numbers.tolist():
+        high, low = scalars.add(high, low, *scalars.multiply(a, b, c, d))
+        exact.append((Fraction(a) + Fraction(b)) * (Fraction(c) + Fraction(d)))
+    for a, _, c, _ in numbers[:99].tolist():
+        assert sum(map(Fraction, scalars.two_product(-a, c))) == -Fraction(a) * Fraction(c)
+    whole = sum(int(product * 2**320) for product in exact)
+    assert abs(int(Fraction(high) * 2**320) + int(Fraction(low) * 2**320) - whole) <= whole >> 95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [50, 203])
+def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
+    touched = np.zeros(n // 2, int)
+    plain = merges.sort_space
+
+    def sort(columns, room, start, stop, numbers):
+        room[2][:] = np.nan
+        found = plain(columns, room, start, stop, numbers)
+        touched[~np.isnan(room[2][0])] += 1
+        return found
+
+    monkeypatch.setattr(merges.os, "sched_getaffinity", lambda process: {0}, raising=False)
+    monkeypatch.setattr(merges, "sort_space", sort)
+    points = RANDOM.random((n, 3))
+    many_points_discrepancy(points, STAR)
+    assert touched.max() == 1
+
+
+@pytest.mark.slow
+def test_programs_and_few_points_are_not_merged(monkeypatch):
+    points = sobol(2, 2**10)
+    plain = float(analysis.l2_star_discrepancy(points))
+    monkeypatch.setattr(l2_discrepancy, "many_points_discrepancy", pytest.fail)
+    assert float(analysis.l2_star_discrepancy(points)) == plain
+    monkeypatch.setattr(l2_discrepancy, "_MANY", 1)
+    assert float(jax.jit(analysis.l2_star_discrepancy)(points)) == pytest.approx(plain, rel=1e-6)
+    assert float(analysis.l2_star_discrepancy(points[:, :1])) > 0
+    monkeypatch.setattr(l2_discrepancy, "COMPILED", False)
+    assert float(analysis.l2_star_discrepancy(points)) == plain
+
+
+def test_the_figure_says_what_takes_more(monkeypatch):
+    rows = {
+        "n": [2**k for k in (19, 20, 21, 22)],
+        "seconds": [1.0, 2.0, 4.0, 8.0],
+        "processor seconds": [2.0] * 4,
+    }
+    rows |= {"theory": [1.0, 2], "dims": 2}
+    own = 2**26
+    some = {
+        "a": rows | {"bytes": [64, 64, 64, own]},
+        "b": rows | {"bytes": [64, 64, 64, 4 * own]},
+        "c": rows | {"bytes": [None] * 4},
+        "d": rows | {"n": [2, 4, 8, 16], "bytes": [own] * 4},
+    }
+
+    def image(side, spp, seconds):
+        return {
+            "side": side,
+            "spp": spp,
+            "seconds": seconds,
+            "processor seconds": 2 * seconds,
+            "beyond": None,
+        }
+
+    images = {
+        "pixels": [image(1024, 4, 1.0), image(2048, 4, 4.0), image(4096, 4, 25.0)],
+        "spp": [image(128, 1, 1.0), image(128, 4, 2.0)],
+        "overhead": {"side": 64, "processor seconds": 0.02},
+    }
+    kinds = {scale.image_scaling: images, measure_scaling: some}
+    monkeypatch.setattr(scale.own_process, "measured", lambda module, _: kinds[module])
+    _, numbers = scale.make("draft", lambda fraction: None)
+    assert (
+        "1 of 2 measures take at most 3 times the points' memory at their largest n; more take b (4.0"
+        in (numbers["note"])
+    )
+    assert "it is 2.00 to 2.50, in 1 of 2 cases within 2.0 +- 0.1" in numbers["note"]
+    table = numbers["table"]
+    assert [row["exponent"] for row in table] == pytest.approx([1.0] * 4)
+    assert [row[scale.MEMORY] for row in table] == [1.0, 4.0, None, None]
+    assert table[0]["expected"] == r"n \log^2 n" and scale._grows(1.5, 0) == "$n^{1.5}$"
+    assert all(measure.draft <= measure.paper for measure in measure_scaling.MEASURES.values())

@@ -1,0 +1,295 @@
+"""The suite: entries of each kind, integrals in closed form, resumption, tables, and what is wrong."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from figures import _cpp
+from figures.__main__ import main
+from figures.ours.rivals import STORED
+from figures.suite import cells, command, integrands, programs, report, results, tasks
+from figures.suite.cells import Size
+from figures.suite.entries import NotSupportedError, known, of_function, of_points
+from figures.suite.results import Measured
+from qmcjax import samplers, sequences
+
+OWN = """
+from qmcjax import samplers, sequences
+
+def owen(dims, key):
+    return samplers.independent(sequences.sobol(dims), key)
+
+def few(key):
+    return samplers.independent(sequences.sobol(2), key)
+
+def other(size):
+    return None
+"""
+
+WRITES = """
+import struct, sys
+import numpy as np
+numbers = {name: int(value) for name, value in zip(sys.argv[1::2], sys.argv[2::2])}
+count = numbers["--width"] * numbers["--height"] * numbers["--spp"] * numbers["--dims"]
+made = np.random.default_rng(numbers["--seed"]).random(count).astype(np.float32) * np.float32(0.99)
+"""
+
+SMALL = Size(32, (1, 4), 4)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "suite_samplers.py").write_text(OWN, encoding="utf-8")
+    np.save(tmp_path / "my_points.npy", np.random.default_rng(1).random((16, 2)))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return tmp_path
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Cells of two dimensions and few samples, without scenes."""
+    monkeypatch.setitem(cells.SIZES, "draft", SMALL)
+    for module in (tasks, results, report, command):
+        monkeypatch.setattr(module, "DIMS", (2,))
+    monkeypatch.setattr(tasks, "SCENES", {"disc": tasks.SCENES["disc"]})
+
+
+@pytest.mark.parametrize("dims", [2, 4, 8])
+@pytest.mark.parametrize("seed", [0, 7])
+def test_integrals_are_those_of_the_integrands(dims, seed):
+    """Means and deviations over random points are within 5 standard errors."""
+    points = np.random.default_rng(3).random((2**17, dims), np.float32)
+    made = np.asarray(tasks._integrands(integrands.drawn(dims, seed), points), np.float64)
+    mean, deviation = integrands.moments(dims, seed)
+    assert made.shape == (2**17, len(integrands.CLASSES) * integrands.COUNT)
+    assert np.all(np.abs(made.mean(axis=0) - mean) < 5 * deviation / 2**8.5)
+    square = (made - mean) ** 2
+    assert np.all(np.abs(square.mean(axis=0) - deviation**2) < 5 * square.std(axis=0) / 2**8.5 + 1e-6)
+
+
+def test_held_out_integrands_differ_and_are_deterministic():
+    drawn = {seed: integrands.drawn.__wrapped__(4, seed) for seed in (0, 1, 2)}
+    again = integrands.drawn.__wrapped__(4, 1)
+    for name in integrands.Integrands._fields:
+        assert np.array_equal(getattr(again, name), getattr(drawn[1], name))
+    for name in ("normal", "offset", "low", "high", "centre", "phase"):
+        made = [getattr(of, name) for of in drawn.values()]
+        assert not np.array_equal(made[0], made[1]) and not np.array_equal(made[1], made[2]), name
+
+
+def test_entries_in_python_give_the_points_of_the_sampler(folder):
+    """A function, a name and a file: bit-equal to calls of the sampler."""
+    y, x, sample = np.indices((8, 8, 16), np.uint32)
+    dims = (0, 1, 2, 3)
+    expected = np.asarray(samplers.independent(sequences.sobol(4), 5)(x, y, sample, dims))
+    assert np.array_equal(of_function("suite_samplers:owen").points(8, 8, 16, 4, 5), expected)
+    assert np.array_equal(known("owen").points(8, 8, 16, 4, 5), expected)
+    sequence = sequences.tabulated(np.load("my_points.npy"))
+    expected = np.asarray(samplers.independent(sequence, 5, "shift")(x, y, sample))
+    assert np.array_equal(of_points(Path("my_points.npy")).points(8, 8, 16, 2, 5), expected)
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
+def test_the_example_in_cpp_gives_the_points_that_it_says(folder):
+    source = Path(_cpp.__file__).with_name("suite_example.cpp")
+    subprocess.run(["g++", "-O2", str(source), "-o", "mine"], check=True)
+    entry = programs.of_program("./mine {width} {height} {spp} {dims} {seed}")
+    made = entry.points(3, 2, 4, 2, 9)
+    root = 1.32471795724474602596  # x^3 = x + 1
+    step = np.floor(root ** -np.arange(1.0, 3.0) * 2**32).astype(np.uint64)
+
+    def hashed(word):
+        word = (word ^ (word >> 16)) * 0x21F0AAAD % 2**32
+        word = (word ^ (word >> 15)) * 0xD35A2D97 % 2**32
+        return word ^ (word >> 15)
+
+    for row, column, sample, j in np.ndindex(2, 3, 4, 2):
+        shift = hashed(hashed(hashed(hashed(9) ^ row) ^ column) ^ j)
+        word = (shift + sample * int(step[j])) % 2**32
+        assert made[row, column, sample, j] == (word >> 8) / 2**24
+    with pytest.raises(ValueError, match=r"ended with status 1: usage: width height spp dims seed"):
+        programs.of_program("./mine {width}").points(3, 2, 4, 2, 9)
+
+
+def test_text_and_bytes_are_the_same_points(folder):
+    Path("writes.py").write_text(WRITES + "sys.stdout.buffer.write(made.tobytes())")
+    Path("text.py").write_text(WRITES + "print(*map(repr, made.tolist()), sep=', ')")
+    made = [
+        programs.of_program(f"{sys.executable} {name}.py").points(2, 3, 4, 2, 1)
+        for name in ("writes", "text")
+    ]
+    assert made[0].shape == (3, 2, 4, 2) and np.array_equal(made[0], made[1])
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (
+            "sys.stdout.buffer.write(made[:-1].tobytes())",
+            r"2 x 3 pixels x 4 samples x 2 dimensions = 48 .*got 47",
+        ),
+        ("sys.stdout.buffer.write(made.tobytes()[:-1])", "48 float32, got 191 bytes"),
+        (
+            "made[10] = np.nan; sys.stdout.buffer.write(made.tobytes())",
+            r"0 of pixel \(1, 0\), sample 1, is nan",
+        ),
+        ("made[47] = 1; sys.stdout.buffer.write(made.tobytes())", r"1 of pixel \(1, 2\), sample 3, is 1.0"),
+        ("made[0] = -0.5; sys.stdout.buffer.write(made.tobytes())", r"pixel \(0, 0\), sample 0, is -0.5"),
+        ("print('0.5 0.5.5')", "it must write numbers: could not convert"),
+        ("sys.exit('out of paper')", "ended with status 1: out of paper"),
+        ("import time; time.sleep(60)", "did not end within 0.5 seconds"),
+    ],
+)
+def test_programs_that_fail(folder, monkeypatch, code, message):
+    if "sleep" in code:
+        monkeypatch.setattr(programs, "SECONDS", 0.5)
+    Path("bad.py").write_text(WRITES + code)
+    with pytest.raises(ValueError, match=message) as caught:
+        programs.of_program(f"{sys.executable} bad.py").points(2, 3, 4, 2, 1)
+    assert not isinstance(caught.value, NotSupportedError)
+
+
+def test_what_is_not_supported_is_no_failure(folder):
+    Path("two.py").write_text("import sys; print('2-D only', file=sys.stderr); sys.exit(2)")
+    with pytest.raises(NotSupportedError, match="status 2: 2-D only"):
+        programs.of_program(f"{sys.executable} two.py").points(2, 3, 4, 4, 1)
+    with pytest.raises(NotSupportedError, match="it has 2 dimensions, not 4"):
+        of_function("suite_samplers:few").points(8, 8, 4, 4, 0)
+    with pytest.raises(NotSupportedError, match="it has 16 points, not 64"):
+        of_points(Path("my_points.npy")).points(8, 8, 64, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nowhere:mine"], "No module named 'nowhere'"),
+        (["suite_samplers:other"], "must have parameters among width, height, spp, dims, key, got size"),
+        (["no_such"], "entries are module:function, a file of points, or one of random, owen"),
+        (["owen", "owen"], "entries must have different names, got owen twice"),
+        (["outside.npy"], r"point 1, coordinate 0 is 1.5: coordinates are in \[0, 1\)"),
+        (["--held-out", "0"], "must be an integer in"),
+        (["--program", ""], "--program must be a command"),
+        (["--openqmc", "."], "is no checkout of OpenQMC"),
+    ],
+)
+def test_wrong_usage(folder, capsys, words, message):
+    np.save("outside.npy", np.array([[0.5, 0.5], [1.5, 0.5]]))
+    with pytest.raises(SystemExit, match="2"):
+        main(["suite", *words])
+    err = " ".join(capsys.readouterr().err.split())
+    assert re.search(message, err), err
+
+
+def test_an_interrupted_run_goes_on(folder, small, monkeypatch, capsys):
+    """After k cells, the same command computes only the others; another seed computes all."""
+    computed = []
+    of_images = cells.of_images
+
+    def counted(entry, *given):
+        if len(computed) == 3:
+            computed.append("interrupted")
+            raise KeyboardInterrupt
+        computed.append(entry.name)
+        return of_images(entry, *given)
+
+    monkeypatch.setattr(cells, "of_images", counted)
+    assert main(["suite", "suite_samplers:owen"]) == 130
+    assert computed == ["random", "random", "owen", "interrupted"]
+    computed.append("again")
+    assert main(["suite", "suite_samplers:owen"]) == 0
+    assert computed[5:] == ["owen"]
+    assert main(["suite", "suite_samplers:owen", "--held-out", "3"]) == 0
+    assert computed[6:] == ["random", "random", "owen", "owen"]
+    with Path("out/suite/suite.csv").open(newline="") as file:
+        assert {row["format"] for row in csv.DictReader(file)} == {str(results.FORMAT)}
+
+
+def test_files_of_a_run(folder, small, capsys):
+    """The columns, a row for each task, the summary as Markdown and LaTeX, and scores of a copy: 1."""
+    Path("suite_copies.py").write_text(
+        "def copy(width, height, spp, dims, key):\n"
+        "    from figures.shared.rivals import RIVALS\n"
+        "    return RIVALS['random'].make(dims, width, height, spp, key)\n"
+    )
+    assert main(["suite", "suite_copies:copy", "my_points.npy"]) == 0
+    out = Path("out/suite")
+    with (out / "suite.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0])[:8] == ["format", "entry", "dims", "class", "task", "spp", "samples", "keys"]
+    assert list(rows[0])[8:] == [
+        *(f"{name}{end}" for name in results.COLUMNS for end in ("", "_low", "_high")),
+        *cells.SETS,
+        "seconds_per_million",
+    ]
+    images = [row for row in rows if row["class"] != "points"]
+    assert len(images) == 3 * 2 * (len(integrands.CLASSES) * integrands.COUNT + 1)
+    assert all(float(row["rms_low"]) < float(row["rms"]) < float(row["rms_high"]) for row in images)
+    kept = json.loads((out / "scores.json").read_text())
+    for measures in kept["entries"]["copy"]["scores"].values():
+        assert all(values[0] == 1 for values in measures.values())
+    assert kept["entries"]["my_points"]["scores"]["boxes, 2-D"]["rms"][0] != 1
+    table = [line.strip("|\n").split("|") for line in (out / "suite.md").read_text().splitlines()]
+    assert len({len(line) for line in table}) == 1 and [line[0].strip() for line in table[2:]] == [
+        "random",
+        "copy",
+        "my_points",
+    ]
+    lines = (out / "suite.tex").read_text().splitlines()
+    assert all(line.count("&") - 2 * line.count(r"\&") == len(table[0]) - 1 for line in lines if "&" in line)
+    assert lines[0] == r"\begin{tabular}{l" + "r" * (len(table[0]) - 1) + "}"
+    assert lines[-1] == r"\end{tabular}"
+    assert "my_points" in (out / "index.html").read_text()
+
+
+def test_latex_and_markdown_escape_names():
+    heads, rows = ["entry", "2-D"], [["a_b|c & d%", "–"]]
+    assert report.latex(heads, rows).splitlines()[4] == r"a\_b|c \& d\% & -- \\"
+    assert report.markdown(heads, rows).splitlines()[2] == "| a_b\\|c & d% | – |"
+
+
+def test_a_score_is_the_mean_of_its_class():
+    """Ratios 1/2 and 2 in one class are 1; a class with a missing number of samples has no score."""
+    size = Size(32, (1, 4), 4)
+    rng, base, half = np.random.default_rng(1), {}, {}
+    for spp in size.spps:
+        count = len(tasks.tasks(2, spp, True))
+        base[2, spp] = rng.uniform(0.5, 1, (size.keys, count, 4))
+        half[2, spp] = base[2, spp] * (0.5 if spp == 1 else 2.0)
+        half[2, spp][:, 0] *= 16
+    found = {"random": Measured(True, base, {}, np.nan), "mine": Measured(True, half, {}, np.nan)}
+    scores = results.scores(results.ratios(found, size)["mine"])
+    assert scores[2, "boxes", "rms"].middle == pytest.approx(1)
+    assert scores[2, "half-spaces", "filtered"].middle == pytest.approx(16 ** (1 / integrands.COUNT))
+    assert not any(dims == 4 for dims, _, _ in scores)
+
+
+def test_stored_scores_are_of_this_format():
+    """Those of other projects have a version or a commit; no entry has an error, or lacks a family."""
+    assert STORED.stat().st_size < 100_000
+    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    assert stored["format"] == results.FORMAT
+    for name, entry in stored["entries"].items():
+        assert re.search(r"qmcjax: |\d+\.\d+|[0-9a-f]{12}", entry["origin"]), name
+        assert not entry["left out"], name
+        for middle, low, high in entry["summary"]["rms"].values():
+            assert low <= middle <= high
+    assert {score for score, _, _ in stored["entries"]["random"]["summary"]["rms"].values()} == {1}
+
+
+@pytest.mark.slow
+def test_all_tasks_with_two_entries(folder, monkeypatch):
+    monkeypatch.setitem(cells.SIZES, "draft", SMALL)
+    assert main(["suite", "suite_samplers:owen", "suite_samplers:few", "--out", "whole"]) == 0
+    kept = json.loads(Path("whole/scores.json").read_text())["entries"]
+    assert {f"traced scenes, {dims}-D" for dims in (4, 8)} <= set(kept["owen"]["scores"])
+    assert all(kind.endswith("2-D") for kind in kept["few"]["scores"]) and kept["few"]["left out"]
+    for dims in (2, 4, 8):
+        assert kept["owen"]["scores"][f"bumps, {dims}-D"]["rms"][2] < 1

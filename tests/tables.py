@@ -72,6 +72,7 @@ SEQUENCES = Table(
         "optimized_net(12)": lambda: sequences.optimized_net(12),
         "sobol_of": lambda: sequences.sobol_of([(0b111, [1, 3]), (0b1011, [1, 1, 7])]),
         "one_two(6)": lambda: sequences.one_two(6),
+        "niederreiter_xing(5)": lambda: sequences.niederreiter_xing(5),
         "sz(4)": lambda: sequences.sz(4),
         "sz(16)": lambda: sequences.sz(16),
         "optimized_sequence": sequences.optimized_sequence,
@@ -112,6 +113,9 @@ SEQUENCES = Table(
         "optimized_net_3d(12)": lambda: sequences.optimized_net_3d(12),
         "gray(sobol(2))": lambda: sequences.gray(sequences.sobol(2)),
         "gray(sobol(9))": lambda: sequences.gray(sequences.sobol(9)),
+        "in_time(owen(sobol(3)))": lambda: sequences.in_time(
+            sequences.owen(sequences.sobol(3), key=1)
+        ).at_frame(5),
     }
 )
 
@@ -138,6 +142,7 @@ NETS = {
 
 # One of each kind: the types of an object and of its sequence, and on which side of FEW its coordinates are.
 KINDS = (
+    "in_time(owen(sobol(3)))",
     "cascaded_net(12)",
     "optimized_sequence",
     "halton, random",
@@ -306,12 +311,19 @@ SAMPLERS = Table(
         ),
         "ranked": lambda: samplers.ranked(3, key=3),
         "randomized, contiguous, owen": lambda: samplers.randomized(owen_pass, key=3),
-        "optimized": lambda: samplers.optimized(SIDE, SIDE, SPP, key=3, dims=3),
+        "optimized": lambda: samplers.optimized(SIDE, SIDE, SPP, key=3),
+        "optimized, joint": lambda: samplers.optimized(SIDE, SIDE, SPP, key=3, dims=3),
+        "progressive": lambda: samplers.progressive(SIDE, SIDE, key=3, dims=2),
+        "progressive, groups": lambda: samplers.progressive(SIDE, SIDE, key=3, dims=6),
         "designed": lambda: samplers.designed(SIDE, SIDE, SPP, key=3, dims=3),
         "tiled, boxes": lambda: samplers.tiled(
             np.random.default_rng(1).random((8, 4, 2, 2, 2)), 3, dims=3, spp=SPP
         ).at_frame(1),
         "z, hash": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
+        "z, frames": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3, frames=8).at_frame(5),
+        "contiguous, hilbert3": lambda: samplers.contiguous(
+            orders.hilbert3(SIDE, SIDE, 4), sequences.owen(sequences.sobol(3), key=3), SPP
+        ).at_frame(3),
         "z, tree": lambda: samplers.z(
             SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)
         ),

@@ -34,7 +34,8 @@ LARGE = {
     "contiguous, raster, lattice": lambda: samplers.contiguous(
         orders.raster(65536, 60000), sequences.lattice(4), 7
     ),
-    "optimized": lambda: samplers.optimized(65536, 65536, 16, key=3, dims=3),
+    "optimized": lambda: samplers.optimized(65536, 65536, 16, key=3),
+    "optimized, joint": lambda: samplers.optimized(65536, 65536, 16, key=3, dims=3),
     "z, hash": lambda: samplers.z(65536, 65536, 16, key=3, dims=3),
     "z, tree, rounds": lambda: samplers.z(4096, 4096, 64, 3, "tree").extended(16),
 }

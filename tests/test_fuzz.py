@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -30,7 +31,8 @@ import analysis
 import qmcjax
 from analysis import trees
 from figures import plot
-from qmcjax import bridges, orders, samplers, scenes, sequences, tracing
+from qmcjax import bridges, orders, samplers, scenes, sequences, tracing, warps
+from qmcjax.bridges import mitsuba
 from qmcjax.tracing import motion
 
 EXAMPLES = 20
@@ -92,11 +94,12 @@ def few_wrong_things():
 # fmt: off
 LONG = {
     "analysis.search_discrepancy", "analysis.compare", "analysis.broken_promises", "analysis.pixel_means",
+    "analysis.design_samples", "analysis.minimize",
     "analysis.optimize_scrambling", "analysis.optimize_points", "qmcjax.render_layers",
     "qmcjax.render_adaptive", "qmcjax.boundary_gradient", "qmcjax.estimated_reference",
     "tracing.predictor_corrector", "tracing.photons", "tracing.visible_intervals", "tracing.nearest_hit",
     "motion.slerp", "path.rotations.__call__", "estimator.__call__", "estimator.varies", "moving.__call__",
-    "moving.analytic.__call__", "moving.varies", "moving.analytic.varies",
+    "moving.analytic.__call__", "moving.varies", "moving.analytic.varies", "mitsuba.render_adaptive",
 }
 # fmt: on
 """Programs of many operations, which are compiled for each shape: less is tried."""
@@ -127,6 +130,9 @@ def folder():
 def files():
     """Return files that can be read."""
     names = {"points": folder() / "given.csv", "image": folder() / "given.png"}
+    names |= {"matrices": folder() / "given.txt", "lattice": folder() / "given_lattice.txt"}
+    names["matrices"].write_text(sequences.matrices_text(sequences.sobol(2).matrices))
+    names["lattice"].write_text(sequences.lattice_text(sequences.korobov(5, 2, 2)))
     bridges.write_points(names["points"], POINTS)
     bridges.write_image(names["image"], IMAGE / 5, transfer="srgb")
     return names
@@ -144,7 +150,8 @@ def right_of_functions():
         "qmcjax.sequences.function.f": [lambda index: (index[..., None] % 4).astype(jnp.float32) / 4],
         "qmcjax.samplers.function.f": [lambda x, y, sample: jnp.zeros((*sample.shape, 2))],
         "qmcjax.boundary_gradient.scene": [scenes.disc()], "qmcjax.estimated_reference.spp": [32],
-        "qmcjax.render_passes.sampler": [passes],
+        "qmcjax.render_passes.sampler": [passes], "mitsuba.render_adaptive.sampler": [passes],
+        "mitsuba.render_adaptive.spp": [32], "mitsuba.render_adaptive.tolerance": [0.5],
         "qmcjax.render_layers.sampler": [samplers.independent(sequences.sobol(3), 1)],
         "qmcjax.sequences.components.dims": [(0, 1)], "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
         "qmcjax.samplers.padded_replications.offsets": [sequences.sobol(4)],
@@ -172,12 +179,20 @@ def right_of_functions():
         "qmcjax.bridges.read_points.path": [files()["points"]],
         "qmcjax.bridges.read_image.path": [files()["image"]], "qmcjax.bridges.read_image.transfer": ["srgb"],
         "qmcjax.sequences.read_direction_numbers.path": [Path(__file__).parent / "direction_numbers.txt"],
+        "qmcjax.warps.triangle.vertices": [[[0, 0], [1, 0], [0, 1]]],
+        "qmcjax.warps.discrete.weights": [[1, 2]],
+        "warp.discrete.points": [[[0.5]]], "warp.discrete.values": [[0, 2]], "warp.normal.values": [POINTS],
+        "qmcjax.sequences.read_matrices.path": [files()["matrices"]],
+        "qmcjax.sequences.read_lattice.path": [files()["lattice"]], "qmcjax.sequences.read_lattice.n": [5],
+        "qmcjax.sequences.matrices_text.matrices": [np.asarray(sequences.sobol(2).matrices)],
+        "qmcjax.sequences.lattice_text.lattice": [sequences.korobov(5, 2, 2)],
         "qmcjax.samplers.contiguous.spp": [4], "qmcjax.orders.peano.width": [3, 9],
         "qmcjax.orders.peano.height": [3, 9],
         "qmcjax.sequences.digital.matrices": [np.asarray(sequences.sobol(2).matrices)],
         "qmcjax.sequences.replace_component.matrices": [np.eye(2, dtype=np.int64)[None]],
         "qmcjax.sequences.permutation_net_in_row.index": [1], "qmcjax.sequences.faure.base": [2, 3],
         "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]], "qmcjax.sequences.record_net.n": [16],
+        "qmcjax.sequences.record_net.discrepancy": ["star", "periodic"],
         "analysis.point_spectrum.resolution": [4], "analysis.squared_min_distance.points": [[[0, 0], [1, 2]]],
         "analysis.squared_min_distance.shear": [0], "analysis.low_frequency_power.image": [np.eye(32)],
         "analysis.low_frequency_power.reference": [np.zeros((32, 32))],
@@ -191,13 +206,14 @@ def right_of_functions():
         "analysis.search_discrepancy.start": [None],
         "qmcjax.bridges.tabulate.generator": [SimpleNamespace(random=lambda n: np.zeros((n, 2)))],
         "plain.start.pixel": [(1, 2)], "plain.array.dims": [(0, 1)], "qmcjax.bridges.bake.dims": [(0, 1)],
-        "qmcjax.bridges.bake.tile": [(2, 2)],
+        "qmcjax.bridges.seeds.other": [nouns()["sampler"]],
+        "qmcjax.bridges.bake.tile": [(2, 2)], "qmcjax.bridges.source.dims": [(0, 1)],
         "qmcjax.sequences.direction_numbers.sequence": [sequences.sobol(3)],
         "qmcjax.bridges.bake_ranked.sampler": [samplers.ranked(2, 1)],
         "qmcjax.bridges.write_points.path": [folder() / "points.csv"],
         "qmcjax.bridges.write_image.path": [folder() / "image.png"],
-        "qmcjax.bridges.write_image.transfer": ["srgb"],
-    }
+        "qmcjax.bridges.write_image.transfer": ["srgb"], "mitsuba.register.variant": ["scalar_rgb"],
+    } | ({f"mitsuba.{name}.scene": [loaded()] for name in RENDERS} if MITSUBA else {})
 # fmt: on
 
 
@@ -302,8 +318,10 @@ def right_of_names():
         "replacement": [np.eye(2, dtype=np.int64)], "q": [2], "polynomial": [7], "initial": [[1, 3]],
         "numbers": [[(7, [1, 3])]], "row": [0], "image": [IMAGE], "images": [[IMAGE, IMAGE]], "count": [2],
         "reference": [0 * IMAGE], "spectrum": [IMAGE], "keys": [(1, 2)], "bits": [16], "digits": [(1, 1)],
-        "targets": [{2: 1}], "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])], "family": ["gaussian"],
-        "value": [noun["sequence"]], "name": ["value"], "cls": [], "dtype": [jnp.float32], "level": [0.5],
+        "targets": [{2: 1}], "frames": [4], "frame": [1], "alpha": [0.5], "t": [1],
+        "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])], "family": ["gaussian"],
+        "value": [noun["sequence"]], "values": [[[0.0, 0.0, 1.0]]], "name": ["value"],
+        "cls": [], "dtype": [jnp.float32], "level": [0.5],
         "label": ["a"], "region": ["whole"], "offset_or_key": [1],
     }
 # fmt: on
@@ -330,12 +348,18 @@ FUNCTIONS = {
 """Anything that can be called is a function: what goes wrong inside of it is its own matter."""
 
 
+MITSUBA = (mitsuba,) if find_spec("mitsuba") else ()
+
+RENDERS = "render", "render_adaptive", "sensor_with"
+
+
 def modules():
-    return (qmcjax, sequences, orders, samplers, scenes, bridges, analysis, tracing, motion, trees, plot)
+    of_qmcjax = (qmcjax, sequences, orders, warps, samplers, scenes, bridges, tracing, motion, *MITSUBA)
+    return (*of_qmcjax, analysis, trees, plot)
 
 
 SHORT = {"qmcjax.tracing": "tracing", "qmcjax.tracing.motion": "motion", "analysis.trees": "trees"}
-SHORT |= {"figures.plot": "plot"}
+SHORT |= {"figures.plot": "plot", "qmcjax.bridges.mitsuba": "mitsuba"}
 
 
 @cache
@@ -346,6 +370,7 @@ def functions():
         for module in modules()
         for name, value in ((name, getattr(module, name)) for name in dir(module))
         if callable(value) and not inspect.isclass(value) and not name.startswith("_")
+        if value is not mitsuba.check_llvm  # It takes no argument, and renders in another process.
     }
 
 
@@ -360,6 +385,32 @@ def row():
 
 def curve():
     return motion.nurbs(POINTS[:3], None, [0, 0, 0, 1, 1, 1], 2)
+
+
+@cache
+def renderer():
+    """Return Mitsuba in the variant that is tried."""
+    mitsuba.register("scalar_rgb")
+    import mitsuba as found
+
+    return found
+
+
+@cache
+def film():
+    return renderer().load_dict({"type": "hdrfilm", "width": 4, "height": 4})
+
+
+@cache
+def loaded():
+    sensor = {"type": "perspective", "film": film()}
+    return renderer().load_dict({"type": "scene", "sensor": sensor, "integrator": {"type": "path"}})
+
+
+def plug_in():
+    """Return a sampler of ours that Mitsuba has made."""
+    wrapped = mitsuba.wrap(nouns()["sampler"])
+    return renderer().load_dict({"type": "qmcjax", "sampler": wrapped, "film": film()})
 
 
 OBJECTS = {
@@ -396,8 +447,17 @@ OBJECTS = {
         "__call__ varies unresolved",
     ),
     "choice": (lambda: qmcjax.recommend(2, 4), "sampler"),
+    "warp.normal": (lambda: warps.normal(2), "__call__ inverse density"),
+    "warp.triangle": (lambda: warps.triangle([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), "__call__ inverse density"),
+    "warp.hemisphere": (warps.hemisphere, "__call__ inverse density"),
+    "warp.simplex": (lambda: warps.simplex(2), "__call__ inverse density"),
+    "warp.discrete": (lambda: warps.discrete([1, 0, 3]), "__call__ inverse density"),
     "scrambling": (lambda: orders.scrambled_morton(4, 4, 1), "scrambled"),
-    "z": (lambda: samplers.z(4, 4, 4, 1), "extended adaptive"),
+    "z": (lambda: samplers.z(4, 4, 4, 1, frames=4), "extended adaptive at_frame"),
+    "frames.order": (lambda: orders.morton3(4, 4, 4, 1), "position pixel at_frame"),
+    "frames.curve": (lambda: orders.hilbert3(4, 4, 4), "position pixel at_frame"),
+    "frames.sequence": (lambda: sequences.in_time(nouns()["sequence"]), "at_frame"),
+    **({"plug_in": (plug_in, "seek")} if MITSUBA else {}),
 }
 """What functions return, and methods of it."""
 
@@ -436,10 +496,18 @@ def right_call(qualified):
 
 # fmt: off
 RELATED = {
+    "analysis.filtered_error.time": "image",
+    "analysis.error_spectrum.animated": "image",
     "qmcjax.integrate.replicates": "key", "qmcjax.render_adaptive.tolerance": "sampler",
     "qmcjax.sequences.faure.dims": "base", "qmcjax.sequences.inverted.log_side": "net",
     "qmcjax.sequences.korobov.n": "a", "qmcjax.sequences.sobol_matrix.polynomial": "initial",
+    "qmcjax.bridges.seeds.sampler": "other",
     "qmcjax.scenes.ball.starts": "ends", "qmcjax.bridges.read_points.dims": "given.csv",
+    "qmcjax.bridges.source.sampler": "width", "qmcjax.bridges.source.spp": "width",
+    "qmcjax.sequences.read_matrices.base": "given.txt",
+    "qmcjax.sequences.read_matrices.max_bytes": "given.txt",
+    "qmcjax.sequences.read_lattice.n": "given_lattice.txt",
+    "qmcjax.sequences.read_lattice.max_bytes": "given_lattice.txt",
     "qmcjax.bridges.read_points.max_bytes": "given.csv", "analysis.read_points.dims": "given.csv",
     "analysis.read_points.max_bytes": "given.csv", "analysis.convergence.width": "reference",
     "analysis.convergence.height": "reference|regions", "analysis.squared_min_distance.side": "points",

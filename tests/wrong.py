@@ -14,7 +14,7 @@ from qmcjax import orders, samplers, scenes, sequences, tracing
 
 VALUES = {
     "analysis.compare": dict(keys=[0], samplers=[{}], spps=[[4, 4], []], width=[16]),
-    "analysis.filtered_error": dict(sigma=[0.0]),
+    "analysis.filtered_error": dict(sigma=[-1.0], time=[-1.0, [0.0], [[1.0]]]),
     "analysis.interval_counts": dict(digits=[(1,), (1, -1), (20, 9)], points=[np.zeros((1, 65))]),
     "analysis.neighbour_differences": dict(base=[1]),
     "analysis.optimize_scrambling": dict(measure=[lambda p: p, lambda p: jnp.sqrt(-jnp.sum(p))], steps=[0]),
@@ -60,18 +60,28 @@ VALUES = {
     "plot.spectrum": dict(spectra=[np.zeros(3)]),
     "qmcjax.bridges.bake": dict(bits=[12], dims=[(7,)], tile=[(4, 0)]),
     "qmcjax.bridges.bake_mask": dict(mask=[[[1.0]]]),
+    "qmcjax.bridges.source": dict(
+        dims=[(7,)], height=[0], language=["rust"], name=["my sampler", "float"], spp=[0], width=[0]
+    ),
     "qmcjax.bridges.tabulate": dict(n=[0]),
     "qmcjax.bridges.write_image": dict(bits=[12], image=[[[0.0, 1.0, np.inf]], [0.5]], transfer=["x"]),
     "qmcjax.bridges.write_points": dict(path=["a.xyz"], points=[[[np.nan]]]),
     "qmcjax.integrate": dict(
-        dtype=[jnp.float16], function=[jnp.sum, lambda p: ()], key=[2], n=[0], replicates=[1]
+        dtype=[jnp.float16],
+        function=[jnp.sum, lambda p: ()],
+        interval=["median", "t"],
+        key=[2],
+        limits=[(0, 1), ()],
+        n=[0],
+        replicates=[1],
+        tolerance=[0.0, 1.0],
     ),
     "qmcjax.orders.peano": dict(height=[59050]),
     "qmcjax.orders.permutation": dict(
         image=[[[0, 1], [1, 2]], [[0, 1], [4, 2]], [[0, 1], [-1, 2]], [0, 1], np.zeros((0, 3), int)]
     ),
     "qmcjax.orders.scrambled_morton": dict(alphabet=[65537, 16], key=[-1, 2**32], variant=["z"]),
-    "qmcjax.recommend": dict(needs=[1, 251, ("x",)], spp=[0]),
+    "qmcjax.recommend": dict(needs=[1, 251, ("x",)], spp=[0], frames=[0], size=[(0, 16)]),
     "qmcjax.render": dict(dtype=[jnp.float16], height=[-2], spp=[0], width=[0]),
     "qmcjax.render_passes": dict(passes=[1], tolerance=[0.0]),
     "qmcjax.samplers.blue_noise_mask": dict(channels=[3]),
@@ -155,6 +165,7 @@ VALUES = {
     "qmcjax.sequences.net_by_net": dict(
         candidates=[0], n=[0], sequence=[sequences.digital(np.zeros((1, 32), np.uint32))]
     ),
+    "qmcjax.sequences.niederreiter_xing": dict(dims=[0, 12]),
     "qmcjax.sequences.one_two": dict(dims=[0, 21]),
     "qmcjax.sequences.optimized_net": dict(m=[0, 33]),
     "qmcjax.sequences.optimized_net_3d": dict(m=[1, 17]),
@@ -169,7 +180,9 @@ VALUES = {
     "qmcjax.sequences.poisson_disk": dict(radius=[0.0, float("nan")]),
     "qmcjax.sequences.quad_optimized": dict(dims=[0, 33]),
     "qmcjax.sequences.rank1_lattice": dict(dims=[4], n=[0, 2**22 + 1]),
-    "qmcjax.sequences.record_net": dict(dims=[4], n=[17]),
+    "qmcjax.sequences.record_net": dict(dims=[1, 7], discrepancy=["l2"], n=[17]),
+    "qmcjax.sequences.read_lattice": dict(max_bytes=[0], n=[0, 2**33]),
+    "qmcjax.sequences.read_matrices": dict(base=[1, 257], max_bytes=[0]),
     "qmcjax.sequences.replace_component": dict(q=[9]),
     "qmcjax.sequences.roberts": dict(dims=[0, 65]),
     "qmcjax.sequences.rotate": dict(offset_or_key=[[0.5], 0.5, [0.5, 1.0], [-0.25, 0.0], [np.nan, 0.0]]),
@@ -181,6 +194,10 @@ VALUES = {
     "qmcjax.sequences.tabulated": dict(points=[[0.5], [[0.5, 1.0]], [[np.nan]]]),
     "qmcjax.sequences.uniform": dict(dims=[0], key=[2**40, -1]),
     "qmcjax.sequences.van_der_corput": dict(base=[1, -3]),
+    "qmcjax.warps.discrete": dict(weights=[[], [0.0], [-1.0, 2.0], [np.inf]]),
+    "qmcjax.warps.normal": dict(dims=[0, 65537]),
+    "qmcjax.warps.simplex": dict(dims=[0, 33]),
+    "qmcjax.warps.triangle": dict(vertices=[np.zeros((3, 2)), np.eye(2), [[0, 0], [1, 1], [2, 2]]]),
     "tracing.box": dict(high=[[1, 0, 1]]),
     "tracing.camera": dict(
         aperture=[0],
@@ -240,11 +257,19 @@ TYPES = {
     "qmcjax.bridges.bake_mask": dict(mask=[[1]]),
     "qmcjax.bridges.bake_matrices": dict(sequence=[sequences.halton(2), sequences.tabulated([[0.5]])]),
     "qmcjax.bridges.bake_order": dict(order=[3]),
+    "qmcjax.bridges.source": dict(height=[4.5], name=[3], sampler=[3], spp=[0.5], width=["4"]),
     "qmcjax.bridges.tabulate": dict(generator=[qmc.Sobol]),
     "qmcjax.bridges.write_points": dict(path=[3], points=[[[1]]]),
     "qmcjax.integrate": dict(function=[3], n=[9.0]),
     "qmcjax.orders.permutation": dict(image=[[[0.0, 1.0]], [[0, 1], [2]], None]),
-    "qmcjax.recommend": dict(needs=[2.0, "x", sequences.sobol(2), scenes.disc], smooth=[1], filtered=["yes"]),
+    "qmcjax.recommend": dict(
+        needs=[2.0, "x", sequences.sobol(2), scenes.disc],
+        smooth=[1],
+        filtered=["yes"],
+        frames=[1.5],
+        progressive=[1],
+        size=[16],
+    ),
     "qmcjax.samplers.contiguous": dict(order=[(512, 512)]),
     "qmcjax.samplers.independent": dict(key=[None]),
     "qmcjax.samplers.z": dict(sequence=[sequences.halton(2)]),

@@ -24,6 +24,11 @@ with 3000 at 0.932; permutations of quadrants, searched as in ``make_optimized_o
 blocks, errors after a Gaussian of 6 pixels are larger, by 41 % for half spaces and 86 % for the kernel
 exp(-1.5 |a - b|**2).
 
+For 4 and 16 samples in four coordinates these maps have 0.840 and 0.827, linear maps without blocks 0.820 and
+0.803; for one sample in eight 0.928 and 0.912. Exchanging pixels, with 400 trials per pixel, improves none.
+A permutation made for one key of the scrambling, for one sample in four coordinates, has 0.777 for that key,
+where these maps have 0.823, but 0.93 and 0.96 after two random digital shifts of its points.
+
 References
 ----------
 .. [1] I. J. Schoenberg, "Metric spaces and completely monotone functions", 1938: the mixture.
@@ -226,28 +231,45 @@ def hilbert_energy(of_pixels: NDArray[np.float64]) -> float:
     return total
 
 
-def search(dims: int, log_count: int, report: Callable[[str], None] = print) -> NDArray[np.int64]:
-    """Return the word of each bit of a Morton code: an index whose lowest digits are those of a sample."""
-    columns = np.asarray(SEQUENCES[dims](dims).matrices)
-    xors = filter_xors()
+def relative(columns: NDArray[np.uint32], log_count: int) -> list[NDArray[np.float64]]:
+    """Return mean covariances of both kernels, over the errors along the Hilbert curve.
+
+    Entry k is of the means of the first ``2**k`` samples.
+    """
     of_points = covariances(columns, log_count)
     tables = []
     for log_first in range(log_count + 1):
         blocks = [of_blocks(one, log_count, log_first) for one in of_points]
         along = [hilbert_energy(one) for one in blocks]
         tables.append(np.mean([one / of for one, of in zip(blocks, along, strict=True)], axis=0))
-    *of_first, of_pixels = tables
-    start = 2 ** np.arange(2 * LOG_SIDE)
-    found = [_anneal(of_pixels, *xors, start, TRIALS, HOT, COLD, seed) for seed in range(STARTS)]
-    least, words = min(found, key=lambda one: one[0])
-    report(f"{dims} coordinates, {2**log_count} samples: filtered {np.sqrt(least):.4f} of Hilbert's")
-    words = words << log_count
+    return tables
+
+
+def ranked(
+    words: NDArray[np.int64],
+    of_first: list[NDArray[np.float64]],
+    xors: Xors,
+    log_count: int,
+    report: Callable[[str], None],
+) -> NDArray[np.int64]:
+    """Search the last digits of the words, which choose the first samples of the pixels."""
     if log_count:
         words = _anneal_ranks(tuple(of_first), *xors, words, RANK_TRIALS, HOT, COLD, log_count)
         for k, table in enumerate(of_first):
             found_first = np.sqrt(_energy(table, k, words, *xors))
             report(f"  the first {2**k}: {found_first:.4f} of Hilbert's with as many in all")
     return words
+
+
+def search(dims: int, log_count: int, report: Callable[[str], None] = print) -> NDArray[np.int64]:
+    """Return the word of each bit of a Morton code: an index whose lowest digits are those of a sample."""
+    xors = filter_xors()
+    *of_first, of_pixels = relative(np.asarray(SEQUENCES[dims](dims).matrices), log_count)
+    start = 2 ** np.arange(2 * LOG_SIDE)
+    found = [_anneal(of_pixels, *xors, start, TRIALS, HOT, COLD, seed) for seed in range(STARTS)]
+    least, words = min(found, key=lambda one: one[0])
+    report(f"{dims} coordinates, {2**log_count} samples: filtered {np.sqrt(least):.4f} of Hilbert's")
+    return ranked(words << log_count, of_first, xors, log_count, report)
 
 
 HEAD = """\

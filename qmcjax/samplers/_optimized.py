@@ -148,9 +148,12 @@ def optimized(
 
     Notes
     -----
-    With ``frames``, the sequence moves by :func:`~qmcjax.sequences.in_time`: in every aligned window of
+    With ``frames``, the sequence moves as by :func:`~qmcjax.sequences.in_time`: in every aligned window of
     ``2**k`` x ``2**k`` pixels and ``2**j`` frames, each coordinate has exactly one sample in each of ``4**k *
-    2**j * spp`` equal intervals.
+    2**j * spp`` equal intervals. In three and four dimensions, the words that are added to the points of a
+    frame were searched in four, together with a linear map of their own, for small errors after filters in
+    space and time: 32 frames, after which Sobol's go on. There are tables for 1, 2, and 4 samples; larger
+    numbers use the last one.
 
     The samples of every aligned square of ``2**k`` pixels per side are an aligned block of ``2**m`` points of
     the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel one of ``2**j``. So they are

@@ -1,39 +1,66 @@
 """One scrambled sequence of all coordinates, its blocks given to pixels by a searched linear map."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from importlib import resources
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax import orders
-from qmcjax.samplers._contiguous import Contiguous, contiguous
-from qmcjax.sequences import Digital, digital, in_time, niederreiter_xing, owen, sobol
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._contiguous import Contiguous
+from qmcjax.sequences import Digital, InTime, digital, in_time, niederreiter_xing, owen, sobol
 
 SMALL_DIMS = 4
-"""Most dimensions with Niederreiter-Xing's sequence, and those of its table."""
+"""Most dimensions with Niederreiter-Xing's sequence or, in animations, searched frames: those of tables."""
+
+_TIMES = (2, 0, 1, 3)
+"""Coordinates of Sobol's sequence with the columns of the matrices of frames that were not searched."""
+
+_PIXEL_BITS = 16
+
+_LINES_FROM = 4096
+"""Number of pixels from which tables of columns and rows pay off."""
+
+
+def _rows(name: str) -> list[list[str]]:
+    text = (resources.files("qmcjax.samplers") / "_data" / name).read_text()
+    return [line.split() for line in text.splitlines() if not line.startswith("#")]
 
 
 @cache
-def _tables() -> dict[tuple[int, int], NDArray[np.int64]]:
-    """Read the indices of the bits of Morton codes, by dimensions and binary logarithm of the samples."""
-    text = (resources.files("qmcjax.samplers") / "_data" / "optimized_joint.txt").read_text()
-    lines = [line.split() for line in text.splitlines() if not line.startswith("#")]
+def _tables(dims: int) -> dict[int, NDArray[np.int64]]:
+    """Read the indices of the bits of Morton codes, by binary logarithm of the samples."""
     return {
-        (int(dims), int(digits)): np.array([int(word, 16) for word in words], np.int64)
-        for dims, digits, *words in lines
+        int(digits): np.array([int(word, 16) for word in words], np.int64)
+        for of, digits, *words in _rows("optimized_joint.txt")
+        if int(of) == dims
     }
 
 
-def index_bits(dims: int, digits: int) -> NDArray[np.uint32]:
+@cache
+def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32]]]:
+    """Read such indices for animations, and the first columns of the matrices of frames."""
+    indices, frames = {}, {}
+    for digits, *words in _rows("optimized_moving.txt"):
+        numbers = np.array([int(word, 16) for word in words], np.int64)
+        indices[int(digits)] = numbers[:_PIXEL_BITS]
+        frames[int(digits)] = numbers[_PIXEL_BITS:].astype(np.uint32).reshape(SMALL_DIMS, -1)
+    return indices, frames
+
+
+def index_bits(tables: Mapping[int, NDArray[np.int64]], digits: int) -> NDArray[np.uint32]:
     """Return the index in the sequence that each bit of a Morton-ordered index stands for.
 
     Parameters
     ----------
-    dims : int, of the table
+    tables : mapping from a binary logarithm of the number of samples to indices of the bits of Morton codes
     digits : int, binary logarithm of the number of samples
 
     Returns
@@ -41,9 +68,8 @@ def index_bits(dims: int, digits: int) -> NDArray[np.uint32]:
     uint32 array, shape (32,)
         Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32.
     """
-    tables = _tables()
-    known = min(digits, max(number for _, number in tables))
-    words = tables[dims, known] >> known << digits if known < digits else tables[dims, digits]
+    known = min(digits, max(tables))
+    words = tables[known] >> known << digits if known < digits else tables[digits]
     # The word of a bit has no higher bits than those of its level.
     used = min(len(words), (32 - digits) // 2 * 2)
     found = np.uint32(1) << np.arange(32, dtype=np.uint32)
@@ -56,13 +82,54 @@ def _reordered(sequence: Digital, bits: NDArray[np.uint32]) -> Digital:
     return replace(digital(sequence.bits(bits).T), upper=sequence.upper)
 
 
-def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Contiguous:
+@frozen_pytree
+class Joint(Contiguous):
+    """Contiguous blocks along the Morton order: points are linear over F2 in the digits of x and y."""
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the states of many pixels from those of all columns and all rows: no products for each."""
+        side, _ = self.order.raster
+        if x.size < max(side, _LINES_FROM):
+            return super().prepare(x, y, dims)
+        columns, rows = self._lines(side, side, dims)
+        return jax.tree.map(
+            lambda column, row: (
+                column.at[x].get(mode="promise_in_bounds") ^ row.at[y].get(mode="promise_in_bounds")
+            ),
+            columns,
+            rows,
+        )
+
+    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
+        columns, rows = self._lines(width, height, dims)
+        return jax.tree.map(lambda column, row: column[None, :] ^ row[:, None], columns, rows)
+
+    def _lines(self, width: int, height: int, dims: tuple[int, ...]) -> tuple[Any, Any]:
+        """Return the states of the pixels of the first row, and of the first column."""
+        x, y = jnp.arange(width, dtype=jnp.uint32), jnp.arange(height, dtype=jnp.uint32)
+        first = super().prepare
+        return first(x, jnp.zeros_like(x), dims), first(jnp.zeros_like(y), y, dims)
+
+
+def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Joint:
     """Sample all coordinates by one Owen-scrambled sequence, as :func:`optimized` describes."""
     order, digits = orders.morton(width, height), spp.bit_length() - 1
     # Coordinates of Niederreiter and Xing's are not nets of t = 0, as windows of pixels and frames need.
     if dims <= SMALL_DIMS and order.length * spp <= 2**32 and not moving:
-        sequence, of_table = niederreiter_xing(dims), SMALL_DIMS
+        sequence, tables = niederreiter_xing(dims), _tables(SMALL_DIMS)
     else:
-        sequence, of_table = sobol(dims), 2 * SMALL_DIMS
-    scrambled: Any = owen(_reordered(sequence, index_bits(of_table, digits)), key)
-    return contiguous(order, in_time(scrambled) if moving else scrambled, spp)
+        sequence = sobol(dims)
+        tables = _moving()[0] if moving and dims <= SMALL_DIMS else _tables(2 * SMALL_DIMS)
+    scrambled: Any = owen(_reordered(sequence, index_bits(tables, digits)), key)
+    return Joint(order, _in_time(scrambled, digits) if moving else scrambled, spp)
+
+
+def _in_time(sequence: Any, digits: int) -> InTime:
+    """Return a sequence that moves, in few dimensions by searched matrices of frames."""
+    moved, (_, frames) = in_time(sequence), _moving()
+    if sequence.dims > SMALL_DIMS:
+        return moved
+    searched = frames[min(digits, max(frames))]
+    others = sobol(SMALL_DIMS).matrices[np.array(_TIMES), searched.shape[1] :]
+    times = jnp.concatenate([jnp.asarray(searched), others], axis=1)[: sequence.dims]
+    return replace(moved, times=digital(times))

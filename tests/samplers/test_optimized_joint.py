@@ -9,8 +9,10 @@ import pytest
 from tables import first, slow
 
 import analysis
-from figures.shared import integrands_of_dims
+from figures.ours import space_time
+from figures.shared import animations, integrands_of_dims
 from qmcjax import orders, samplers, sequences
+from qmcjax.sequences._protocol.fraction import Fraction
 
 KEY = 5
 SEQUENCES = {4: sequences.niederreiter_xing, 8: sequences.sobol}
@@ -81,6 +83,77 @@ def test_points_are_those_of_the_sequence_at_mapped_indices(dims, spp):
     every = tuple(range(dims))
     assert np.array_equal(sampler(x, y, sample, every), scrambled(dims)(index))
     assert np.array_equal(sampler(x, y, sample, every[1:3]), scrambled(dims)(index)[:, 1:3])
+
+
+def moving_rows():
+    """Return the words of pixels and the columns of frames of animations, by number of samples."""
+    text = (resources.files("qmcjax.samplers") / "_data" / "optimized_moving.txt").read_text()
+    lines = [line.split() for line in text.splitlines() if line[0] != "#"]
+    found = {}
+    for k, *words in lines:
+        numbers = [int(word, 16) for word in words]
+        found[2 ** int(k)] = numbers[:16], np.array(numbers[16:]).reshape(4, -1)
+    return found
+
+
+def test_columns_of_frames_are_triangular_and_words_of_their_levels():
+    """So each coordinate is stratified in windows of pixels and frames."""
+    for spp, (words, columns) in moving_rows().items():
+        for level in range(8):
+            one, other = (words[2 * level + k] // spp >> 2 * level for k in (0, 1))
+            assert sorted({0, one, other, one ^ other}) == [0, 1, 2, 3]
+        for k in range(columns.shape[1]):
+            assert np.all(columns[:, k] >> (31 - k) & 1 == 1)
+            assert np.all(columns[:, k] & (2 ** (31 - k) - 1) == 0)
+
+
+@pytest.mark.parametrize(("dims", "spp"), [(4, 1), *slow_cases((3, 4), (4, 16))])
+def test_frames_are_those_of_the_searched_matrices(dims, spp):
+    """Point i of frame t is that of Sobol's sequence xor the triangle of binomials times the columns of t."""
+    sampler = samplers.optimized(64, 64, spp, KEY, dims, frames=99)
+    words, columns = moving_rows()[min(spp, 4)]
+    sobol = sequences.sobol(4)
+    further = np.asarray(sobol.matrices)[[2, 0, 1, 3], columns.shape[1] :].astype(np.int64)
+    columns = np.concatenate([columns, further], axis=1)
+    rng = np.random.default_rng(2)
+    x, y, sample = (rng.integers(0, n, 20) for n in (64, 64, spp))
+    index = sample.copy()
+    if spp > 4:
+        words = [word // 4 * spp for word in words]
+    for k in range(6):
+        index ^= np.where(x >> k & 1, words[2 * k], 0) ^ np.where(y >> k & 1, words[2 * k + 1], 0)
+    for t in (0, 1, 6, 77, 1000):
+        word = np.zeros(4, np.int64)
+        for k in range(10):
+            word ^= columns[:, k] if t >> k & 1 else 0
+        binomials = [[(row & k) == k for k in range(32)] for row in range(32)]
+        digits = np.array(binomials) @ (word >> np.arange(31, -1, -1)[:, None] & 1) % 2
+        moved = np.sum(digits << np.arange(31, -1, -1)[:, None], axis=0)
+        bits = np.asarray(sobol.bits(index.astype(np.uint32))) ^ moved.astype(np.uint32)
+        scrambled = sequences.owen(sequences.sobol(dims), KEY)
+        expected = scrambled.mapped(
+            Fraction(lambda bits=bits: jnp.asarray(bits[:, :dims])), tuple(range(dims))
+        )
+        found = sampler.at_frame(t)(x, y, sample, tuple(range(dims)), jnp.float64)
+        assert np.array_equal(np.asarray(found) * 2.0**32, np.asarray(expected.word(), np.float64))
+
+
+@pytest.mark.parametrize("dims", [3, *slow(4, 5)])
+@pytest.mark.parametrize("frames", [None, 4])
+def test_states_of_many_pixels_are_those_of_each(dims, frames):
+    """They come from tables of columns and rows."""
+    wanted = tuple(range(dims))
+    for sampler in (
+        samplers.optimized(100, 70, 2, KEY, dims, frames),
+        samplers.optimized(65536, 65536, 16, KEY, dims, frames),
+    ):
+        y, x = np.mgrid[:70, :100].astype(np.uint32)
+        whole = sampler.prepare_image(100, 70, wanted)
+        many = sampler.prepare(jnp.asarray(x), jnp.asarray(y), wanted)
+        each = jax.vmap(lambda x, y, sampler=sampler: sampler.prepare(x, y, wanted))(x.ravel(), y.ravel())
+        for one, other, expected in zip(*map(jax.tree.leaves, (whole, many, each)), strict=True):
+            assert np.array_equal(one, np.reshape(expected, (70, 100)))
+            assert np.array_equal(other, one)
 
 
 @pytest.mark.parametrize(("dims", "spp"), CASES)
@@ -184,6 +257,21 @@ def test_errors_are_smaller_after_the_filter_than_along_the_hilbert_curve(dims, 
     assert np.mean(logarithms) < np.log(MARGIN) + standard_error
 
 
+@pytest.mark.slow
+def test_errors_of_frames_are_smaller_than_along_the_hilbert_curve_after_all_filters():
+    """One sample, of equal sequences: by 4 standard errors, and 2 where the moving average is alone."""
+    ways = [animations.METHODS[f"{name}, in time"] for name in ("optimised orders", "Hilbert, Owen")]
+    logarithms = []
+    for key in range(1, 9):
+        of = [animations.errors(way(32, 1, 4, key), (32, 32, 32), 1, 4) for way in ways]
+        logarithms.append(np.log(space_time.columns(of[0])) - np.log(space_time.columns(of[1])))
+    mean = np.mean(logarithms, axis=0)
+    standard_error = np.std(logarithms, axis=0, ddof=1) / np.sqrt(len(logarithms))
+    in_space, alone, blocks = [0, 1, 2], 3, 5
+    assert np.all((mean + 4 * standard_error)[[*in_space, blocks]] < 0)
+    assert mean[alone] + 2 * standard_error[alone] < 0
+
+
 make = pytest.importorskip("analysis.tables.make_joint_orders", exc_type=ImportError)
 
 
@@ -222,3 +310,40 @@ def test_the_objective_is_the_energy_of_all_pairs_of_pixels():
     words = np.array(rows()[4, 1], np.int64)
     assert abs(make._energy(of_points, 0, words, *xors) / total - 1) < 1e-3
     assert total < 0.8 * make.hilbert_energy(of_points)
+
+
+moving = pytest.importorskip("analysis.tables.make_moving_orders", exc_type=ImportError)
+
+
+@pytest.mark.slow
+def test_the_objective_of_animations_is_that_of_images_and_that_of_points_over_time():
+    """After the filter in space alone, as ``make_joint_orders`` has it; blocks of frames, by their points."""
+    words, columns = moving_rows()[1]
+    sobol = np.asarray(sequences.sobol(4).matrices)
+    leading = sobol[:, :16].astype(np.int64) >> 32 - moving.DIGITS
+    pixels = np.zeros((4, 16), np.int64)
+    for bit, word in enumerate(words):
+        for k in range(16):
+            pixels[:, bit] ^= leading[:, k] * (word >> k & 1)
+    # Without the triangle, which keeps the common leading digits of frames alone.
+    frames = columns.astype(np.int64) >> 32 - moving.DIGITS
+    zeros = np.array([moving.DIGITS - int(word).bit_length() for word in range(2**moving.DIGITS)])
+    xors = make.filter_xors()
+    found = moving._energies(
+        moving.covariances(), zeros, pixels, frames, np.zeros((4, 0), np.int64), xors,
+        moving.frame_weights(),
+    )  # fmt: skip
+    of_points = np.mean(make.covariances(sobol, 0), axis=0)
+    expected = make._energy(of_points, 0, np.array(words), *xors)
+    assert abs(found[0] / expected - 1) < 2e-3
+    points = sequences.digital(columns_of(columns)).bits(first(8))
+    common = np.array([[32 - int(value).bit_length() for value in point] for point in np.asarray(points)])
+    table = moving.covariances().reshape((moving.DIGITS + 1,) * 4)
+    block = sum(float(table[tuple(np.minimum(one, moving.DIGITS))]) for one in common)
+    assert abs(found[4] / block - 1) < 1e-5
+
+
+def columns_of(columns):
+    """Return matrices with these columns first, and the identity after them."""
+    identity = np.tile(np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32), (4, 1))
+    return np.concatenate([columns.astype(np.uint32), identity[:, columns.shape[1] :]], axis=1)

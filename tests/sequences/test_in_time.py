@@ -35,6 +35,13 @@ SAMPLERS = {
     "z, plain": (2, 2, lambda: samplers.z(WIDTH, WIDTH, 2, None, "plain", frames=FRAMES)),
     "optimized": (2, 2, lambda: samplers.optimized(WIDTH, WIDTH, 2, 3, frames=FRAMES)),
     "optimized, joint": (2, 3, lambda: samplers.optimized(WIDTH, WIDTH, 2, 3, dims=3, frames=FRAMES)),
+    "optimized, 4-D": (1, 4, lambda: samplers.optimized(WIDTH, WIDTH, 1, 3, dims=4, frames=FRAMES)),
+    "optimized, 4-D, 8 samples": (
+        8,
+        4,
+        lambda: samplers.optimized(WIDTH, WIDTH, 8, 3, dims=4, frames=FRAMES),
+    ),
+    "optimized, 5-D": (2, 5, lambda: samplers.optimized(WIDTH, WIDTH, 2, 3, dims=5, frames=FRAMES)),
     "contiguous": (
         4,
         3,

@@ -1,8 +1,11 @@
 """Cells of the suite: what one entry is measured to with one number of dimensions and of samples."""
 
+import math
 import statistics
 import time
+from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +13,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.suite.entries import Entry
-from figures.suite.tasks import images, tasks
+from figures.suite.tasks import images
 
 MEASURES = ("RMS error", "filtered error", "perceived error", "low-frequency power")
 """Of images; entries without images have the first alone."""
@@ -31,6 +34,13 @@ TIMED = (4, 16, 3)
 """Dimensions and samples of the images whose points are timed, and how many of these, after the first."""
 
 
+FRAMES = 32
+"""Of an animation with one sample per pixel and frame; it repeats."""
+
+IN_TIME = analysis.moving_average(0.1)
+"""The filter in time: an average to which each frame adds a tenth, as of temporal anti-aliasing."""
+
+
 class Size(NamedTuple):
     """How much is measured."""
 
@@ -41,8 +51,12 @@ class Size(NamedTuple):
 
 SIZES = {
     "draft": Size(32, (1, 4, 16, 64), 16),
-    "paper": Size(64, (1, 2, 4, 8, 16, 32, 64, 128, 256), 16),
+    "paper": Size(64, (1, 4, 16, 64, 256), 16),
 }
+"""Numbers of samples are powers of 4: several samplers of other projects have no others."""
+
+THREADS = 2
+"""That measure images, while others are sampled."""
 
 
 def of_images(entry: Entry, dims: int, spp: int, size: Size, seed: int) -> NDArray[np.float64]:
@@ -50,22 +64,60 @@ def of_images(entry: Entry, dims: int, spp: int, size: Size, seed: int) -> NDArr
 
     If all keys give the same image, all but the first are NaN.
     """
-    count = len(tasks(dims, spp, entry.image))
-    found = np.full((size.keys, count, len(MEASURES)), np.nan)
     side = size.side if entry.image else REPLICATES
-    first: list[NDArray] = []
-    for key in range(size.keys):
-        made = images(entry.points(side, side, spp, dims, key), entry.image, seed)
-        first = first or [image for image, _ in made]
-        for task, (image, reference) in enumerate(made):
-            if key and np.array_equal(image, first[task]):
-                continue
-            if entry.image:
-                row = analysis.ComparisonRow.of_images("", "", spp, [image], reference, 0.0)
-                found[key, task] = [row.values[measure][0] for measure in MEASURES]
-            else:
-                found[key, task, 0] = np.sqrt(np.mean((image - reference) ** 2))
+    first = images(entry.points(side, side, spp, dims, 0), entry.image, seed)
+    found = np.full((size.keys, len(first), len(MEASURES)), np.nan)
+    found[0] = [_measures(image, reference, entry.image) for image, reference in first]
+
+    def measured(points: NDArray[np.float32]) -> list[list[float]]:
+        return [
+            [math.nan] * len(MEASURES)
+            if np.array_equal(image, before)
+            else _measures(image, reference, entry.image)
+            for (image, reference), (before, _) in zip(images(points, entry.image, seed), first, strict=True)
+        ]
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        pending: deque[tuple[int, Future[list[list[float]]]]] = deque()
+        for key in range(1, size.keys):
+            # Points are made in this thread: not all libraries have several.
+            points = entry.points(side, side, spp, dims, key)
+            if len(pending) == THREADS:
+                done, future = pending.popleft()
+                found[done] = future.result()
+            pending.append((key, pool.submit(measured, points)))
+        for done, future in pending:
+            found[done] = future.result()
     return found
+
+
+def _measures(image: NDArray, reference: NDArray, placed: bool) -> list[float]:
+    if not placed:
+        return [float(np.sqrt(np.mean((image - reference) ** 2))), *[math.nan] * (len(MEASURES) - 1)]
+    row = analysis.ComparisonRow.of_images("", "", 1, [image], reference, 0.0)
+    return [row.values[measure][0] for measure in MEASURES]
+
+
+def of_frames(entry: Entry, dims: int, size: Size, seed: int) -> NDArray[np.float64]:
+    """Return errors of animations after a filter in space and time, shape (keys, integrands).
+
+    Pixels must have a place in the image. An entry without frames has a new key in each: OpenQMC's key is its
+    own number of the frame.
+    """
+    side = size.side
+    zero = np.zeros((side, side))
+    found = []
+    for key in range(size.keys):
+        if entry.animation is None:
+            frames = [entry.points(side, side, 1, dims, FRAMES * key + frame) for frame in range(FRAMES)]
+            points = np.stack(frames)[:, :, :, 0]
+        else:
+            points = entry.animation(side, side, FRAMES, dims, key)
+        # Integrands are the same in every pixel: frames below each other are one image.
+        made = images(points.reshape(FRAMES * side, side, 1, dims), False, seed)
+        errors = [image.reshape(FRAMES, side, side) for image, _ in made]
+        found.append([analysis.filtered_error(error, zero, time=IN_TIME) for error in errors])
+    return np.array(found)
 
 
 def of_sets(entry: Entry, dims: int, spp: int, size: Size) -> NDArray[np.float64]:

@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     size = SIZES[given.quality]
     left_out: dict[str, list[str]] = {}
     failed: dict[str, str] = {}
-    total = len(taking_part) * (1 + 2 * len(DIMS) * len(size.spps))
+    total = sum(1 + len(DIMS) * (entry.image + 2 * len(size.spps)) for entry in taking_part.values())
     token = finished_cells.PLACE.set(Place(given.out / KEPT))
     try:
         with tqdm(total=total, disable=None) as bar:
@@ -102,7 +102,7 @@ def _measured(
         progress()
         return made
 
-    errors, sets = {}, {}
+    errors, sets, frames = {}, {}, {}
     for dims in DIMS:
         for spp in size.spps:
             made = cell(
@@ -116,8 +116,13 @@ def _measured(
             )
             if made is not None:
                 sets[dims, spp] = made
+    for dims in DIMS if entry.image else ():
+        made = cell(f"frames in {dims}-D", lambda d=dims: cells.of_frames(entry, d, size, given.held_out))
+        if made is not None:
+            frames[dims] = made
     seconds = cell("time", lambda: cells.of_time(entry, size))
-    return Measured(entry.image, errors, sets, math.nan if seconds is None else float(np.asarray(seconds)))
+    taken = math.nan if seconds is None else float(np.asarray(seconds))
+    return Measured(entry.image, errors, sets, frames, taken)
 
 
 @cache
@@ -161,9 +166,10 @@ def _parser() -> argparse.ArgumentParser:
         description="Measure samplers and sequences on integrands and scenes of 2, 4 and 8 dimensions: one "
         "CSV file, one page, one table.",
         epilog=f"""\
-An entry is module:function, which makes a sampler from those of {", ".join(entries.PARAMETERS)} that it has
-as parameters; or a file of points (.npy, text), in every pixel with a random rotation; or a name. A program
-writes its points to standard output: see figures/suite/programs.py for the protocol.
+An entry is module:function, which makes a sampler from those of {", ".join(entries.PARAMETERS)}
+and {entries.FRAMES} that it has as parameters; or a file of points (.npy, text), in every pixel with a random
+rotation; or a name. A program writes its points to standard output: see figures/suite/programs.py for the
+protocol.
 
 ours: {", ".join(RIVALS)}
 others here: {", ".join(rivals.rivals(None)) or "none"}

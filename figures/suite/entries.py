@@ -5,6 +5,7 @@ import importlib
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,32 @@ from numpy.typing import NDArray
 from analysis import read_points
 from figures.shared.imported_objects import imported
 from figures.shared.rivals import RIVALS, rotated
+from qmcjax import samplers
 from qmcjax.core.pytrees import jit
 from qmcjax.samplers import as_sampler
 
 Points = Callable[[int, int, int, int, int], NDArray[np.float32]]
 """From width, height, samples per pixel, dimensions and key to points (height, width, spp, dims)."""
 
+Animation = Callable[[int, int, int, int, int], NDArray[np.float32]]
+"""From width, height, frames, dimensions and key to one point per pixel, (frames, height, width, dims)."""
+
 BLOCK = 2**20
 """Coordinates that a sampler is asked for at a time."""
 
 PARAMETERS = ("width", "height", "spp", "dims", "key")
+
+FRAMES = "frames"
+"""A further parameter of functions: None for an image, or the frames of an animation with one sample."""
+
+ANIMATED: dict[str, Callable[..., Any]] = {
+    "dither": lambda dims, w, h, frames, key: RIVALS["dither"].make(dims, w, h, 1, key),
+    "ranked": lambda dims, w, h, frames, key: RIVALS["ranked"].make(dims, w, h, 1, key),
+    "z": lambda dims, w, h, frames, key: samplers.z(w, h, 1, key, dims=dims, frames=frames),
+    "optimized": lambda dims, w, h, frames, key: samplers.optimized(w, h, 1, key, dims, frames),
+    "designed": lambda dims, w, h, frames, key: samplers.designed(w, h, 1, key, dims, frames),
+}
+"""Those of ours that have frames."""
 
 
 class NotSupportedError(ValueError):
@@ -45,6 +62,10 @@ class Entry:
     points: Points
     image: bool = True
     """Whether pixels have a place: else they are replicates of a sequence, and there are no images of it."""
+    project: str = ""
+    """The other project whose own code it is, if any."""
+    animation: Animation | None = None
+    """Its frames, if it has any; else each frame has a key of its own."""
 
 
 def known(name: str) -> Entry:
@@ -54,7 +75,10 @@ def known(name: str) -> Entry:
     def points(width: int, height: int, spp: int, dims: int, key: int) -> NDArray[np.float32]:
         return sampled(_tried(rival.make, dims, width, height, spp, key), width, height, spp, dims)
 
-    return Entry(name, f"qmcjax: {rival.name}", name, points)
+    animation = None
+    if name in ANIMATED:
+        animation = partial(_frames, lambda *given: _tried(ANIMATED[name], *given))
+    return Entry(name, f"qmcjax: {rival.name}", name, points, animation=animation)
 
 
 def of_function(text: str) -> Entry:
@@ -70,18 +94,26 @@ def of_function(text: str) -> Entry:
     if not callable(made):
         raise TypeError(f"{text} must be a function that makes a sampler, got {made!r}")
     names = list(inspect.signature(made).parameters)
-    others = [each for each in names if each not in PARAMETERS]
+    others = [each for each in names if each not in (*PARAMETERS, FRAMES)]
     if others:
-        raise TypeError(f"{text} must have parameters among {', '.join(PARAMETERS)}, got {', '.join(others)}")
+        among = ", ".join((*PARAMETERS, FRAMES))
+        raise TypeError(f"{text} must have parameters among {among}, got {', '.join(others)}")
     file = importlib.import_module(module).__file__
     digest = hashlib.sha256(Path(file).read_bytes() if file else b"").hexdigest()
 
-    def points(width: int, height: int, spp: int, dims: int, key: int) -> NDArray[np.float32]:
-        given: dict[str, int] = dict(zip(PARAMETERS, (width, height, spp, dims, key), strict=True))
-        sampler = _tried(lambda: made(**{each: given[each] for each in names}))
-        return sampled(sampler, width, height, spp, dims)
+    def sampler(frames: int | None, width: int, height: int, spp: int, dims: int, key: int) -> Any:
+        given: dict[str, int | None] = dict(zip(PARAMETERS, (width, height, spp, dims, key), strict=True))
+        given[FRAMES] = frames
+        return _tried(lambda: made(**{each: given[each] for each in names}))
 
-    return Entry(name, f"function {text}", digest, points)
+    def points(width: int, height: int, spp: int, dims: int, key: int) -> NDArray[np.float32]:
+        return sampled(sampler(None, width, height, spp, dims, key), width, height, spp, dims)
+
+    def of_frames(dims: int, width: int, height: int, frames: int, key: int) -> Any:
+        return sampler(frames, width, height, 1, dims, key)
+
+    animation = partial(_frames, of_frames) if FRAMES in names else None
+    return Entry(name, f"function {text}", digest, points, animation=animation)
 
 
 def of_points(path: Path) -> Entry:
@@ -135,6 +167,14 @@ def sampled(sampler: Any, width: int, height: int, spp: int, dims: int) -> NDArr
         of_block = _block(sampler, prepared, np.uint32(start), width, height, together, dims)
         found[start : start + together] = np.asarray(of_block)
     return np.moveaxis(found, 0, 2)
+
+
+def _frames(
+    make: Callable[[int, int, int, int, int], Any], width: int, height: int, frames: int, dims: int, key: int
+) -> NDArray[np.float32]:
+    sampler = make(dims, width, height, frames, key)
+    made = [sampled(sampler.at_frame(frame), width, height, 1, dims) for frame in range(frames)]
+    return np.stack(made)[:, :, :, 0]
 
 
 @jit("width", "height", "dims")

@@ -9,10 +9,11 @@ cancel, so that the sum is taken in fractions.
 """
 
 import math
+from collections.abc import Callable
 from fractions import Fraction
-from functools import cache
+from functools import cache, reduce
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -69,17 +70,27 @@ def drawn(dims: int, seed: int = 0) -> Integrands:
 
 
 def values(of: Integrands, points: Array) -> Array:
-    """Return the values of all integrands, shape (n, 5 * COUNT), class by class, of points (n, dims)."""
-    below = []
-    for normal, offset, reflected in zip(of.normal, of.offset, of.reflected, strict=True):
-        x = jnp.abs(reflected[None] - points[:, :, None])
-        below.append(offset[None] - jnp.sum(normal[None] * x, axis=1))
-    x = points[:, :, None]
-    inside = jnp.all((of.low[None] <= x) & (x < of.high[None]), axis=1)
-    bumps = jnp.exp(-WIDTH * jnp.sum((x - of.centre[None]) ** 2, axis=1))
-    waves = 1 + AMPLITUDE * jnp.sin(of.frequency[None] * x + of.phase[None])
-    made = [below[0] > 0, inside, jnp.maximum(below[1], 0), bumps, jnp.prod(waves, axis=1)]
-    return jnp.concatenate([part.astype(points.dtype) for part in made], axis=1)
+    """Return the values of all integrands, shape (5 * COUNT, n), class by class, of points (n, dims).
+
+    Points are the last axis, and dimensions a loop: so XLA takes neighbouring points at a time.
+    """
+    x = [points[None, :, j] for j in range(points.shape[1])]
+
+    def over(term: Callable[..., Array], join: Callable[..., Array], *arrays: Any) -> Array:
+        terms = (term(x[j], *(array[j][:, None] for array in arrays)) for j in range(len(x)))
+        return reduce(join, terms)
+
+    below = [
+        offset[:, None] - over(lambda x, a, r: a * jnp.abs(r - x), jnp.add, normal, reflected)
+        for normal, offset, reflected in zip(of.normal, of.offset, of.reflected, strict=True)
+    ]
+    inside = over(lambda x, low, high: (low <= x) & (x < high), jnp.logical_and, of.low, of.high)
+    bumps = jnp.exp(-WIDTH * over(lambda x, c: (x - c) ** 2, jnp.add, of.centre))
+    waves = over(
+        lambda x, f, phase: 1 + AMPLITUDE * jnp.sin(f * x + phase), jnp.multiply, of.frequency, of.phase
+    )
+    made = [below[0] > 0, inside, jnp.maximum(below[1], 0), bumps, waves]
+    return jnp.concatenate([part.astype(points.dtype) for part in made])
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from figures.making import store, this_machine
 from figures.page import Markup, fill, join, static
-from figures.suite import integrands
+from figures.suite import curves, integrands
 from figures.suite.cells import Size
 from figures.suite.entries import Entry
 from figures.suite.results import FORMAT, Measured, Score, families, ratios, rows, scores
@@ -16,7 +16,7 @@ from figures.suite.tasks import DIMS, EXACT, TRACED
 TABLE, SCORES, PAGE = "suite.csv", "scores.json", "index.html"
 MARKDOWN, LATEX = "suite.md", "suite.tex"
 
-SUMMARY = ("rms", "filtered")
+SUMMARY = ("rms", "filtered", "in_time")
 """Measures of the summary."""
 
 NAMES = {
@@ -25,6 +25,7 @@ NAMES = {
     "perceived": "perceived error",
     "low_frequency": "power below 1/16 cycle per pixel",
     "rms_prefix": "RMS error of prefixes",
+    "in_time": "error of frames filtered in space and time",
 }
 
 
@@ -57,8 +58,16 @@ def write(found: Mapping[str, Measured], entries: Mapping[str, Entry], about: Ab
     heads, cells = summary(summed, found)
     store.write(folder / MARKDOWN, markdown(heads, cells).encode())
     store.write(folder / LATEX, latex(heads, cells).encode())
-    store.write(folder / PAGE, _page(scored, found, entries, about, heads, cells).encode())
+    pictures = curves.drawn(found, entries, about.size.spps)
+    for family, picture in pictures.items():
+        store.write(folder / file_of(family), picture.encode())
+    store.write(folder / PAGE, _page(scored, found, entries, about, heads, cells, list(pictures)).encode())
     return folder / PAGE
+
+
+def file_of(family: str) -> str:
+    """Return the name of the picture of a family of tasks."""
+    return f"{family.replace(' ', '-')}.svg"
 
 
 def stored(
@@ -107,11 +116,14 @@ def summary(
     summed: Mapping[str, Mapping[str, Mapping[str, Score]]], found: Mapping[str, Measured]
 ) -> tuple[list[str], list[list[str]]]:
     """Return heads and rows of the summary: a column for each family and measure, and the time."""
-    columns = [f"{dims}-D" for dims in DIMS] + [EXACT, TRACED]
-    heads = ["entry", *(f"{family}, {NAMES[measure]}" for family in columns for measure in SUMMARY)]
+    families = [f"{dims}-D" for dims in DIMS] + [EXACT, TRACED]
+    # Animations are of integrands alone.
+    columns = [(family, measure) for family in families for measure in SUMMARY]
+    columns = [c for c in columns if any(c[0] in of[c[1]] for of in summed.values())]
+    heads = ["entry", *(f"{family}, {NAMES[measure]}" for family, measure in columns)]
     made = []
     for name, of in summed.items():
-        scores_of = [of[measure].get(family) for family in columns for measure in SUMMARY]
+        scores_of = [of[measure].get(family) for family, measure in columns]
         row = [_shown(score and score.middle) for score in scores_of]
         seconds = found[name].seconds
         made.append([name, *row, _shown(None if seconds != seconds else seconds)])
@@ -148,6 +160,7 @@ def _page(
     about: About,
     heads: Sequence[str],
     cells: Sequence[Sequence[str]],
+    pictures: Sequence[str],
 ) -> Markup:
     parts = []
     for dims in DIMS:
@@ -172,6 +185,10 @@ def _page(
         about=about.sentence(),
         machine=f"{machine['processor']}, {machine['cores']} cores, JAX {machine['jax']}",
         summary=_table("Summary", heads, cells),
+        curves=join(
+            fill('<img src="$file" alt="$family: errors over samples per pixel">', file=file_of(f), family=f)
+            for f in pictures
+        ),
         classes=join(parts),
         entries=join(fill("<p>$note</p>", note=note) for note in notes),
         missing=join(fill("<p>$note</p>", note=note) for note in missing) or "Nothing.",

@@ -69,7 +69,7 @@ def rivals(checkout: Path | None) -> dict[str, Callable[[], Entry]]:
 
 def _entry(name: str, package: str, points: Any, what: str, image: bool = False) -> Entry:
     version = importlib.metadata.version(package)
-    return Entry(name, f"{package} {version}: {what}", version, points, image)
+    return Entry(name, f"{package} {version}: {what}", version, points, image, package)
 
 
 Replicate = Callable[[int, int, int], NDArray]
@@ -153,7 +153,7 @@ def _of_openqmc(checkout: Path, name: str) -> Entry:
         return made
 
     commit = _commit(checkout)
-    return Entry(OPENQMC + name, f"OpenQMC {commit}: {name}, frame = key", commit, points)
+    return Entry(OPENQMC + name, f"OpenQMC {commit}: {name}, frame = key", commit, points, project="OpenQMC")
 
 
 def _commit(checkout: Path) -> str:

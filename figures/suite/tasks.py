@@ -82,8 +82,8 @@ def images(points: NDArray[np.float32], image: bool, seed: int) -> list[tuple[ND
     zero = np.zeros((height, width))
     found = []
     for samples, total in zip(counts, sums, strict=True):
-        errors = (total / samples - mean) / deviation
-        found += [(error.reshape(height, width), zero) for error in errors.T]
+        errors = (total / samples - mean[:, None]) / deviation[:, None]
+        found += [(error.reshape(height, width), zero) for error in errors]
     for name in SCENES if image else ():
         if in_dims(name) == dims:
             found.append((_rendered(name, points), _reference(name, width, height)))
@@ -98,8 +98,12 @@ def _rendered(name: str, points: NDArray[np.float32]) -> NDArray[np.float64]:
     screen = np.minimum(screen / np.array([width, height], np.float32), np.float32(1 - 2**-24))
     whole = np.concatenate([screen, points[..., 2 : len(world.needs)]], axis=-1)
     flat = whole.reshape(-1, len(world.needs))
-    (total,) = _sums(lambda block: _values(world, block), flat, spp, (spp,), BLOCK[SCENES[name][0]])
-    image = total.reshape(height, width, -1) / spp
+
+    def values(block: NDArray) -> NDArray:
+        return np.asarray(_values(world, block)).reshape(len(block), -1).T
+
+    (total,) = _sums(values, flat, spp, (spp,), BLOCK[SCENES[name][0]])
+    image = total.T.reshape(height, width, -1) / spp
     return image[..., 0] if image.shape[2] == 1 else image
 
 
@@ -115,19 +119,20 @@ def _sums(
     counts: tuple[int, ...],
     block: int,
 ) -> list[NDArray[np.float64]]:
-    """Return sums of the first samples of each pixel, for each count: shape (pixels, values of a point).
+    """Return sums of the first samples of each pixel, for each count: shape (values of a point, pixels).
 
-    All blocks are of one size, a multiple of ``spp``: one program.
+    ``values`` gives arrays of shape (values of a point, points). All blocks are of one size, a multiple of
+    ``spp``: one program.
     """
     found: list[list[NDArray[np.float64]]] = [[] for _ in counts]
     for start in range(0, len(points), block):
         part = points[start : start + block]
         whole = np.pad(part, ((0, block - len(part)), (0, 0)))
-        made = np.asarray(values(whole), np.float32)[: len(part)]
-        by_pixel = made.reshape(len(part) // spp, spp, -1)
+        made = np.asarray(values(whole), np.float32)[:, : len(part)]
+        by_pixel = made.reshape(len(made), len(part) // spp, spp)
         for sums, count in zip(found, counts, strict=True):
-            sums.append(by_pixel[:, :count].sum(axis=1, dtype=np.float64))
-    return [np.concatenate(sums) for sums in found]
+            sums.append(by_pixel[:, :, :count].sum(axis=2, dtype=np.float64))
+    return [np.concatenate(sums, axis=1) for sums in found]
 
 
 @jit()

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,10 @@ import pytest
 from figures import _cpp
 from figures.__main__ import main
 from figures.ours.rivals import STORED
-from figures.suite import cells, command, integrands, programs, report, results, tasks
+from figures.suite import cells, command, curves, integrands, programs, report, results, tasks
 from figures.suite.cells import Size
 from figures.suite.entries import NotSupportedError, known, of_function, of_points
-from figures.suite.results import Measured
+from figures.suite.results import Measured, Score
 from qmcjax import samplers, sequences
 
 OWN = """
@@ -25,6 +26,9 @@ from qmcjax import samplers, sequences
 
 def owen(dims, key):
     return samplers.independent(sequences.sobol(dims), key)
+
+def moving(width, height, spp, dims, key, frames):
+    return samplers.z(width, height, spp, key, dims=dims, frames=frames)
 
 def few(key):
     return samplers.independent(sequences.sobol(2), key)
@@ -67,7 +71,7 @@ def small(monkeypatch):
 def test_integrals_are_those_of_the_integrands(dims, seed):
     """Means and deviations over random points are within 5 standard errors."""
     points = np.random.default_rng(3).random((2**17, dims), np.float32)
-    made = np.asarray(tasks._integrands(integrands.drawn(dims, seed), points), np.float64)
+    made = np.asarray(tasks._integrands(integrands.drawn(dims, seed), points), np.float64).T
     mean, deviation = integrands.moments(dims, seed)
     assert made.shape == (2**17, len(integrands.CLASSES) * integrands.COUNT)
     assert np.all(np.abs(made.mean(axis=0) - mean) < 5 * deviation / 2**8.5)
@@ -171,7 +175,7 @@ def test_what_is_not_supported_is_no_failure(folder):
     ("words", "message"),
     [
         (["nowhere:mine"], "No module named 'nowhere'"),
-        (["suite_samplers:other"], "must have parameters among width, height, spp, dims, key, got size"),
+        (["suite_samplers:other"], "must have parameters among width, height, .*, key, frames, got size"),
         (["no_such"], "entries are module:function, a file of points, or one of random, owen"),
         (["owen", "owen"], "entries must have different names, got owen twice"),
         (["outside.npy"], r"point 1, coordinate 0 is 1.5: coordinates are in \[0, 1\)"),
@@ -225,13 +229,18 @@ def test_files_of_a_run(folder, small, capsys):
         rows = list(csv.DictReader(file))
     assert list(rows[0])[:8] == ["format", "entry", "dims", "class", "task", "spp", "samples", "keys"]
     assert list(rows[0])[8:] == [
-        *(f"{name}{end}" for name in results.COLUMNS for end in ("", "_low", "_high")),
+        *(f"{name}{end}" for name in (*results.COLUMNS, "in_time") for end in ("", "_low", "_high")),
         *cells.SETS,
         "seconds_per_million",
     ]
-    images = [row for row in rows if row["class"] != "points"]
+    images = [row for row in rows if row["rms"]]
     assert len(images) == 3 * 2 * (len(integrands.CLASSES) * integrands.COUNT + 1)
     assert all(float(row["rms_low"]) < float(row["rms"]) < float(row["rms_high"]) for row in images)
+    moving = [row for row in rows if row["in_time"]]
+    assert len(moving) == 3 * len(integrands.CLASSES) * integrands.COUNT
+    assert all(
+        float(row["in_time_low"]) < float(row["in_time"]) < float(row["in_time_high"]) for row in moving
+    )
     kept = json.loads((out / "scores.json").read_text())
     for measures in kept["entries"]["copy"]["scores"].values():
         assert all(values[0] == 1 for values in measures.values())
@@ -246,7 +255,13 @@ def test_files_of_a_run(folder, small, capsys):
     assert all(line.count("&") - 2 * line.count(r"\&") == len(table[0]) - 1 for line in lines if "&" in line)
     assert lines[0] == r"\begin{tabular}{l" + "r" * (len(table[0]) - 1) + "}"
     assert lines[-1] == r"\end{tabular}"
-    assert "my_points" in (out / "index.html").read_text()
+    page = (out / "index.html").read_text()
+    assert "my_points" in page
+    assert re.findall(r'img src="([^"]*)"', page) == ["2-D.svg", "exact-scenes.svg"]
+    picture = (out / "2-D.svg").read_text()
+    assert {"copy", "my_points", "samples per pixel"} <= set(re.findall(r">([^<>]*)</text>", picture))
+    sizes = re.findall(r"font(?:-size)?: ([0-9.]+)px", picture)
+    assert sizes and min(map(float, sizes)) >= 8
 
 
 def test_latex_and_markdown_escape_names():
@@ -264,7 +279,7 @@ def test_a_score_is_the_mean_of_its_class():
         base[2, spp] = rng.uniform(0.5, 1, (size.keys, count, 4))
         half[2, spp] = base[2, spp] * (0.5 if spp == 1 else 2.0)
         half[2, spp][:, 0] *= 16
-    found = {"random": Measured(True, base, {}, np.nan), "mine": Measured(True, half, {}, np.nan)}
+    found = {"random": Measured(True, base, {}, {}, np.nan), "mine": Measured(True, half, {}, {}, np.nan)}
     scores = results.scores(results.ratios(found, size)["mine"])
     assert scores[2, "boxes", "rms"].middle == pytest.approx(1)
     assert scores[2, "half-spaces", "filtered"].middle == pytest.approx(16 ** (1 / integrands.COUNT))
@@ -282,6 +297,72 @@ def test_stored_scores_are_of_this_format():
         for middle, low, high in entry["summary"]["rms"].values():
             assert low <= middle <= high
     assert {score for score, _, _ in stored["entries"]["random"]["summary"]["rms"].values()} == {1}
+
+
+def test_frames_are_those_of_the_sampler(folder):
+    """Of a function and of one of ours; the error of a name without frames is that of new keys."""
+    y, x, sample = np.indices((8, 8, 1), np.uint32)
+    made = of_function("suite_samplers:moving")
+    for entry in (made, known("z")):
+        assert entry.animation is not None
+        frames = entry.animation(8, 8, 5, 4, 3)
+        assert frames.shape == (5, 8, 8, 4)
+        for t in (0, 4):
+            sampler = samplers.z(8, 8, 1, 3, dims=4, frames=5).at_frame(t)
+            assert np.array_equal(frames[t], sampler(x, y, sample, (0, 1, 2, 3))[:, :, 0])
+    assert np.array_equal(made.points(8, 8, 4, 4, 3), known("z").points(8, 8, 4, 4, 3))
+    assert known("owen").animation is None
+    size = Size(32, (1,), 4)
+    still, moving = (np.log(cells.of_frames(known(name), 2, size, 0)).mean() for name in ("random", "z"))
+    anew = np.log(cells.of_frames(replace(known("z"), animation=None), 2, size, 0)).mean()
+    assert moving < anew < still
+
+
+def test_errors_of_frames_of_random_samples():
+    """Independent errors of deviation 1 keep the root of the sum of the filter's squared weights."""
+    size = Size(32, (1,), 16)
+    made = cells.of_frames(known("random"), 2, size, 0)
+    in_space = np.sqrt(np.mean(_white(32) ** 2))
+    alpha = 1 - cells.IN_TIME[1] / cells.IN_TIME[0]
+    kept = in_space * np.sqrt(alpha / (2 - alpha))
+    assert made.shape == (16, len(integrands.CLASSES) * integrands.COUNT)
+    assert np.sqrt(np.mean(made**2)) == pytest.approx(kept, rel=0.1)
+
+
+def _white(side):
+    """Return how a Gaussian filter attenuates waves."""
+    impulse = np.zeros((side, side))
+    impulse[0, 0] = 1
+    place = np.minimum(np.arange(side), side - np.arange(side))
+    weights = np.exp(-(place[:, None] ** 2 + place**2) / (2 * 1.5**2))
+    return np.abs(np.fft.fft2(weights / weights.sum()))
+
+
+def test_a_title_names_what_is_not_told_apart():
+    entries = {name: known("owen") for name in ("a", "b", "c")}
+    entries["theirs"] = replace(known("owen"), project="other")
+    of = {
+        "a": {1: Score(9.0, 9.0, 9.0), 4: Score(0.5, 0.4, 0.6)},
+        "b": {4: Score(0.62, 0.59, 0.65)},
+        "c": {4: Score(0.7, 0.61, 0.8)},
+        "theirs": {4: Score(0.8, 0.75, 0.85)},
+    }
+    assert curves.title("2-D", of, entries) == "\n".join(
+        ["2-D, 4 samples", "least with a, b (0.5)", "of other projects: theirs (0.8)"]
+    )
+    of["theirs"] = {4: Score(0.1, 0.1, 0.1)}
+    assert curves.title("2-D", of, entries).splitlines()[2] == "of qmcjax and yours: a, b (0.5)"
+
+
+def test_pictures_tell_entries_apart():
+    """As many as take part: each a colour, a mark and a kind of line that no other has."""
+    entries = {name: known(name) for name in command.DEFAULT}
+    entries |= {
+        f"{project}-{k}": replace(known("owen"), project=project) for project in "abc" for k in range(4)
+    }
+    styles = curves._styles(entries)
+    assert len({style.color for name, style in styles.items() if entries[name].project}) == 12
+    assert len(set(styles.values())) == len(styles) == len(entries)
 
 
 @pytest.mark.slow

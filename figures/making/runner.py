@@ -3,17 +3,23 @@
 import multiprocessing
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Collection, Generator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.context import ForkServerContext, ForkServerProcess, SpawnContext, SpawnProcess
 
 from figures.making.memory import resident
 from figures.making.worker import Failed, Message, Progress, Task, serve
 
 MEMORY = 500_000_000
 """Bytes: a worker that holds more after a task makes room for a new one."""
+
+PRELOADED = "figures.making.preloaded"
+"""Imported once, where workers are forked."""
+
+Context = SpawnContext | ForkServerContext
 
 
 def run(
@@ -38,9 +44,9 @@ def run(
     # XLA's buffers come from malloc, whose fresh 4 KiB pages can cost more than the arithmetic;
     # huge pages are a matter of the environment before a process starts.
     os.environ.setdefault("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1")
-    context = multiprocessing.get_context("spawn")
+    context = _context(tasks)
     waiting = deque(tasks)
-    workers: dict[Connection, SpawnProcess] = {}
+    workers: dict[Connection, SpawnProcess | ForkServerProcess] = {}
     busy: dict[Connection, Task] = {}
     try:
         while waiting or busy:
@@ -82,7 +88,16 @@ def _disturbs(task: Task, running: Collection[Task]) -> bool:
     return bool(running) and any(each.alone for each in (task, *running))
 
 
-def _start(context: SpawnContext) -> tuple[Connection, SpawnProcess]:
+def _context(tasks: Sequence[Task]) -> Context:
+    """Fork workers for the project's figures, where that is safe, from a process that has imported much."""
+    if sys.platform != "linux" or not all(task.module.startswith("figures.") for task in tasks):
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([PRELOADED])
+    return context
+
+
+def _start(context: Context) -> tuple[Connection, SpawnProcess | ForkServerProcess]:
     ours, theirs = context.Pipe()
     process = context.Process(target=serve, args=(theirs,), daemon=True)
     # Ctrl-C reaches every process of a terminal. It is this one's business: a signal that is

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.making import finished_cells
-from figures.shared import scene_images
+from figures.shared import kept_references, scene_images
 from qmcjax import samplers, sequences
 from qmcjax.core.digests import digest
 
@@ -55,11 +55,16 @@ def reference(
 ) -> Reference:
     """Return the stored reference of a scene, or else an estimate from randomised replicates.
 
-    ``image`` renders: from scene, sampler, side and samples per pixel.
+    One that is kept with the figures will do if it has as many samples. ``image`` renders: from scene,
+    sampler, side and samples per pixel.
     """
     try:
         stored, bound = scene.reference(side, side)
     except ValueError:
+        kept = kept_references.find(scene, side)
+        if kept is not None and kept.spp >= spp:
+            origin = f"kept with the figures, estimated from {kept.spp} samples per pixel"
+            return Reference(kept.image, kept.error, origin)
         sobol = sequences.sobol(len(scene.needs))
         replicates = {
             f"{k}": partial(image, scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)

@@ -1,9 +1,10 @@
 """Images of traced scenes by one compiled program a scene, whatever the sampler, size and count."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -15,8 +16,8 @@ from qmcjax import samplers
 from qmcjax.core.digests import digest
 from qmcjax.core.pytrees import jit
 
-POINTS = 2**14
-"""In one call of a scene."""
+POINTS = 2**12
+"""In one call of a scene, or of a sampler that is compiled: small images have little to fill it up."""
 
 SAMPLES = 2**14
 """In one call of a sampler, whose steps are compiled one by one, for each size."""
@@ -42,6 +43,25 @@ def image(
     """
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
     return at_pixels(scene, sampler, side, spp, x, y, of_many).reshape(side, side, 3)
+
+
+def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) -> NDArray[np.float64]:
+    """Return images by samplers that differ in numbers only, such as those of several keys.
+
+    Each step of the samplers is called once for all.
+    """
+    for sampler in keyed:
+        sampler.check(side, side, spp)
+    y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
+    pixels, together = np.stack([x, y], axis=-1), max(1, 2**16 // side**2)
+    total = np.zeros((len(keyed), side**2, 3))
+    for first in range(0, spp, together):
+        samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
+        columns, rows, each = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
+        points = _points_of_keys(keyed, columns, rows, each, tuple(range(len(scene.needs))))
+        points[..., :2] = (points[..., :2] + pixels[:, None]) / side
+        total += _evaluated(scene, points).sum(axis=2)
+    return (total / spp).reshape(-1, side, side, 3)
 
 
 def at_pixels(
@@ -101,8 +121,8 @@ def _points(
     sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...], of_many: bool
 ) -> NDArray[np.float32]:
     """Return points of pixels and samples of any shape, in calls of one size."""
-    made = partial(_compiled, sampler) if of_many else sampler
-    calls = (_calls(each.ravel(), SAMPLES) for each in (x, y, sample))
+    made, size = (partial(_compiled, sampler), POINTS) if of_many else (sampler, SAMPLES)
+    calls = (_calls(each.ravel(), size) for each in (x, y, sample))
     points = np.concatenate(
         [
             np.asarray(made(jnp.asarray(columns), jnp.asarray(rows), jnp.asarray(samples), dims))
@@ -110,6 +130,28 @@ def _points(
         ]
     )
     return points[: x.size].reshape(*x.shape, len(dims))
+
+
+def _points_of_keys(
+    keyed: Sequence[samplers.Sampler], x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...]
+) -> NDArray[np.float32]:
+    """Return the points of each sampler, in the order of the samplers."""
+    leaves = list(zip(*map(jax.tree.leaves, keyed), strict=True))
+    structure = jax.tree.structure(keyed[0])
+    differ = [any(not np.array_equal(of[0], leaf) for leaf in of[1:]) for of in leaves]
+    stacked = [jnp.stack(of) for of, varies in zip(leaves, differ, strict=True) if varies]
+
+    def points(x: Array, y: Array, sample: Array, varied: list[Array]) -> Array:
+        rest = iter(varied)
+        chosen = [next(rest) if varies else of[0] for of, varies in zip(leaves, differ, strict=True)]
+        return jax.tree.unflatten(structure, chosen)(x, y, sample, dims)
+
+    found = []
+    for call in zip(*(_calls(each.ravel(), SAMPLES) for each in (x, y, sample)), strict=True):
+        # Pixels and samples are no arguments of what is mapped: samplers look at their values.
+        of_call = partial(points, *map(jnp.asarray, call))
+        found.append(np.asarray(jax.vmap(of_call, axis_size=len(keyed))(stacked)))
+    return np.concatenate(found, axis=1)[:, : x.size].reshape(len(keyed), *x.shape, len(dims))
 
 
 def _calls(values: NDArray, size: int) -> NDArray:

@@ -81,15 +81,14 @@ def compare(
         caption = f"{sampler}\nfiltered error {measured[sampler]['filtered error']:.4f}"
         panels.append(traced_images.Panel(caption, image, crop))
     progress(0.2)
-    small, over_keys = JUDGED_SIDE[quality], {sampler: {} for sampler in measured}
+    small, over_keys = JUDGED_SIDE[quality], {}
     of_small = traced_images.reference(name, small, REPLICATE[quality])
-    for key in range(KEYS[quality]):
-        for sampler, made in make_samplers(scene.needs, small, key=key).items():
-            if key == 0 or sampler != "Sobol'":
-                image = scene_images.image(scene, made, small, SPP)
-                for measure, value in _measures(image, of_small).items():
-                    over_keys[sampler].setdefault(measure, []).append(value)
-        progress(0.2 + 0.8 * (key + 1) / KEYS[quality])
+    by_key = [make_samplers(scene.needs, small, key=key) for key in range(KEYS[quality])]
+    for sampler in measured:
+        keyed = [made[sampler] for made in by_key[: 1 if sampler == "Sobol'" else len(by_key)]]
+        found = [_measures(image, of_small) for image in scene_images.of_keys(scene, keyed, small, SPP)]
+        over_keys[sampler] = {measure: [of[measure] for of in found] for measure in found[0]}
+        progress(0.2 + 0.8 * len(over_keys) / len(measured))
     return Comparison(panels, measured, over_keys, exact)
 
 

@@ -16,7 +16,7 @@ from figures.shared.image_grid import Panel, image_grid
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 
-SIDE = {"draft": 48, "paper": 192}
+SIDE = {"draft": 32, "paper": 192}
 SPP = {"draft": 4, "paper": 16}
 """Of each image from one point."""
 MANY = {"draft": 256, "paper": 1024}

@@ -61,14 +61,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         origins += f"The reference of {title} is {exact.origin}. "
         panels.append(traced_images.Panel(f"{EFFECTS[title]}\nreference", exact.image, CROPS[title]))
         handed_out.setdefault("reference", []).append(exact.image)
-        found = over_keys.setdefault(title, {})
-        for key in range(keys):
-            for name, made in make_samplers(scene.needs, small, SPP, key).items():
-                if key == 0 or name != "Sobol'":
-                    image = scene_images.image(scene, made, small, SPP)
-                    found.setdefault(name, []).append(diffusion.measures(image, of_small, area_of_small))
+        found, images = over_keys.setdefault(title, {}), {}
+        by_key = [make_samplers(scene.needs, small, SPP, key) for key in range(keys)]
+        for name in by_key[0]:
+            keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else keys]]
+            images[name] = scene_images.of_keys(scene, keyed, small, SPP)
+            found[name] = [diffusion.measures(image, of_small, area_of_small) for image in images[name]]
         for name, made in make_samplers(scene.needs, side, SPP, 0).items():
-            image = scene_images.image(scene, made, side, SPP)
+            image = images[name][0] if small == side else scene_images.image(scene, made, side, SPP)
             error = diffusion.measures(image, exact, area)["filtered error"]
             panels.append(traced_images.Panel(f"{name}\nfiltered error {error:.4f}", image, CROPS[title]))
             handed_out.setdefault(name, []).append(image)

@@ -160,12 +160,11 @@ def _diffused(scene: Any, quality: str) -> Errors:
     exact = diffusion.reference(scene, JUDGED_SIDE, SPP)
     for spp in (2**k for k in range(DIFFUSED[quality] + 1)):
         names = ("Z hash", "Z joint", *(("Z", *LIKE_TREES) if spp == SPP else ()))
-        for key in range(JUDGED_KEYS[quality]):
-            for name in dict.fromkeys(names):
-                sampler = _z(name, dims, JUDGED_SIDE, spp, key)
-                image = scene_images.image(scene, sampler, JUDGED_SIDE, spp)
-                values = found.setdefault(name, {}).setdefault(spp, [])
-                values.append(diffusion.measures(image, exact)["filtered error"])
+        for name in dict.fromkeys(names):
+            keyed = [_z(name, dims, JUDGED_SIDE, spp, key) for key in range(JUDGED_KEYS[quality])]
+            images = scene_images.of_keys(scene, keyed, JUDGED_SIDE, spp)
+            values = [diffusion.measures(image, exact)["filtered error"] for image in images]
+            found.setdefault(name, {})[spp] = values
     return {name: {spp: np.array(values) for spp, values in of.items()} for name, of in found.items()}
 
 

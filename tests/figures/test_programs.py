@@ -1,6 +1,8 @@
 """Compiled programs are kept from run to run: where, how many, and what happens if they cannot be."""
 
 import os
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -9,7 +11,7 @@ import pytest
 from test_figures_cli import Project
 
 from figures.commands import compilations
-from figures.making import compiled_programs
+from figures.making import compiled_programs, runner
 from figures.making.runner import run
 from figures.making.worker import Done, Task
 
@@ -197,3 +199,22 @@ def test_compiling_anew_is_for_this_process_too(monkeypatch):
         assert not jax.config.jax_enable_compilation_cache and os.environ[compiled_programs.SWITCH] == "0"
     finally:
         jax.config.update("jax_enable_compilation_cache", before)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="workers are forked on Linux only")
+def test_workers_of_the_projects_figures_are_forked_from_a_process_without_a_backend():
+    ours, others = Task("a", "figures.z.z_2", "draft"), Task("b", "fakes.b", "draft")
+    methods = [runner._context(tasks).get_start_method() for tasks in ([ours], [ours, others])]
+    assert methods == ["forkserver", "spawn"]
+    code = (
+        f"import sys, {runner.PRELOADED}\n"
+        "from jax._src import xla_bridge\n"
+        "assert 'figures.shared.pixel_sets' in sys.modules and not xla_bridge._backends"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.slow
+def test_forked_workers_make_figures():
+    tasks = [Task(name, f"figures.{name}", "draft") for name in ("z.z_2", "thesis.thesis_5_2")]
+    assert {task for task, message in run(tasks, jobs=2) if isinstance(message, Done)} == set(tasks)

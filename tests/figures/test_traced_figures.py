@@ -6,7 +6,9 @@ import pytest
 
 import qmcjax as qj
 from figures.shared import (
+    diffusion,
     error_over_time,
+    kept_references,
     mitsuba_scenes,
     motion_blur,
     ray_rates,
@@ -30,6 +32,58 @@ def test_an_image_is_that_of_render(spp):
     scene, sampler = scenes.function(colours, ("x", "y")), samplers.independent(sequences.sobol(2), 3)
     expected = qj.render(scene, sampler, 8, 8, spp)
     np.testing.assert_allclose(scene_images.image(scene, sampler, 8, spp), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda key: samplers.z(8, 8, 4, key),
+        lambda key: samplers.independent(sequences.sobol(2), key),
+        lambda key: z_renderings.make_samplers(("x", "y"), 8, 4, key)["ranked keys"],
+        lambda key: samplers.full_screen(sequences.sobol(2), 8, 8),
+    ],
+)
+@pytest.mark.parametrize("keys", [1, 3])
+def test_images_of_keys_are_those_of_each(make, keys):
+    scene, keyed = scenes.function(colours, ("x", "y")), [make(key) for key in range(keys)]
+    expected = [scene_images.image(scene, sampler, 8, 4) for sampler in keyed]
+    np.testing.assert_array_equal(scene_images.of_keys(scene, keyed, 8, 4), expected)
+
+
+@pytest.mark.slow
+def test_the_kept_reference_is_the_mean_of_each_pixel():
+    """Differences from another estimate are as large as both standard errors say."""
+    scene, side = scenes.interior(2), 16
+    kept = kept_references.find(scene, side)
+    assert kept is not None
+    sobol = sequences.sobol(len(scene.needs))
+    images = [
+        scene_images.replicate(scene, samplers.independent(sobol, key), side, 8) for key in range(100, 116)
+    ]
+    variance = np.var(images, axis=0, ddof=1) / len(images) + np.square(kept.error)
+    squares = np.square(np.mean(images, axis=0) - kept.image)
+    noisy = variance > 1e-8
+    assert 0.5 < np.mean(squares[noisy] / variance[noisy]) < 2
+    assert np.all(squares[~noisy] < 1e-6)
+
+
+def test_a_reference_is_kept_for_one_scene_and_for_divisors_of_its_side(monkeypatch):
+    scene = scenes.interior(2)
+    kept = kept_references.find(scene, 128)
+    coarse = kept_references.find(scene, 32)
+    assert kept is not None and coarse is not None
+    np.testing.assert_allclose(coarse.image[0, 1], kept.image[:4, 4:8].mean(axis=(0, 1)))
+    np.testing.assert_allclose(16 * coarse.error[0, 1] ** 2, np.square(kept.error[:4, 4:8]).mean(axis=(0, 1)))
+    assert coarse.spp == 16 * kept.spp
+    assert kept_references.find(scene, 48) is None and kept_references.find(scene, 256) is None
+    assert kept_references.find(scenes.interior(3), 32) is None
+    assert diffusion.reference(scene, 32, coarse.spp).image is not None
+
+    def refused(*_):
+        raise LookupError
+
+    with pytest.raises(LookupError):  # More samples are asked for.
+        diffusion.reference(scene, 32, coarse.spp + 1, refused)
 
 
 def test_the_references_error_is_taken_off_but_never_undercut():

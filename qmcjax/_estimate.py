@@ -3,7 +3,6 @@
 import math
 import operator
 from collections.abc import Callable
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -76,7 +75,14 @@ class QuantileEstimate(Estimate):
             raise ValueError(
                 f"level must be at most {most:g} with {self.replicates} replicates, got {level!r}"
             )
-        return _apart(partial(order_statistics.interval, level=level), self.means)
+
+        def ends(means: Any, xp: Any) -> tuple[Any, Any]:
+            if xp is np:
+                return order_statistics.interval(means, level)
+            place = order_statistics.rank(self.replicates, level)
+            return _of_rank(means, place - 1), _of_rank(means, self.replicates - place)
+
+        return _apart(ends, self.means)
 
 
 class BettingEstimate(Estimate):
@@ -188,6 +194,20 @@ def _apart(ends: Callable[..., tuple[Any, Any]], means: Any) -> tuple[Any, Any]:
     return tree.unflatten(low), tree.unflatten(high)
 
 
+def _of_rank(values: Array, place: int) -> Array:
+    """Return the values of a rank along the first axis, from 0 on, with derivatives.
+
+    JAX computes derivatives outside of the float64 mode of a program, where those of ``jnp.sort`` fail.
+    """
+    ranks = jnp.argsort(jnp.argsort(jax.lax.stop_gradient(values), axis=0), axis=0)
+    return jnp.sum(values * (ranks == place).astype(values.dtype), axis=0)
+
+
+def _median(values: Array) -> Array:
+    middle = len(values) // 2
+    return (_of_rank(values, len(values) - 1 - middle) + _of_rank(values, middle)) / 2
+
+
 def columns(values: Any, dtype: np.dtype) -> Array:
     """Return all numbers of a row side by side, real and imaginary parts, in one floating type."""
     leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
@@ -249,7 +269,7 @@ def estimate(
     equal = jax.lax.stop_gradient(gaps) <= 4 * np.finfo(np.float64).eps * magnitude
     unseen = jnp.where(equal, 3 * jnp.square(spread / (n * len(found))), 0)
     made = chosen(
-        values(jnp.median(means, axis=0) if chosen is QuantileEstimate else mean),
+        values(_median(means) if chosen is QuantileEstimate else mean),
         values(jnp.sqrt(jnp.var(means, axis=0, ddof=1) / len(found) + unseen)),
         len(found),
         jax.tree.map(rounding, like, values(magnitude + spread / 2)),

@@ -255,7 +255,8 @@ def integrate(
             made = estimate(found, some, like, size, dtype, kind, limits)
         if tolerance is not None and half_width(made, level) > tolerance:
             warnings.warn(
-                f"tolerance={tolerance:g} was not reached with n={made.n}: it is {half_width(made, level):g}",
+                f"tolerance={tolerance:g} was not reached with n={made.n}: the half width is "
+                f"{half_width(made, level):g}",
                 RuntimeWarning,
                 stacklevel=2,
             )

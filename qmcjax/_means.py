@@ -47,6 +47,14 @@ def _call(function: Any, points: Array) -> Any:
     return plug_ins.unwrap(function)(points)
 
 
+def _call_checked(function: Any, points: Array) -> Any:
+    made = _call(function, points)
+    for leaf in jax.tree.leaves(made):
+        if not isinstance(leaf, Array | np.ndarray | np.generic | int | float | complex):
+            raise TypeError(f"function must return numbers, got {checks.shown(leaf)}")
+    return made
+
+
 def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
     """Return a function as a pytree, for :func:`_call`, and the shapes of its values.
 
@@ -55,7 +63,7 @@ def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
     """
     function = plug_ins.wrap("function", function)
     points = jax.ShapeDtypeStruct((ROWS, dims), dtype)
-    converted, closed_over = jax.closure_convert(_call, function, points)
+    converted, closed_over = jax.closure_convert(_call_checked, function, points)
     made = jax.eval_shape(lambda: converted(function, jnp.zeros(points.shape, dtype), *closed_over))
     leaves = jax.tree.leaves(made)
     for leaf in leaves:

@@ -260,7 +260,7 @@ TYPES = {
     "qmcjax.bridges.source": dict(height=[4.5], name=[3], sampler=[3], spp=[0.5], width=["4"]),
     "qmcjax.bridges.tabulate": dict(generator=[qmc.Sobol]),
     "qmcjax.bridges.write_points": dict(path=[3], points=[[[1]]]),
-    "qmcjax.integrate": dict(function=[3], n=[9.0]),
+    "qmcjax.integrate": dict(function=[3, lambda p: "a"], n=[9.0]),
     "qmcjax.orders.permutation": dict(image=[[[0.0, 1.0]], [[0, 1], [2]], None]),
     "qmcjax.recommend": dict(
         needs=[2.0, "x", sequences.sobol(2), scenes.disc],

@@ -1,8 +1,7 @@
 """An interval of the median, from independent values of any distribution."""
 
-from typing import Any
-
 import numpy as np
+from numpy.typing import NDArray
 
 
 def rank(count: int, level: float) -> int:
@@ -18,11 +17,8 @@ def rank(count: int, level: float) -> int:
     return int(np.count_nonzero(1 - 2 * bdtr(ranks - 1, count, 0.5) >= level))
 
 
-def interval(values: Any, level: float, xp: Any = np) -> tuple[Any, Any]:
-    """Return the interval of the median: ``values`` of shape (count, ...) to low and high, shape (...).
-
-    ``xp``: NumPy, or its like for the arrays.
-    """
+def interval(values: NDArray, level: float) -> tuple[NDArray, NDArray]:
+    """Return the interval of the median: ``values`` of shape (count, ...) to low and high, shape (...)."""
     place = rank(len(values), level)
-    ordered = xp.sort(values, axis=0)
+    ordered = np.sort(values, axis=0)
     return ordered[place - 1], ordered[len(values) - place]

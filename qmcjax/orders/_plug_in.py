@@ -13,6 +13,7 @@ from qmcjax.core import checks
 from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order
+from qmcjax.orders._frames import FrameOrder
 
 
 @frozen_pytree
@@ -138,6 +139,10 @@ def as_order(name: str, value: Any) -> Order:
     """
     if isinstance(value, Order):
         return value
+    if isinstance(value, FrameOrder):
+        raise TypeError(
+            f"{name} must be an order of pixels, as .at_frame(t) returns, got {checks.shown(value)}"
+        )
     if isinstance(value, type) or not callable(getattr(value, "position", None)):
         raise TypeError(_message(name, value))
     numbers = [getattr(value, attribute, None) for attribute in ("width", "height", "length")]

@@ -62,7 +62,7 @@ class Warp(abc.ABC):
         Returns
         -------
         Array, shape (...), of the dtype of ``values``
-            0 off the image, up to rounding; surfaces are not told from the space around them.
+            0 off the image, up to rounding. Whether a value lies on a surface is not checked.
         """
         return self._density(floats("values", values, (self.length,)))
 
@@ -82,7 +82,7 @@ class Warp(abc.ABC):
 def points_of_cube(points: ArrayLike, dims: int) -> Array:
     """Return points as an array, or raise an error that names them."""
     array = floats("points", points, (dims,))
-    require("points", array, lambda known: (known >= 0) & (known < 1), "in [0, 1)")
+    require("points", array, lambda known: (known >= 0) & (known < 1), f"in [0, 1) in {array.dtype}")
     return array
 
 

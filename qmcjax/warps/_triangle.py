@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -41,20 +42,27 @@ class Triangle(Warp):
 
     def _density(self, values: Array) -> Array:
         first, second, doubled = self._weights(values)
-        corners = jnp.asarray(self.vertices).astype(values.dtype)
+        unit = self._unit(values)
+        corners = jnp.asarray(self.vertices).astype(values.dtype) / unit
         size = jnp.max(jnp.sum(jnp.square(corners), axis=-1))
         longest = jnp.max(jnp.sum(jnp.square(corners - jnp.roll(corners, 1, axis=0)), axis=-1))
         # An error of a value in proportion to the least height.
         allowed = rounding(values) * (1 + jnp.sqrt(size * longest) / doubled)
         inside = jnp.minimum(jnp.minimum(first, second), 1 - first - second) >= -allowed
-        return jnp.where(inside, 2 / doubled, 0)
+        return jnp.where(inside, 2 / doubled / unit / unit, 0)
+
+    def _unit(self, like: Array) -> Array:
+        """Return the size of the triangle: in units of it, squares neither overflow nor vanish."""
+        corners = jnp.asarray(self.vertices).astype(like.dtype)
+        return jax.lax.stop_gradient(jnp.max(abs(corners - jnp.roll(corners, 1, axis=0))))
 
     def _weights(self, values: Array) -> tuple[Array, Array, Array]:
-        """Return the weights of the first two corners, by least squares, and twice the area."""
+        """Return the weights of the first two corners, by least squares, and twice the area in units."""
         first, second, third = self._corners(values)
-        one, other = first - third, second - third
+        unit = self._unit(values)
+        one, other = (first - third) / unit, (second - third) / unit
         aa, bb, ab = jnp.sum(one * one), jnp.sum(other * other), jnp.sum(one * other)
-        away = values - third
+        away = (values - third) / unit
         a, b = jnp.sum(away * one, axis=-1), jnp.sum(away * other, axis=-1)
         squared = aa * bb - ab * ab
         return (bb * a - ab * b) / squared, (aa * b - ab * a) / squared, jnp.sqrt(squared)

@@ -18,6 +18,16 @@ ROOT = Path(__file__).parents[2]
 OWEN = samplers.independent(sequences.sobol(2), key=1)
 Z = samplers.z(16, 16, 4, key=1)
 
+
+class Points:
+    """A sampler with one coordinate too many."""
+
+    dims = 2
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return jnp.zeros(3, dtype)
+
+
 test_wrong_arguments_are_named = refused(
     (lambda: source(3), TypeError, "sampler must be a sampler, a sequence, an order or a scene"),
     (
@@ -34,6 +44,13 @@ test_wrong_arguments_are_named = refused(
     ),
     (lambda: source(OWEN, name="2nd"), ValueError, "name must be an identifier .*'2nd'"),
     (lambda: source(OWEN, name="float"), ValueError, "name must not be a word of .*'float'"),
+    (lambda: source(OWEN, name="int32_t"), ValueError, "name must not be a word of .*'int32_t'"),
+    (
+        lambda: source(Points()),
+        ValueError,
+        r"sampler must return points of shape \(2,\) .* got float32 \(3,\)",
+    ),
+    (lambda: source(orders.morton3(4, 4, 2)), TypeError, r"sampler must be an order of pixels, .*at_frame"),
     (lambda: source(OWEN, name=3), TypeError, "name must be an identifier, got 3"),
     (lambda: source(OWEN, dims=(0, 2)), ValueError, r"dims must be .* \[0, 1\], got 2"),
     (lambda: source(Z, width=32, height=16), ValueError, "width, height must be .* 16 x 16, got 32 x 16"),

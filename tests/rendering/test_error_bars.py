@@ -192,8 +192,26 @@ def test_stopping_early_costs_no_coverage():
     assert held >= 95 - 5 * np.sqrt(100 * 0.95 * 0.05)
 
 
+@pytest.mark.parametrize("kind", ["median", "quantile"])
+def test_medians_and_their_intervals_have_derivatives(kind):
+    """They are proportional to a factor of the function, so the derivative at 1 is the value."""
+
+    def scaled(factor, what):
+        found = qj.integrate(
+            lambda p: factor * jnp.exp(p[:, 0]), SOBOL, 64, replicates=6, key=1, interval=kind
+        )
+        low, high = found.interval(0.9)
+        return {"integral": found.integral, "low": low, "high": high}[what]
+
+    for what in ("integral", "low", "high"):
+        value, slope = jax.value_and_grad(scaled)(jnp.float32(1), what)
+        assert abs(float(slope) - float(value)) < 1e-5, what
+
+
 def test_a_tolerance_that_is_not_reached_is_reported():
-    with pytest.warns(RuntimeWarning, match=r"tolerance=1e-09 was not reached with n=2048: it is "):
+    with pytest.warns(
+        RuntimeWarning, match=r"tolerance=1e-09 was not reached with n=2048: the half width is "
+    ):
         found = estimate(smooth, "student", 1, n=3000, tolerance=1e-9)
     assert found.n == 2048
     few = estimate(smooth, "student", 1, n=100, tolerance=1.0)

@@ -158,6 +158,8 @@ def test_large_files_are_not_read(file):
     path = file(EXAMPLES["dnet"])
     with pytest.raises(ValueError, match=r"a.txt, must take at most max_bytes=10, got \d+ bytes"):
         sequences.read_matrices(path, max_bytes=10)
+    with pytest.raises(ValueError, match=r"a.txt, line 2, must be integers of at most 4300 digits, got '9"):
+        sequences.read_matrices(file("1 2\n" + "9" * 5000 + " 1\n"))
     with pytest.raises(ValueError, match=r"line 3, must be the number of points, n=8, got '16'"):
         sequences.read_lattice(file("# lattice\n3\n16\n1\n7\n5\n"), 8)
 

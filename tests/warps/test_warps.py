@@ -123,6 +123,16 @@ def test_compiled_and_mapped_they_are_the_same(name):
         np.testing.assert_allclose(found.reshape(values.shape), values, rtol=1e-5, atol=1e-6)
 
 
+@pytest.mark.parametrize("side", [1e-15, 1e-9, 1e9, 1e15])
+def test_triangles_of_any_size_are_inverted(side):
+    triangle, given = warps.triangle(side * CORNERS), points(2, 64)
+    values = triangle(given)
+    assert np.allclose(triangle.inverse(values), given, atol=1e-5)
+    wanted = warps.triangle(CORNERS).density(values / np.float32(side))
+    assert np.allclose(triangle.density(values) * np.float32(side) ** 2, wanted, rtol=1e-4)
+    assert np.all(wanted > 0)
+
+
 def test_off_the_image_the_density_is_0():
     assert warps.disc().density([0.8, 0.8]) == 0
     assert warps.hemisphere().density([0.6, 0.0, -0.8]) == 0
@@ -355,7 +365,7 @@ def test_many_choices_are_evenly_chosen():
 test_bad_input_is_named = refused(
     (ValueError, lambda: warps.normal(0), r"dims must be an integer in \[1, 65536\], got 0"),
     (ValueError, lambda: warps.simplex(33), r"dims must be an integer in \[1, 32\], got 33"),
-    (ValueError, lambda: warps.disc()([[0.5, 1.0]]), r"points must be in \[0, 1\), got"),
+    (ValueError, lambda: warps.disc()([[0.5, 1.0]]), r"points must be in \[0, 1\) in float32, got"),
     (ValueError, lambda: warps.disc()([0.5]), r"points must have shape \(..., 2\), got \(1,\)"),
     (TypeError, lambda: warps.sphere()("text"), "points must be real numbers, got 'text'"),
     (ValueError, lambda: warps.sphere().inverse([0.0, 1.0]), r"values must have shape \(..., 3\)"),

@@ -10,6 +10,7 @@ import numpy as np
 from qmcjax.bridges._source._language import RESULT, Language
 from qmcjax.bridges._source._nouns import Seeded
 from qmcjax.core import checks
+from qmcjax.core.plug_ins import unwrap
 
 _LONGEST = 300
 
@@ -27,7 +28,8 @@ class Header:
     """The lines of the comment."""
 
     def __init__(self, value: Any, noun: str, name: str, language: Language, words: int) -> None:
-        shown = repr(value)
+        wrapped = getattr(value, "wrapped", None)
+        shown = repr(value) if wrapped is None else type(unwrap(wrapped)).__name__
         short = len(shown) <= _LONGEST and "\n" not in shown
         self.name, self._language, self._words = name, language, words
         self.lines = [f"{noun}, by qmcjax: {shown if short else checks.shown(value)}.", ""]

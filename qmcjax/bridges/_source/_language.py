@@ -43,6 +43,8 @@ RESERVED = frozenset(
     sampler select short sign signed sin sizeof smooth sqrt static step struct switch tan tanh template
     texture this throw triangle true trunc try typedef typename u32 uint uniform union unsigned using
     var varying vec2 vec3 vec4 vector virtual void volatile while workgroup xor
+    NAN NULL INFINITY double_t float_t gamma int8_t int16_t int32_t int64_t j0 j1 jn size_t uint8_t
+    uint16_t uint32_t uint64_t y0 y1 yn
     """.split()
 )
 """Words that some language keeps for itself, and that a function cannot have as name."""

@@ -14,11 +14,12 @@ from qmcjax.bridges._source._language import RESERVED, Language
 from qmcjax.bridges._source._nouns import Seeded, noun
 from qmcjax.bridges._source._prepared import Prepared
 from qmcjax.bridges._source._program import FLOAT, UINT
-from qmcjax.bridges._source._read import read
+from qmcjax.bridges._source._read import read, traced
 from qmcjax.bridges._source._seeds import seed_words
 from qmcjax.bridges._source._shaders import Glsl, Hlsl, Wgsl
 from qmcjax.bridges._source._writer import Source, Writer
 from qmcjax.core import checks
+from qmcjax.core.plug_ins import is_own
 from qmcjax.orders import Order
 from qmcjax.samplers import Sampler
 from qmcjax.sequences import Sequence
@@ -136,6 +137,8 @@ def _limits(sampler: Sampler, size: list[int | None]) -> list[int]:
 def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limits: list[int]) -> Source:
     wanted, seeded = checks.dimensions(dims, sampler.dims), Seeded.of(sampler)
     writer = Writer(language, name, seed_words(sampler, seeded))
+    if not is_own(sampler):  # A call checks the shape and the dtype of its points.
+        traced(lambda x, y, s: sampler(x, y, s, wanted), _WORD, _WORD, _WORD)
 
     def prepare(seeds: Any, x: Any, y: Any) -> Any:
         own, padding = seeds

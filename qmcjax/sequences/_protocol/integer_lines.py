@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 from qmcjax.core import checks
 
 _SHOWN = 60
+_DIGITS = 4300
+"""Longest integer that Python converts."""
 
 
 class Line(NamedTuple):
@@ -63,6 +65,8 @@ def integer_file(path: str | PathLike[str], max_bytes: int) -> IntegerFile:
         fields = text.split()
         if not all(field.isascii() and field.isdigit() for field in fields):
             raise wrong(path, number, "non-negative integers, or a comment after #", line.strip())
+        if any(len(field) > _DIGITS for field in fields):
+            raise wrong(path, number, f"integers of at most {_DIGITS} digits", line.strip())
         if fields:
             lines.append(Line(number, [int(field) for field in fields]))
     return IntegerFile(path, heading, lines)

@@ -101,7 +101,7 @@ def in_time(sequence: BinarySequence) -> InTime:
     Returns
     -------
     InTime
-        Frames do not repeat, and there is no limit to their number.
+        It has ``2**32`` frames, no two of them equal.
 
     Notes
     -----

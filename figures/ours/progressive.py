@@ -4,10 +4,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
+from jax import Array
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -16,7 +14,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.making import finished_cells
-from figures.shared import integrands_of_dims
+from figures.shared.first_samples import lengths, prefix_errors
 from figures.shared.integrands_of_dims import CLASSES, COUNT
 from figures.shared.turns import in_turns, median
 from qmcjax import samplers
@@ -29,12 +27,6 @@ RIVALS = (*ORDERS, "designed tiles")
 DIMS = (2, 4)
 GOALS = {2: 1.15, 4: 1.20}
 """How much larger than those of the best order for a number of samples errors may be."""
-
-TOGETHER = 64
-"""Samples whose values are summed in float32."""
-
-WHITE = 1 / (2 * np.sqrt(np.pi) * 1.5)
-"""What the filter leaves of white noise of standard deviation 1."""
 
 
 class Size(NamedTuple):
@@ -76,64 +68,26 @@ NOTE = (
     "of pixels, not filtered, are at most {plain} of those of the best order. A frame of x y with {spp} "
     "samples takes {slower:.2f} of the time of optimised orders. What bounds it: all numbers of samples "
     "share one permutation of each square. By the closed form of the search, in 2-D, those for one number "
-    "alone in the same nets are as good as the best order. Designed tiles are not stratified along the axes, "
-    "and end at 16 samples. Above {all} samples only {best} are made for each number."
+    "alone in the same nets are as good as the best order. Beside the order, nets in 2-D leave a pixel only "
+    "which half of its samples comes first; searches over that gained nothing to speak of. Designed tiles "
+    "are not stratified along the axes, and end at 16 samples. Above {all} samples only {best} are made for "
+    "each number."
 )
-
-
-@partial(jax.jit, static_argnums=(1, 2))
-def _sum(sampler: samplers.Sampler, side: int, dims: int, start: Array, stop: Array) -> Array:
-    """Return the sums of the values of the integrands over some samples of all pixels."""
-    wanted = tuple(range(dims))
-    state = sampler.prepare_image(side, side, wanted)
-
-    def add(number: Array, total: Array) -> Array:
-        sample = jnp.full((side, side), number, jnp.uint32)
-        return total + integrands_of_dims.values(sampler.points(state, sample, wanted, jnp.float32))
-
-    return lax.fori_loop(start, stop, add, jnp.zeros((side, side, len(CLASSES) * COUNT)))
-
-
-def _errors(sampler: samplers.Sampler, size: Size, dims: int, counts: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return filtered and RMS errors of the first samples, shape (counts, 2)."""
-    deviation = integrands_of_dims.moments(dims)[1]
-    total, found = np.zeros((size.side, size.side, len(deviation))), []
-    for start, stop in zip((0, *counts), counts, strict=False):
-        for first in range(start, stop, TOGETHER):
-            total += np.asarray(_sum(sampler, size.side, dims, first, min(first + TOGETHER, stop)))
-        image = (total - total.mean(axis=(0, 1))) / stop / deviation
-        parts = np.split(image, len(CLASSES), axis=2)
-        filtered = [analysis.filtered_error(part, np.zeros_like(part)) / WHITE for part in parts]
-        plain = [np.sqrt(np.square(part).mean()) for part in parts]
-        found.append([np.exp(np.mean(np.log(of))) for of in (filtered, plain)])
-    return np.array(found)
-
-
-def _prefixes(most: int) -> tuple[int, ...]:
-    """Return the numbers of samples: all up to 16, then 4 in each octave."""
-    octaves = [k << m for m in range(2, 13) for k in (5, 6, 7, 8)]
-    return tuple(n for n in (*range(1, 17), *(n for n in octaves if n > 16)) if n <= most)
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure all samplers, and draw ratios and errors."""
     size = SIZES[quality]
-    counts, prefixes = size.counts, _prefixes(size.counts[-1])
+    counts, prefixes = size.counts, lengths(size.counts[-1])
     keys = range(1, size.keys + 1)
 
     def ours(dims: int) -> NDArray:
-        return np.array(
-            [
-                _errors(samplers.progressive(size.side, size.side, key, dims), size, dims, prefixes)
-                for key in keys
-            ]
-        )
+        made = [samplers.progressive(size.side, size.side, key, dims) for key in keys]
+        return np.array([prefix_errors(sampler, size.side, dims, prefixes) for sampler in made])
 
     def theirs(dims: int, name: str, spp: int) -> NDArray:
-        make = CANDIDATES[name].make
-        return np.array(
-            [_errors(make(dims, size.side, size.side, spp, key), size, dims, (spp,))[0] for key in keys]
-        )
+        made = [CANDIDATES[name].make(dims, size.side, size.side, spp, key) for key in keys]
+        return np.array([prefix_errors(sampler, size.side, dims, (spp,))[0] for sampler in made])
 
     cells: dict[str, Callable[[], NDArray]] = {f"{OURS} {dims}": partial(ours, dims) for dims in DIMS}
     for spp in counts:

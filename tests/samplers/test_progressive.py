@@ -56,6 +56,31 @@ def test_squares_that_are_not_aligned_are_no_nets():
     assert analysis.t_value(block(sampler, (0, 0), 2, 3, 2)) > 0
 
 
+@pytest.mark.parametrize("log_count", range(8))
+def test_a_pixel_splits_into_two_nets_in_one_way(log_count):
+    """In two dimensions: points that share an interval of half of their net's are in different halves.
+
+    All points hang together by such pairs, so that the first half determines the other one.
+    """
+    words = block(samplers.progressive(64, 64, key=5), (7, 20), 0, 0, log_count + 1)
+    cells = [
+        np.column_stack(
+            [words[:, j] >> np.uint32(31 - digits) >> np.uint32(1) for j, digits in enumerate(shape)]
+        )
+        for shape in ((i, log_count - i) for i in range(log_count + 1))
+    ]
+    half = np.full(len(words), -1)
+    half[0], reached = 0, [0]
+    for point in reached:
+        for of_shape in cells:
+            other = np.flatnonzero(np.all(of_shape == of_shape[point], axis=1) & (first(len(words)) != point))
+            assert len(other) == 1 and half[other[0]] in (-1, 1 - half[point])
+            if half[other[0]] < 0:
+                half[other[0]] = 1 - half[point]
+                reached.append(int(other[0]))
+    assert np.array_equal(half, first(len(words)) >> log_count)
+
+
 def test_further_groups_of_coordinates_keep_prefixes():
     """They have other orders of the samples, but the first 2**k of a square remain a net, as for k = 4."""
     sampler = samplers.progressive(64, 64, key=5, dims=8)

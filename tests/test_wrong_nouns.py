@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import orders, samplers, scenes, sequences, warps
 
 ORDER, SEQUENCE = orders.hilbert(8, 8), sequences.sobol(3)
 
@@ -19,6 +19,7 @@ def owen_pass(key):
     ("call", "error", "message"),
     [
         (lambda: samplers.contiguous(ORDER, ORDER, 4), TypeError, "sequence must be a sequence .* got"),
+        (lambda: qj.integrate(jnp.sum, warps.disc(), 4), TypeError, "sequence must be a sequence .* got"),
         (
             lambda: samplers.as_sampler("sampler", SEQUENCE),
             TypeError,

@@ -163,7 +163,8 @@ def recommend(
 
 
 def _checked_size(size: Any) -> tuple[int, int]:
-    if not isinstance(size, tuple | list) or len(size) != 2:
+    pair = isinstance(size, tuple | list) or (isinstance(size, np.ndarray) and size.ndim == 1)
+    if not pair or len(size) != 2:
         raise TypeError(f"size must be a width and a height, got {checks.shown(size)}")
     width, height = (checks.integer("size", each, 1, checks.MAX_SIDE) for each in size)
     return width, height

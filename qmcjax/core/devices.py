@@ -25,7 +25,7 @@ def checked(mesh: Any) -> Mesh | None:
         return None
     if not isinstance(mesh, Mesh):
         raise TypeError(
-            "mesh must be a jax.sharding.Mesh, as jax.make_mesh((jax.device_count(),), ('devices',)) is, "
+            "mesh must be a jax.sharding.Mesh, such as jax.make_mesh((jax.device_count(),), ('devices',)), "
             f"got {checks.shown(mesh)}"
         )
     devices = mesh.devices.ravel()

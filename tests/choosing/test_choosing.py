@@ -329,7 +329,7 @@ def test_what_is_recommended_for_prefixes_is_a_sampler():
     assert "on average over the first 1, 2, 4, ... samples" in choice.reason
 
 
-@pytest.mark.parametrize(("size", "place"), [((512, 512), 0), ((512, 256), 1), ((500, 500), 1)])
+@pytest.mark.parametrize(("size", "place"), [((512, 512), 0), (np.array([512, 256]), 1), ([500, 500], 1)])
 def test_only_images_like_the_size_count(size, place):
     choice = qj.recommend(2, 16, True, size=size)
     names = [choice.name, *choice.others]

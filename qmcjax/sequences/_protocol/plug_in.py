@@ -98,7 +98,8 @@ def as_sequence(name: str, value: Any) -> Sequence:
     """
     if isinstance(value, Sequence):
         return value
-    takes = None if isinstance(value, type) else _takes(value)
+    warp = hasattr(value, "density") and hasattr(value, "inverse")  # it has dims and a call, of points
+    takes = None if isinstance(value, type) or warp else _takes(value)
     size = getattr(value, "size", None)
     if takes is None or not _positive(getattr(value, "dims", None)) or not (size is None or _positive(size)):
         engine = callable(getattr(value, "random", None)) and hasattr(value, "fast_forward")

@@ -175,7 +175,7 @@ def _measured(name: str, device: Any, sizes: Sizes) -> tuple[float, NDArray]:
         return AT_ONCE * program.samples / seconds(calls), first
 
 
-def seconds(call: Callable[[int], None]) -> float:
+def seconds(call: Callable[[int], object]) -> float:
     """Return the median time of a call, over at least three and so many seconds, after one."""
     call(0)
     return typical(lambda turn: call(1 + turn), 3, LEAST)

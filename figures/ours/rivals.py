@@ -53,7 +53,7 @@ def _drawn(entries: dict[str, Any]) -> Figure:
     names = sorted(entries, key=lambda name: (not entries[name]["origin"].startswith(OURS), name))
     families = list(dict.fromkeys(f for of in entries.values() for f in of["summary"]["rms"]))
     figure = Figure(figsize=(2.5 * len(families) + 2, 0.3 * len(names) + 1.6), layout="constrained")
-    figure.suptitle("Errors over those of random samples (less is better)")
+    figure.suptitle(_title(entries, families))
     panels = np.atleast_1d(figure.subplots(1, len(families), sharey=True))
     for axes, family in zip(panels, families, strict=True):
         for shift, (measure, (label, color, marker)) in zip((-0.15, 0.15), MEASURES.items(), strict=True):
@@ -74,3 +74,15 @@ def _drawn(entries: dict[str, Any]) -> Figure:
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower right", ncols=2, frameon=False)
     return figure
+
+
+def _title(entries: dict[str, Any], families: list[str]) -> str:
+    """Return which entry has the least filtered error of each family."""
+    least: dict[str, list[str]] = {}
+    for family in families:
+        scores = {name: of["summary"]["filtered"].get(family) for name, of in entries.items()}
+        known = {name: score[0] for name, score in scores.items() if score is not None}
+        if known:
+            least.setdefault(min(known, key=lambda name: known[name]), []).append(family)
+    best = "; ".join(f"{name} ({', '.join(of)})" for name, of in least.items())
+    return f"Errors over those of random samples. Least filtered errors: {best}"

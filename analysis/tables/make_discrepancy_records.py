@@ -56,7 +56,10 @@ MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
 def improve(folder: Path, discrepancy: str, n: int, dims: int, seconds: float) -> None:
     """Search one size; keep what is better, and the seconds that went into it."""
     path, name = folder / FILES[discrepancy], f"{discrepancy}_{dims}d_{n}"
-    kept = dict(np.load(path)) if path.exists() else {}
+    kept: dict[str, NDArray] = {}
+    if path.exists():
+        with np.load(path) as stored:
+            kept = dict(stored)
     spent, began = float(kept.get(f"{name}_seconds", 0.0)), time.process_time()
     start = kept[name] * 2.0**-32 if name in kept else None
     rng = np.random.default_rng([n, dims, round(spent)])
@@ -69,15 +72,15 @@ def improve(folder: Path, discrepancy: str, n: int, dims: int, seconds: float) -
     words = np.floor(points * 2.0**32).astype(np.uint32)
     words = words[np.argsort(words[:, 0], kind="stable")]
     before = np.inf if start is None else MEASURES[discrepancy](start)
-    after = MEASURES[discrepancy](words.astype(np.float64) * 2.0**-32)
-    if after < before:
+    found = MEASURES[discrepancy](words.astype(np.float64) * 2.0**-32)
+    if found < before:
         kept[name] = words
     spent += time.process_time() - began
     kept[f"{name}_seconds"] = np.float64(spent)
     partial = path.with_suffix(".partial.npz")
     np.savez_compressed(partial, **{key: kept[key] for key in sorted(kept)})
     partial.replace(path)
-    print(f"{name}: {before:.9f} -> {after:.9f}, {spent:.0f} s in all", flush=True)
+    print(f"{name}: {before:.9f} -> {min(found, before):.9f}, {spent:.0f} s in all", flush=True)
 
 
 def _descents(

@@ -7,6 +7,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from qmcjax.core.parameters import floats, require
+from qmcjax.core.pytrees import jit
 
 
 class Warp(abc.ABC):
@@ -36,7 +37,7 @@ class Warp(abc.ABC):
         Array, shape (..., length), of the dtype of ``points``
             Finite.
         """
-        return self._values(points_of_cube(points, self.dims))
+        return _compiled(self, "_values", points_of_cube(points, self.dims))
 
     def inverse(self, values: ArrayLike) -> Array:
         """Map values back to points.
@@ -50,7 +51,7 @@ class Warp(abc.ABC):
         -------
         Array, shape (..., dims), in [0, 1), of the dtype of ``values``
         """
-        return self._points(floats("values", values, (self.length,)))
+        return _compiled(self, "_points", floats("values", values, (self.length,)))
 
     def density(self, values: ArrayLike) -> Array:
         """Return the density of values of uniform points.
@@ -64,7 +65,7 @@ class Warp(abc.ABC):
         Array, shape (...), of the dtype of ``values``
             0 off the image, up to rounding. Whether a value lies on a surface is not checked.
         """
-        return self._density(floats("values", values, (self.length,)))
+        return _compiled(self, "_density", floats("values", values, (self.length,)))
 
     @abc.abstractmethod
     def _values(self, points: Array) -> Array:
@@ -77,6 +78,12 @@ class Warp(abc.ABC):
     @abc.abstractmethod
     def _density(self, values: Array) -> Array:
         """Return the density."""
+
+
+@jit("method")
+def _compiled(warp: Warp, method: str, given: Array) -> Array:
+    """Call a method as one program: step by step it would be fifty, and seconds of compilation."""
+    return getattr(warp, method)(given)
 
 
 def points_of_cube(points: ArrayLike, dims: int) -> Array:

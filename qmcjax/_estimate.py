@@ -1,4 +1,4 @@
-"""What replicates say of an integral, and values of any structure as columns of numbers."""
+"""What replicates say of an integral."""
 
 import math
 import operator
@@ -12,6 +12,7 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core import betting, checks, order_statistics
+from qmcjax.core.columns import joined, of_columns
 
 
 class Estimate(NamedTuple):
@@ -182,7 +183,6 @@ def _apart(ends: Callable[..., tuple[Any, Any]], means: Any) -> tuple[Any, Any]:
     def each(leaf: Any) -> tuple[Any, Any]:
         traced = isinstance(leaf, Tracer)
         xp: Any = jnp if traced else np
-        joined = jax.lax.complex if traced else lambda one, other: one + 1j * other
         if not xp.iscomplexobj(leaf):
             return ends(leaf, xp=xp)
         real, imaginary = ends(leaf.real, xp=xp), ends(leaf.imag, xp=xp)
@@ -208,34 +208,6 @@ def _median(values: Array) -> Array:
     return (_of_rank(values, len(values) - 1 - middle) + _of_rank(values, middle)) / 2
 
 
-def columns(values: Any, dtype: np.dtype) -> Array:
-    """Return all numbers of a row side by side, real and imaginary parts, in one floating type."""
-    leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
-    parts = [p for leaf in leaves for p in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))]
-    wide = any(part.dtype == jnp.float64 for part in parts)
-    common = np.dtype(np.float64) if wide else dtype
-    return jnp.concatenate([part.astype(common).reshape(part.shape[0], -1) for part in parts], axis=1)
-
-
-def of_columns(column: Array, like: Any, dtype: np.dtype) -> Any:
-    """Return the numbers of one row in the structure of the values."""
-    first = 0
-
-    def next_part(shape: tuple[int, ...]) -> Array:
-        nonlocal first
-        first, begin = first + math.prod(shape), first
-        return column[begin:first].reshape(shape)
-
-    def value(leaf: Any) -> Array:
-        shape = leaf.shape[1:]
-        if jnp.issubdtype(leaf.dtype, jnp.complexfloating):
-            real, imaginary = next_part(shape), next_part(shape)
-            return jax.lax.complex(real, imaginary).astype(leaf.dtype)
-        return next_part(shape).astype(leaf.dtype if jnp.issubdtype(leaf.dtype, jnp.floating) else dtype)
-
-    return jax.tree.map(value, like)
-
-
 def estimate(
     found: list[Array],
     some: Array,
@@ -246,40 +218,49 @@ def estimate(
     limits: tuple[float, float] | None,
 ) -> Estimate:
     """Return the mean or median of replicates, the standard error, and the rounding error."""
+    known = not any(isinstance(each, Tracer) for each in (*found, some))
+    made_of = (_compiled_columns if known else _columns)(
+        tuple(found), some, n, KINDS[kind] is QuantileEstimate
+    )
+    means, middle, error, magnitude = jax.tree.map(np.asarray, made_of) if known else made_of
     wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _wide(leaf.dtype)), like)
-    means = jnp.stack(found)
-    mean, spread = means.mean(axis=0), jnp.ptp(some, axis=0)
-    chosen = KINDS[kind]
-    magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
 
-    def structured(columns: Array) -> Any:
+    def values(columns: Any) -> Any:
         return of_columns(columns, wide, np.dtype(np.float64))
-
-    def known(made: Any) -> Any:
-        return made if isinstance(means, Tracer) else jax.tree.map(np.asarray, made)
-
-    def values(columns: Array) -> Any:
-        return known(structured(columns))
 
     def rounding(leaf: Any, magnitude: Array) -> Array:
         types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
         return magnitude * max(float(jnp.finfo(each).eps) for each in types)
 
-    gaps = jnp.median(jnp.diff(jnp.sort(means, axis=0), axis=0), axis=0)
-    equal = jax.lax.stop_gradient(gaps) <= 4 * np.finfo(np.float64).eps * magnitude
-    unseen = jnp.where(equal, 3 * jnp.square(spread / (n * len(found))), 0)
-    made = chosen(
-        values(_median(means) if chosen is QuantileEstimate else mean),
-        values(jnp.sqrt(jnp.var(means, axis=0, ddof=1) / len(found) + unseen)),
+    made = KINDS[kind](
+        values(middle),
+        values(error),
         len(found),
-        jax.tree.map(rounding, like, values(magnitude + spread / 2)),
-        known(jax.vmap(structured)(means)),
+        jax.tree.map(rounding, like, values(magnitude)),
+        values(means),
         n,
         limits,
     )
     if limits is not None:
         _check_means(means, made, limits)
     return made
+
+
+def _columns(
+    found: tuple[Array, ...], some: Array, n: int, of_ranks: bool
+) -> tuple[Array, Array, Array, Array]:
+    """Return the means of all replicates, their mean or median, its standard error, and its magnitude."""
+    means = jnp.stack(found)
+    mean, spread = means.mean(axis=0), jnp.ptp(some, axis=0)
+    magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
+    gaps = jnp.median(jnp.diff(jnp.sort(means, axis=0), axis=0), axis=0)
+    equal = jax.lax.stop_gradient(gaps) <= 4 * np.finfo(np.float64).eps * magnitude
+    unseen = jnp.where(equal, 3 * jnp.square(spread / (n * len(found))), 0)
+    error = jnp.sqrt(jnp.var(means, axis=0, ddof=1) / len(found) + unseen)
+    return means, _median(means) if of_ranks else mean, error, magnitude + spread / 2
+
+
+_compiled_columns = jax.jit(_columns, static_argnums=(2, 3))
 
 
 def _wide(dtype: Any) -> np.dtype:

@@ -9,8 +9,8 @@ from jax import Array
 from jax.core import Tracer
 from jax.sharding import Mesh
 
-from qmcjax._estimate import columns, of_columns
 from qmcjax.core import checks, parts, plug_ins, summation
+from qmcjax.core.columns import columns, of_columns
 from qmcjax.core.pytrees import frozen_pytree, jit
 from qmcjax.sequences import BinarySequence, OwenDigits, Sequence
 

@@ -243,6 +243,11 @@ def slow(*cases):
     return [pytest.param(case, marks=pytest.mark.slow) for case in cases]
 
 
+def slow_cases(*cases):
+    """Return such cases of several arguments each."""
+    return [pytest.param(*case, marks=pytest.mark.slow) for case in cases]
+
+
 def few(table, *names):
     """Return a few names of a table as they are, and the others to run on request."""
     return [*names, *slow(*(name for name in table if name not in names))]

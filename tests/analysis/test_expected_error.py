@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.special import erf
+from tables import few
 
 from analysis import Filter, expected_error, filtered_error
 from analysis._design.integrand_classes import BUMP, CLASSES
@@ -182,7 +183,7 @@ def test_z_is_better_than_independent_points():
     assert of["z"] < 0.7 * of["independent"]
 
 
-@pytest.mark.parametrize("integrands", [*CLASSES, "kernel"])
+@pytest.mark.parametrize("integrands", few([*CLASSES, "kernel"], "bumps", "kernel"))
 def test_traced_points_gradients_and_batches(integrands):
     if integrands == "kernel":
 

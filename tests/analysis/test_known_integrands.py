@@ -56,7 +56,11 @@ def test_errors_of_scenes_are_those_of_their_filtered_images(scene):
 
 def test_scenes_without_a_reference_have_an_estimate():
     """Of colours, too: the mean square over them."""
-    scene = scenes.occluder()
+
+    def colours(point):
+        return jnp.stack([point[..., 0], point[..., 1] * point[..., 2], point[..., 3] ** 2], axis=-1)
+
+    scene = scenes.function(colours, ("x", "y", "time", "lens x"))
     points = np.random.default_rng(2).random((8, 8, 4, len(scene.needs))).astype(np.float32)
     image = np.asarray(qj.render(scene, fixed(points), 8, 8, 4), np.float64)
     exact, bound = qj.estimated_reference(scene, 8, 8, 4096, 1)
@@ -98,6 +102,7 @@ def test_derivatives_of_blurred_jumps_are_densities():
     assert np.corrcoef(found[..., 0].ravel(), density.ravel())[0, 1] > 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [scenes.gaussian(), scenes.disc()], ids=["smooth", "jumps"])
 def test_points_that_know_their_scene_have_small_errors_of_it(scene):
     made = design_samples(16, 16, 1, 1, integrands=[scene], steps=200)
@@ -109,6 +114,7 @@ def test_points_that_know_their_scene_have_small_errors_of_it(scene):
     assert expected_error(made.points, [scene]) < 0.6 * np.mean(of_class)
 
 
+@pytest.mark.slow
 def test_points_designed_for_functions_are_a_tile():
     """In strata, for all its turns: smaller errors of these functions than of random strata."""
     made = design_samples(16, 16, 1, 1, integrands=[smooth, step], steps=200).points

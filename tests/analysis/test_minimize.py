@@ -36,6 +36,7 @@ def test_parameters_stay_in_a_projection():
     assert made.parameters.max() < 0.05
 
 
+@pytest.mark.slow
 def test_shifts_of_a_lattice_become_a_dither_mask():
     """Parameters that are no points: one shift a pixel; the lattice in each pixel stays one."""
     lattice = (np.arange(4)[:, None] * np.array([0.25, 0.5]) % 1).astype(np.float32)

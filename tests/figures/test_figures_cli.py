@@ -372,6 +372,7 @@ def test_no_names_mean_the_papers_and_what_a_reader_wants_comes_first(
 
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="looks for memory in /proc")
+@pytest.mark.slow
 def test_the_peak_is_of_all_processes_and_a_full_worker_makes_room(tmp_path):
     """A worker that keeps 950 MB, beside 500 MB of a process of its own, is not kept."""
     holding = """
@@ -459,6 +460,7 @@ def test_tasks_that_are_to_be_alone_run_alone(tmp_path, monkeypatch):
     assert together == {("a", "b"), ("e", "f")}
 
 
+@pytest.mark.slow
 def test_programs_are_forgotten_before_a_process_has_too_many(monkeypatch):
     program = jax.jit(lambda x: x + 1)
     program(1.0)

@@ -24,6 +24,7 @@ def values():
     return points, np.asarray(hundred_integrands.together(points))
 
 
+@pytest.mark.slow
 def test_integrals_are_exact(values):
     """By means over a net, within 5 standard errors of random points; all values are in [0, 1]."""
     found = values[1]
@@ -34,6 +35,7 @@ def test_integrals_are_exact(values):
     assert np.median(abs(error)) < 1e-4
 
 
+@pytest.mark.slow
 def test_single_integrands_are_columns_of_all(values):
     points, found = values
     for place in range(0, 100, 7):
@@ -41,6 +43,7 @@ def test_single_integrands_are_columns_of_all(values):
         np.testing.assert_allclose(alone, found[:64, place], rtol=2e-5, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_further_coordinates_do_not_count(values):
     """Those that an integrand does not have."""
     points = np.asarray(values[0][:64])

@@ -28,6 +28,7 @@ def spectrum(image):
 # Hilbert paper
 
 
+@pytest.mark.slow
 def test_permutations_improve_the_halton_sequence():
     """Sect. 3.1: Zaremba's permutation improves upon none, and Faure's upon Zaremba's; bases 17 and 19."""
     for n in (200, 500):
@@ -39,6 +40,7 @@ def test_permutations_improve_the_halton_sequence():
         assert found[1] < 0.95 * found[2]
 
 
+@pytest.mark.slow
 def test_low_discrepancy_is_preserved_along_the_hilbert_curve():
     """Sect. 3: in two dimensions it is at most the root of that in one; along the raster it is near 1."""
     hilbert, raster = orders.hilbert(4096, 4096), orders.raster(4096, 4096)
@@ -143,6 +145,7 @@ def global_sobol(side=64):
     return samplers.full_screen(sequences.sobol(14), side, side)
 
 
+@pytest.mark.slow
 def test_darker_spectra_of_global_sobol_have_as_much_power():
     """Fig. 1: they appear darker, by the median, since the same energy is in spikes."""
     ours = samplers.independent(sequences.sobol(14), 1, "xor")

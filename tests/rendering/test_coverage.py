@@ -39,6 +39,7 @@ def hard(points):
     return {name: function(points) for name, (function, _) in HARD.items()}
 
 
+@pytest.mark.slow
 def test_intervals_in_float32_hold_the_integral():
     """Where rounding, or the resolution of a count, is all that there is to the error."""
     trials, held = 25, dict.fromkeys(HARD, 0)
@@ -52,6 +53,7 @@ def test_intervals_in_float32_hold_the_integral():
     assert min(held.values()) / trials >= 0.95 - slack(0.95, trials)
 
 
+@pytest.mark.slow
 def test_replicates_in_float32_are_as_good_as_their_values():
     """The mean of 8 replicates of exp(-x-y): its error is that of sampling, ten times below an epsilon."""
     errors, standard_errors = [], []
@@ -93,6 +95,7 @@ def test_a_constant_has_no_standard_error():
     assert (low, high) == (3 - 3 * 2.0**-23, 3 + 3 * 2.0**-23)
 
 
+@pytest.mark.slow
 def test_counts_that_agree_by_chance():
     """Each of 16 replicates is 100 / 256 with a probability of 0.95, else 101 / 256."""
     exact, trials = 100.05 / 256, 60

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.stats import binom
+from tables import few, slow
 
 import qmcjax as qj
 from qmcjax import sequences
@@ -98,7 +99,7 @@ def test_betting_is_as_narrow_as_the_values_vary():
 # -- integrals
 
 
-@pytest.mark.parametrize("interval", INTERVALS)
+@pytest.mark.parametrize("interval", few(INTERVALS, "student"))
 def test_intervals_hold_integrals_as_often_as_they_say(interval):
     """Over 100 keys; by order statistics 8 replicates cover with 93 %, betting always."""
     level, held, least = 0.9, 0, {"student": 0.9, "betting": 1.0}.get(interval, 1 - 18 / 256)
@@ -160,7 +161,7 @@ def test_trees_and_compiled_programs(interval):
 # -- to a tolerance
 
 
-@pytest.mark.parametrize("kind", ["student", "median"])
+@pytest.mark.parametrize("kind", ["student", *slow("median")])
 def test_the_number_of_points_doubles_until_the_interval_is_small_enough(kind):
     """Not before; the estimate is that of the points at once; the integral is within the tolerance."""
     how = {"n": 2**16, "replicates": 10}

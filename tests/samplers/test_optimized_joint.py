@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, slow
+from tables import first, slow, slow_cases
 
 import analysis
 from figures.ours import space_time
@@ -17,10 +17,6 @@ from qmcjax.sequences._protocol.fraction import Fraction
 KEY = 5
 SEQUENCES = {4: sequences.niederreiter_xing, 8: sequences.sobol}
 """By the dimensions of the table."""
-
-
-def slow_cases(*cases):
-    return [pytest.param(*case, marks=pytest.mark.slow) for case in cases]
 
 
 CASES = [(4, 1), (8, 4), *slow_cases((3, 16), (4, 4), (4, 64), (4, 512), (5, 1), (8, 64))]
@@ -236,7 +232,7 @@ MARGIN = 0.9
 """Of filtered errors along the Hilbert curve."""
 
 
-@pytest.mark.parametrize(("dims", "spp"), [(4, 1), *slow_cases((4, 4), (4, 16), (8, 1))])
+@pytest.mark.parametrize(("dims", "spp"), slow_cases((4, 1), (4, 4), (4, 16), (8, 1)))
 def test_errors_are_smaller_after_the_filter_than_along_the_hilbert_curve(dims, spp):
     """Over random integrands, none searched with, of equal sequences, by 5 standard errors."""
 

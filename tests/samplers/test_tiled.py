@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.stats import qmc
-from tables import first, points_of
+from tables import few, first, points_of
 
 from analysis import expected_error, filtered_error
 from analysis.tables.make_designed_tiles import TILES
@@ -156,7 +156,7 @@ def test_frames_are_those_of_the_tile():
     assert {tuple(sorted(frame)) for frame in areas} == {tuple(sorted(frame)) for frame in known.T}
 
 
-@pytest.mark.parametrize("name", [name for name in TILES if name[-1].isdigit()])
+@pytest.mark.parametrize("name", few([name for name in TILES if name[-1].isdigit()], "2d_1", "4d_4"))
 def test_shipped_tiles_are_better_than_orders_and_owen(name):
     """Against classes that they were not designed for, averaged over three keys.
 
@@ -188,6 +188,7 @@ def test_shipped_tiles_are_better_than_orders_and_owen(name):
         assert errors["designed"][1] < 1.03 * errors["owen"][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dims", [2, 4])
 def test_each_power_of_two_of_a_progressive_tile_is_designed(dims):
     """Filtered errors of bumps: near those of tiles for as many samples, below those of other prefixes."""

@@ -118,9 +118,7 @@ SHAPES = {
 
 
 # The other shapes are met in motion, below.
-FAST = {(name, "float32") for name in ("sphere", "box", "cylinder", "moving triangles")} | {
-    ("triangles", "float64")
-}
+FAST = {(name, "float32") for name in ("box", "moving triangles")} | {("triangles", "float64")}
 
 
 def random_rays(count, key=0):

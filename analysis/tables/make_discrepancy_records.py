@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +57,7 @@ MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
 def improve(folder: Path, discrepancy: str, n: int, dims: int, seconds: float) -> None:
     """Search one size; keep what is better, and the seconds that went into it."""
     path, name = folder / FILES[discrepancy], f"{discrepancy}_{dims}d_{n}"
-    kept: dict[str, NDArray] = {}
+    kept: dict[str, Any] = {}
     if path.exists():
         with np.load(path) as stored:
             kept = dict(stored)

@@ -1,0 +1,172 @@
+"""The options of ``python -m figures``, and what it says of wrong ones."""
+
+import argparse
+import difflib
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+from figures.catalogue import NO_DRAFT, PAPERS, Entry
+
+
+def parser_of(catalogue: Mapping[str, Entry]) -> argparse.ArgumentParser:
+    """Return the parser, whose help lists the figures."""
+    parser = argparse.ArgumentParser(
+        prog="python -m figures",
+        description="Make the papers' figures and measure what they show.",
+        epilog=f"""\
+figures:
+{listing(catalogue, catalogue)}
+
+examples:
+  python -m figures                                the papers' figures, as drafts, into out/
+  python -m figures --all                          and measurements of our own
+  python -m figures thesis-6.1 --quality paper     one figure as printed
+  python -m figures --out gallery --jobs 4         four at a time, into gallery/
+  python -m figures --distributed --out gallery    on all machines of a SLURM job, say
+  python -m figures compare --help                 your own sampler against those of the papers
+  python -m figures suite --help                   the benchmark of samplers, ours and others
+  python -m figures compilations --help            which programs take longest to compile
+  python -m figures export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
+  python -m figures gpu                            how fast a GPU is, and whether it computes the same
+  python -m figures plan --samples 1e12            how long an image will take, and how much memory
+
+Each figure becomes <name>.png in the output folder; what was measured stands beside what the
+papers print in numbers.json there; index.html there shows all of it. A second run makes only what
+is missing or whose code or quality changed. Compiled programs are kept in the user's folder for caches,
+at most 1 GiB, so that another run need not compile them; in paper quality figures that measure time
+compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
+130 after Ctrl-C.
+""",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument(
+        "names", nargs="*", metavar="name", help="figures to make (default: all of the papers)"
+    )
+    parser.add_argument("--all", action="store_true", help="make our own figures, too")
+    parser.add_argument("--list", action="store_true", help="show the figures' names and titles and end")
+    parser.add_argument(
+        "--out", type=_folder, default=Path("out"), metavar="DIR", help="output folder (default: out)"
+    )
+    parser.add_argument(
+        "--quality", choices=("draft", "paper"), default="draft", help="how much to compute (default: draft)"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=_count,
+        metavar="N",
+        help="figures made at a time (default: 2); in paper quality those that measure time run alone",
+    )
+    parser.add_argument(
+        "--no-cache", action="store_true", help="compile all programs anew, and keep none for the next run"
+    )
+    parser.add_argument(
+        "--heitz",
+        type=Path,
+        metavar="FILE",
+        help="published tables of Heitz et al. 2019, their C++ file or an .npz: z-1, z-9, z-10 and z-11 use "
+        "them beside our ranked keys",
+    )
+    parser.add_argument(
+        "--openqmc",
+        type=Path,
+        metavar="DIR",
+        help="a checkout of github.com/AcademySoftwareFoundation/openqmc, whose samplers the figure source "
+        "measures beside ours",
+    )
+    parser.add_argument(
+        "--stbn",
+        type=Path,
+        metavar="DIR",
+        help="the frames of a published texture over space and time (STBN, FAST), NAME_0.png and so on, "
+        "which space-time measures beside our samplers",
+    )
+    several = parser.add_argument_group(
+        "several machines", "each runs the same command, with the same output folder, and makes its share"
+    )
+    several.add_argument(
+        "--distributed",
+        action="store_true",
+        help="as SLURM, Open MPI, Kubernetes or Cloud TPU have started it",
+    )
+    several.add_argument(
+        "--coordinator", type=_address, metavar="HOST:PORT", help="where process 0 is, by hand; any free port"
+    )
+    several.add_argument(
+        "--processes", type=_count, metavar="N", help="with --coordinator: how many there are"
+    )
+    several.add_argument(
+        "--process-id", type=_number, metavar="K", help="with --coordinator: this one, 0 to N-1"
+    )
+    return parser
+
+
+def check_job(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
+    """End with a message unless the options of a job belong together."""
+    by_hand = {
+        "--coordinator": options.coordinator,
+        "--processes": options.processes,
+        "--process-id": options.process_id,
+    }
+    missing = [name for name, value in by_hand.items() if value is None]
+    if options.distributed and len(missing) < 3:
+        parser.error(
+            "--distributed asks the cluster for --coordinator, --processes and --process-id: not both"
+        )
+    if not options.distributed and 0 < len(missing) < 3:
+        parser.error(
+            f"--coordinator, --processes and --process-id belong together, got no {', '.join(missing)}"
+        )
+    if not missing and options.process_id >= options.processes:
+        parser.error(
+            f"--process-id: must be below the {options.processes} processes, got {options.process_id}"
+        )
+
+
+def _address(text: str) -> str:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 2**16:
+        raise argparse.ArgumentTypeError(f"must be HOST:PORT, got {text!r}")
+    return text
+
+
+def _folder(text: str) -> Path:
+    if not text:  # as a path this would be the current folder
+        raise argparse.ArgumentTypeError(f"must name a folder, got {text!r}")
+    return Path(text)
+
+
+def _count(text: str) -> int:
+    return _integer(text, 1)
+
+
+def _number(text: str) -> int:
+    return _integer(text, 0)
+
+
+def _integer(text: str, least: int) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = least - 1
+    if value < least:
+        raise argparse.ArgumentTypeError(f"must be an integer of at least {least}, got {text!r}")
+    return value
+
+
+def advice(name: str, catalogue: Mapping[str, Entry]) -> str:
+    """Return the figure that may have been meant, or all of them."""
+    near = difflib.get_close_matches(name.lower(), catalogue, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"choose from {', '.join(catalogue)}"
+
+
+def listing(names: Collection[str], catalogue: Mapping[str, Entry]) -> str:
+    """Return names and titles by paper; a star marks those that have no draft."""
+    width = max(map(len, names)) + 1
+    groups: dict[str, list[str]] = {title: [] for title in PAPERS.values()}
+    for name in names:
+        title = PAPERS.get(name.partition("-")[0], "Our own, by --all")
+        mark = "*" if name in NO_DRAFT else ""
+        groups.setdefault(title, []).append(f"  {name + mark:<{width}}  {catalogue[name].title}")
+    listed = [line for title, lines in groups.items() if lines for line in (f"{title}:", *lines)]
+    return "\n".join(listed + ["*: --quality paper only"] * any(name in NO_DRAFT for name in names))

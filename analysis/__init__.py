@@ -6,9 +6,9 @@ Arguments are checked: TypeError and ValueError name the argument, what it must 
 from analysis._comparing.compare import compare as compare
 from analysis._comparing.comparison import Comparison as Comparison
 from analysis._comparing.comparison import ComparisonRow as ComparisonRow
-from analysis._comparing.convergence import ConvergenceRow as ConvergenceRow
-from analysis._comparing.convergence import ConvergenceTable as ConvergenceTable
 from analysis._comparing.convergence import convergence as convergence
+from analysis._comparing.convergence_table import ConvergenceRow as ConvergenceRow
+from analysis._comparing.convergence_table import ConvergenceTable as ConvergenceTable
 from analysis._comparing.promises import broken_promises as broken_promises
 from analysis._design.design_samples import DesignedSamples as DesignedSamples
 from analysis._design.design_samples import design_samples as design_samples

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from analysis import trees
 from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
-from figures.shared import mesh_models
+from figures.shared import mesh_models, moving_meshes
 from figures.shared.traversal import Rays, traced
 
 SIDE = {"draft": 24, "paper": 96}
@@ -20,13 +20,13 @@ KAPPAS = {"draft": (2.0, 4.0), "paper": (2.0, 4.0, 8.0)}
 MOST = 16
 """Parts of a triangle in time."""
 
-SCENES: dict[str, dict[str, Callable[[], mesh_models.Moving]]] = {
+SCENES: dict[str, dict[str, Callable[[], moving_meshes.Moving]]] = {
     "helicopter": {
-        "draft": lambda: mesh_models.flying_helicopter(4, 12),
-        "paper": lambda: mesh_models.flying_helicopter(10),
+        "draft": lambda: moving_meshes.flying_helicopter(4, 12),
+        "paper": lambda: moving_meshes.flying_helicopter(10),
     },
-    "knots": {"draft": lambda: mesh_models.flying_knots(3), "paper": lambda: mesh_models.flying_knots(6)},
-    "hail": {"draft": lambda: mesh_models.hail(2, 200), "paper": lambda: mesh_models.hail(8, 4000)},
+    "knots": {"draft": lambda: moving_meshes.flying_knots(3), "paper": lambda: moving_meshes.flying_knots(6)},
+    "hail": {"draft": lambda: moving_meshes.hail(2, 200), "paper": lambda: moving_meshes.hail(8, 4000)},
 }
 
 WHOLE, HALF, INTERPOLATED = (
@@ -123,7 +123,7 @@ def _split(kappa: float) -> str:
 
 
 def _of_scene(
-    scene: mesh_models.Moving, quality: str
+    scene: moving_meshes.Moving, quality: str
 ) -> tuple[dict[str, Way], dict[str, float], dict[str, float]]:
     times, vertices = scene.times, scene.triangles
     low, high = mesh_models.corners(vertices)

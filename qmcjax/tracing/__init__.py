@@ -22,7 +22,7 @@ from qmcjax.tracing._estimators.lens_line import lens_lines as lens_lines
 from qmcjax.tracing._estimators.lens_line import lens_sheared as lens_sheared
 from qmcjax.tracing._estimators.paths import PathTracing as PathTracing
 from qmcjax.tracing._estimators.paths import path_tracing as path_tracing
-from qmcjax.tracing._estimators.photons import Photons as Photons
+from qmcjax.tracing._estimators.photon_map import Photons as Photons
 from qmcjax.tracing._estimators.photons import photon_needs as photon_needs
 from qmcjax.tracing._estimators.photons import photons as photons
 from qmcjax.tracing._estimators.predictor import PredictorCorrector as PredictorCorrector

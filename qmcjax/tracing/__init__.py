@@ -18,8 +18,8 @@ from qmcjax.tracing._estimators.direct import direct_light as direct_light
 from qmcjax.tracing._estimators.estimator import Estimator as Estimator
 from qmcjax.tracing._estimators.lens_line import LensLine as LensLine
 from qmcjax.tracing._estimators.lens_line import lens_line as lens_line
-from qmcjax.tracing._estimators.lens_line import lens_lines as lens_lines
-from qmcjax.tracing._estimators.lens_line import lens_sheared as lens_sheared
+from qmcjax.tracing._estimators.lens_shear import lens_lines as lens_lines
+from qmcjax.tracing._estimators.lens_shear import lens_sheared as lens_sheared
 from qmcjax.tracing._estimators.paths import PathTracing as PathTracing
 from qmcjax.tracing._estimators.paths import path_tracing as path_tracing
 from qmcjax.tracing._estimators.photon_map import Photons as Photons

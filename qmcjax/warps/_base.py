@@ -82,7 +82,7 @@ class Warp(abc.ABC):
 
 @jit("method")
 def _compiled(warp: Warp, method: str, given: Array) -> Array:
-    """Call a method as one program: step by step it would be fifty, and seconds of compilation."""
+    """Call a method as one program: step by step a normal would be twenty programs."""
     return getattr(warp, method)(given)
 
 

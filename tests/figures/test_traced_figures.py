@@ -55,7 +55,6 @@ def test_the_kept_reference_is_the_mean_of_each_pixel():
     """Differences from another estimate are as large as both standard errors say."""
     scene, side = scenes.interior(2), 16
     kept = kept_references.find(scene, side)
-    assert kept is not None
     sobol = sequences.sobol(len(scene.needs))
     images = [
         scene_images.replicate(scene, samplers.independent(sobol, key), side, 8) for key in range(100, 116)
@@ -71,7 +70,6 @@ def test_a_reference_is_kept_for_one_scene_and_for_divisors_of_its_side(monkeypa
     scene = scenes.interior(2)
     kept = kept_references.find(scene, 128)
     coarse = kept_references.find(scene, 32)
-    assert kept is not None and coarse is not None
     np.testing.assert_allclose(coarse.image[0, 1], kept.image[:4, 4:8].mean(axis=(0, 1)))
     np.testing.assert_allclose(16 * coarse.error[0, 1] ** 2, np.square(kept.error[:4, 4:8]).mean(axis=(0, 1)))
     assert coarse.spp == 16 * kept.spp

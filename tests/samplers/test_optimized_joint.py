@@ -232,7 +232,8 @@ MARGIN = 0.9
 """Of filtered errors along the Hilbert curve."""
 
 
-@pytest.mark.parametrize(("dims", "spp"), slow_cases((4, 1), (4, 4), (4, 16), (8, 1)))
+@pytest.mark.slow
+@pytest.mark.parametrize(("dims", "spp"), [(4, 1), (4, 4), (4, 16), (8, 1)])
 def test_errors_are_smaller_after_the_filter_than_along_the_hilbert_curve(dims, spp):
     """Over random integrands, none searched with, of equal sequences, by 5 standard errors."""
 

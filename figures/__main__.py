@@ -150,5 +150,16 @@ def _join(options: argparse.Namespace) -> Job:
     return Job(where, f"what was finished stays in {options.out}, and the same command goes on with the rest")
 
 
+def _until_nobody_reads() -> int:
+    """Run the command line, and end quietly when who reads what it prints, such as ``head``, has ended."""
+    try:
+        status = main()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes once more at exit
+        return 1
+    return status
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(_until_nobody_reads())

@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.shared.h100 import H100, Program, programs
-from figures.shared.operations import operations
+from figures.shared.timing.h100 import H100, Program, programs
+from figures.shared.timing.operations import operations
 from figures.shared.turns import typical
 
 FAST = (2**25, 2048, 64)

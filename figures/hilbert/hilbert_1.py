@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 import analysis
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from figures.making.schema import Claims
-from figures.shared.curve_tables import CURVES, Curve, square
-from figures.shared.peano_variants import VARIANTS, meander, peano_variants
+from figures.shared.sheets.curve_tables import CURVES, Curve, square
+from figures.shared.sheets.peano_variants import VARIANTS, meander, peano_variants
 from qmcjax import sequences
 
 SHOWN = (16, 9)

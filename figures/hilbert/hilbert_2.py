@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import analysis
 from figures._rc import BLUE, VERMILLION
 from figures.making.schema import Claims
-from figures.shared.curve_tables import CURVES, Curve, enumerated, square
+from figures.shared.sheets.curve_tables import CURVES, Curve, enumerated, square
 from qmcjax import sequences
 
 SHOWN = (8, 9)

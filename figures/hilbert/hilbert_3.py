@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims
-from figures.shared.curve_tables import CURVES, EXPLAINED, enumerated, square, structure
-from figures.shared.image_sheets import Row, image_sheet
+from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, enumerated, square, structure
+from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import sequences
 
 SIDES = (64, 81)

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures.making.schema import Claims
-from figures.shared.curve_tables import CURVES, EXPLAINED, Curve, enumerated, square, structure
-from figures.shared.image_sheets import Row, image_sheet
+from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, Curve, enumerated, square, structure
+from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import sequences
 
 SIDES = (64, 81)

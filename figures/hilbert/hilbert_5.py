@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from figures._errors import rms
-from figures.shared import diffusion, judged, scene_images
-from figures.shared.image_sheets import Row, image_sheet
+from figures.shared import judged
+from figures.shared.rendered import diffusion, scene_images
+from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 32, "paper": 256}

@@ -14,9 +14,9 @@ MODULES = (
     "matplotlib.pyplot",
     "PIL.PngImagePlugin",
     "PIL.WebPImagePlugin",
-    "figures.shared.image_grid",
-    "figures.shared.image_sheets",
-    "figures.shared.pixel_sets",
+    "figures.shared.sheets.image_grid",
+    "figures.shared.sheets.image_sheets",
+    "figures.shared.rendered.pixel_sets",
 )
 
 os.environ["MPLBACKEND"] = "Agg"  # matplotlib reads it when it is imported.

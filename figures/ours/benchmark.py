@@ -9,9 +9,11 @@ from matplotlib.figure import Figure
 
 from figures.making import own_process
 from figures.plot import Style, style
-from figures.shared import mitsuba_scenes, peer_images, speed_sweep, traced_sweep
-from figures.shared.error_over_time import Rows, best, counted, legend, lines, time_for
-from figures.shared.traced_sweep import OURS
+from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.rendered import traced_sweep
+from figures.shared.rendered.traced_sweep import OURS
+from figures.shared.timing import peer_images, speed_sweep
+from figures.shared.timing.error_over_time import Rows, best, counted, legend, lines, time_for
 
 PROGRAMS = {
     "qmcjax": Style("C0", "o"),

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 import analysis
 from analysis.tables.make_designed_tiles import TILES
 from figures import plot
-from figures.shared import integrands_of_dims
-from figures.shared.image_grid import Panel, add_axes, image_grid
-from figures.shared.integrands_of_dims import CLASSES, COUNT
+from figures.shared.integrands import integrands_of_dims
+from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 from figures.shared.turns import in_turns, median
 from qmcjax import render, samplers, scenes
 from qmcjax.choosing import CANDIDATES

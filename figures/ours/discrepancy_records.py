@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.tables import SEQUENCES
 from analysis.tables.make_discrepancy_records import FILES, MEASURES, SIZES
 from figures import plot
-from figures.shared import point_plots, text_tables
+from figures.shared.sheets import point_plots, text_tables
 from qmcjax import sequences
 
 OPTIMAL = {16: 0.0739, 20: 0.0604}

@@ -9,9 +9,9 @@ from matplotlib.ticker import StrMethodFormatter
 
 from analysis.tables.search_columns import QUESTIONS, SIZE, Found, search
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
-from figures.shared import projection_errors
-from figures.shared.integrands_of_dims import CLASSES, COUNT
-from figures.shared.projection_errors import DIMS, PROJECTIONS, Ratio
+from figures.shared.integrands import projection_errors
+from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
+from figures.shared.integrands.projection_errors import DIMS, PROJECTIONS, Ratio
 from qmcjax import sequences
 
 REFERENCE = "Sobol'"

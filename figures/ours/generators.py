@@ -14,7 +14,7 @@ import analysis
 from figures import plot
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from figures.shared import point_plots, text_tables
+from figures.shared.sheets import point_plots, text_tables
 from qmcjax import sequences
 
 DIMS = 8

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import bdtr, bdtrc, ndtr
 
-from figures.shared import coverage, distinctions, hundred_integrands, interval_kinds
+from figures.shared.integrands import coverage, distinctions, hundred_integrands, interval_kinds
 
 TRIALS = {"draft": 200, "paper": 2000}
 """Of distinctions."""

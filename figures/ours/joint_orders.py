@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._rc import BLACK
-from figures.shared import integrands_of_dims
-from figures.shared.integrands_of_dims import CLASSES, COUNT
+from figures.shared.integrands import integrands_of_dims
+from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from qmcjax import orders, samplers, sequences
 from qmcjax.choosing import CANDIDATES
 from qmcjax.core import student

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 KEY = 1

@@ -17,10 +17,11 @@ import analysis
 from figures import plot
 from figures.making import own_process
 from figures.ours import benchmark
-from figures.shared import diffusion, mitsuba_scenes, mitsuba_speed_process
-from figures.shared import mitsuba_samplers_process as process
-from figures.shared.image_grid import Panel, add_axes, image_grid
-from figures.shared.mitsuba_scenes import Run
+from figures.shared.mitsuba import mitsuba_samplers_process as process
+from figures.shared.mitsuba import mitsuba_scenes, mitsuba_speed_process
+from figures.shared.mitsuba.mitsuba_scenes import Run
+from figures.shared.rendered import diffusion
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
 REFERENCE, REFERENCE_SPP = "multijitter", 64

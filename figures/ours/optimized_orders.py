@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._errors import rms
-from figures.shared import integrand_classes, screen_space, text_tables
-from figures.shared.image_grid import GAP, Panel, add_axes, image_grid
-from figures.shared.integrand_classes import CLASSES
+from figures.shared.integrands import integrand_classes, screen_space
+from figures.shared.integrands.integrand_classes import CLASSES
+from figures.shared.sheets import text_tables
+from figures.shared.sheets.image_grid import GAP, Panel, add_axes, image_grid
 from figures.shared.turns import in_turns, median
 from qmcjax import orders, samplers, sequences
 from qmcjax.choosing import CANDIDATES

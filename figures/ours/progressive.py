@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.making import finished_cells
-from figures.shared.first_samples import lengths, prefix_errors
-from figures.shared.integrands_of_dims import CLASSES, COUNT
+from figures.shared.integrands.first_samples import lengths, prefix_errors
+from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from figures.shared.turns import in_turns, median
 from qmcjax import samplers
 from qmcjax.choosing import CANDIDATES

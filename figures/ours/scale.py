@@ -11,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from figures.making import own_process
 from figures.making.this_machine import machine
-from figures.shared import image_scaling, measure_scaling
+from figures.shared.timing import image_scaling, measure_scaling
 
 DOUBLED, WITHIN = 2.0, 0.1
 """The factor of the time of twice the samples, and how far off it may be."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.making.schema import Claims
-from figures.shared.screen_space import (
+from figures.shared.integrands.screen_space import (
     CENTRE,
     FAMILIES,
     INTEGRALS,

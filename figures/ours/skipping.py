@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 import qmcjax as qj
 from figures._errors import rms
-from figures.shared import speed_sweep
-from figures.shared.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.shared.timing import speed_sweep
 from qmcjax import scenes
 
 

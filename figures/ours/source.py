@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 from figures.making import openqmc, own_process
 from figures.plot import Style
-from figures.shared import source_rates
-from figures.shared.source_rates import EQUAL, OPENQMC, OWEN, PLAIN, SINGLE, SIZES, XLA, C
+from figures.shared.timing import source_rates
+from figures.shared.timing.source_rates import EQUAL, OPENQMC, OWEN, PLAIN, SINGLE, SIZES, XLA, C
 
 GOAL = 4.0
 """How many times OpenQMC's rate ours is to be, for Sobol' points."""

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.making import stbn
-from figures.shared import integrands_of_dims
-from figures.shared.animations import FRAMES, METHODS, Animation, Frame, errors, image
-from figures.shared.moving_picture import moving_picture
+from figures.shared.integrands import integrands_of_dims
+from figures.shared.integrands.animations import FRAMES, METHODS, Animation, Frame, errors, image
+from figures.shared.sheets.moving_picture import moving_picture
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core import student
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from figures.making import own_process
 from figures.plot import Style
-from figures.shared import measure_rates, path_rates, point_rates, ray_rates
+from figures.shared.timing import measure_rates, path_rates, point_rates, ray_rates
 
 ALIKE = 1.25
 """Ratio of rates that are about the same."""

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from figures.shared import point_precision, ray_precision
+from figures.shared.precision import point_precision, ray_precision
 
 COUNT = {"draft": (64, 2**12), "paper": (1024, 2**17)}
 """Points, pixels or indices that each error is the largest of, and rays of each case."""

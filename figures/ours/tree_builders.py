@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures.shared import mesh_models, text_tables
-from figures.shared.traversal import Rays, leaf_depths, traced
+from figures.shared.meshes import mesh_models
+from figures.shared.meshes.traversal import Rays, leaf_depths, traced
+from figures.shared.sheets import text_tables
 from figures.shared.turns import in_turns, median, timed
 
 SIDE = {"draft": 24, "paper": 96}

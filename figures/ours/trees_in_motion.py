@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from analysis import trees
 from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
-from figures.shared import mesh_models, moving_meshes
-from figures.shared.traversal import Rays, traced
+from figures.shared.meshes import mesh_models, moving_meshes
+from figures.shared.meshes.traversal import Rays, traced
 
 SIDE = {"draft": 24, "paper": 96}
 PARTS = {"draft": (2, 8), "paper": (2, 4, 8, 16)}

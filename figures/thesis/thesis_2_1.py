@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures.shared.trajectories import at
+from figures.shared.sheets.trajectories import at
 from qmcjax.tracing import motion
 
 KNOTS = (0, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 8, 8, 8)

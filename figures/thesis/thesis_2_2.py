@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures.shared.trajectories import CURVE, FINE, at, draw, legend, pair, table
+from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, legend, pair, table
 
 STEPS = 24
 SEGMENTS = 16 * STEPS

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared.trajectories import CORNER, at, draw, legend, pair
+from figures.shared.sheets.trajectories import CORNER, at, draw, legend, pair
 from qmcjax.tracing import motion
 
 SIMPLE = (0, 0, 0, 0, 1, 2, 3, 4, 6, 6, 6, 6)

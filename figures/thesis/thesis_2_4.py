@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared.trajectories import CORNER, CURVE, FINE, at, draw, legend, table
+from figures.shared.sheets.trajectories import CORNER, CURVE, FINE, at, draw, legend, table
 from qmcjax.tracing import motion
 
 SHOWN = 16

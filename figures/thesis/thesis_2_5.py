@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from figures.shared.trajectories import CURVE, FINE, at, draw, legend, table
+from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, legend, table
 
 SHOWN = 16
 COUNTS = tuple(2**k for k in range(3, 11))

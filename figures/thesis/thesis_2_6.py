@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
-from figures.shared import point_plots
-from figures.shared.trajectories import legend
+from figures.shared.sheets import point_plots
+from figures.shared.sheets.trajectories import legend
 from qmcjax.tracing import motion
 
 CORNERS = np.array([[0.3, 0.7], [1.5, 0.7], [1.5, 1.4], [0.3, 1.4]])

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared import point_plots
-from figures.shared.trajectories import at, legend
+from figures.shared.sheets import point_plots
+from figures.shared.sheets.trajectories import at, legend
 from qmcjax.tracing import motion
 
 SHOWN = (3, 6, 12, 24)

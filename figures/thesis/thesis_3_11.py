@@ -11,9 +11,9 @@ from scipy.ndimage import gaussian_filter
 
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
-from figures.shared import diffusion, scene_images
-from figures.shared.diffusion import shown
-from figures.shared.image_grid import Panel, add_axes, image_grid
+from figures.shared.rendered import diffusion, scene_images
+from figures.shared.rendered.diffusion import shown
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 from figures.shared.turns import timed
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree

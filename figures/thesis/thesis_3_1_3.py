@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREY, VERMILLION
-from figures.shared.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 from qmcjax import tracing
 
 COUNT = 8

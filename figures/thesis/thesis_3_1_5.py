@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures._rc import BLUE, VERMILLION
-from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
 

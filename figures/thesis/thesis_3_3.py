@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from figures._errors import rms
 from figures._rc import BLUE, GREY, VERMILLION
-from figures.shared import predicted_scene
-from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
-from figures.shared.predicted_scene import shown
+from figures.shared.rendered import predicted_scene
+from figures.shared.rendered.predicted_scene import shown
+from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 
 

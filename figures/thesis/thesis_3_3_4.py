@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures._rc import BLACK, BLUE
-from figures.shared import predicted_scene, scene_images
-from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
-from figures.shared.predicted_scene import shown
+from figures.shared.rendered import predicted_scene, scene_images
+from figures.shared.rendered.predicted_scene import shown
+from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import samplers, sequences, tracing
 
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from figures._errors import rms
-from figures.shared import predicted_scene
-from figures.shared.image_grid import DPI, Panel, add_axes, image_grid
-from figures.shared.predicted_scene import CAMERA, shown
+from figures.shared.rendered import predicted_scene
+from figures.shared.rendered.predicted_scene import CAMERA, shown
+from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
 

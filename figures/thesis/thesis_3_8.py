@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._errors import rms
-from figures.shared import diffusion, scene_images
-from figures.shared.image_grid import Panel, image_grid
+from figures.shared.rendered import diffusion, scene_images
+from figures.shared.sheets.image_grid import Panel, image_grid
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from figures import plot
 from figures._rc import BLACK, BLUE, VERMILLION
-from figures.shared import scene_images
-from figures.shared.image_grid import DPI, GAP, LINE, add_axes
+from figures.shared.rendered import scene_images
+from figures.shared.sheets.image_grid import DPI, GAP, LINE, add_axes
 from qmcjax import samplers, sequences, tracing
 
 COUNT = 8

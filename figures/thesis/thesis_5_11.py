@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import analysis
 import qmcjax as qj
 from figures.making.schema import Claims
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import samplers, scenes, sequences
 
 SIDE, INSTANCES = 8, 4

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from figures.thesis.thesis_5_11 import SIDE, drawn, screen
 from qmcjax import samplers, sequences
 

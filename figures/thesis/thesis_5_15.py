@@ -9,7 +9,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 import analysis
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 M = 5

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 SIZES = (3, 5, 7, 4, 6, 8)

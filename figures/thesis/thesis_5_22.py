@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
-from figures.shared import point_plots
-from figures.shared.image_grid import Panel, image_grid
+from figures.shared.sheets import point_plots
+from figures.shared.sheets.image_grid import Panel, image_grid
 from qmcjax import sequences
 
 NETS = {

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 M, KEYS = 6, 4

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 M, BLOCKS = 6, 4

@@ -11,8 +11,9 @@ import analysis
 import qmcjax as qj
 from figures._errors import rms
 from figures.making.schema import Found
-from figures.shared import judged, point_plots
-from figures.shared.image_grid import GAP, Panel, add_axes, image_grid
+from figures.shared import judged
+from figures.shared.sheets import point_plots
+from figures.shared.sheets.image_grid import GAP, Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, 16), "paper": (256, 64)}

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from figures._errors import residual
 from figures.making.schema import Claims
-from figures.shared import plane_scenes
+from figures.shared.rendered import plane_scenes
 from figures.thesis.thesis_6_1 import CROP
 from qmcjax import scenes
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared import plane_scenes
+from figures.shared.rendered import plane_scenes
 from qmcjax import scenes
 
 CROP = (0.7, 0.7, 0.25)

@@ -6,7 +6,8 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims, Found
-from figures.shared import judged, plane_scenes
+from figures.shared import judged
+from figures.shared.rendered import plane_scenes
 from figures.thesis.thesis_6_3 import CROP
 from qmcjax import scenes
 

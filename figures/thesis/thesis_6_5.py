@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims, Found
-from figures.shared import judged, motion_blur
-from figures.shared.motion_blur import FULL, NETS, OTHERS
+from figures.shared import judged
+from figures.shared.rendered import motion_blur
+from figures.shared.rendered.motion_blur import FULL, NETS, OTHERS
 
 CROP = (0.25, 0.6, 0.25)
 

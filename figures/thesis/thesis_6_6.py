@@ -6,8 +6,17 @@ from matplotlib.figure import Figure
 
 from figures._errors import fluctuation
 from figures.making.schema import Claims
-from figures.shared import motion_blur
-from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, slightly_smaller, smaller, steeper, wins
+from figures.shared.rendered import motion_blur
+from figures.shared.rendered.motion_blur import (
+    FULL,
+    NETS,
+    OTHERS,
+    ratio,
+    slightly_smaller,
+    smaller,
+    steeper,
+    wins,
+)
 
 FEW = 8
 """Samples per pixel up to which there are few."""

@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims, Found
-from figures.shared import judged, motion_blur
-from figures.shared.motion_blur import FULL, NETS, OTHERS
+from figures.shared import judged
+from figures.shared.rendered import motion_blur
+from figures.shared.rendered.motion_blur import FULL, NETS, OTHERS
 
 CROP = (0.62, 0.4, 0.3)
 

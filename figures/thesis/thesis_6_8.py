@@ -5,8 +5,17 @@ from collections.abc import Callable
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims
-from figures.shared import motion_blur
-from figures.shared.motion_blur import FULL, NETS, OTHERS, ratio, slightly_smaller, smaller, steeper, wins
+from figures.shared.rendered import motion_blur
+from figures.shared.rendered.motion_blur import (
+    FULL,
+    NETS,
+    OTHERS,
+    ratio,
+    slightly_smaller,
+    smaller,
+    steeper,
+    wins,
+)
 
 WHY = (
     " Up to 32 samples lattice and rotated nets are close, in favour of one or the other; from 64 on the "

@@ -7,7 +7,7 @@ from math import comb, factorial
 
 from matplotlib.figure import Figure
 
-from figures.shared import text_tables
+from figures.shared.sheets import text_tables
 
 LEAVES = tuple(range(1, 10))
 LARGEST = {"draft": 7, "paper": 9}

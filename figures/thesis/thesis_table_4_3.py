@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis import trees
-from figures.shared import mesh_models, text_tables
-from figures.shared.traversal import Rays, leaf_depths, traced
+from figures.shared.meshes import mesh_models
+from figures.shared.meshes.traversal import Rays, leaf_depths, traced
+from figures.shared.sheets import text_tables
 from figures.shared.turns import timed
 
 SIZE = {"draft": "draft", "paper": "large"}

@@ -16,7 +16,9 @@ from scipy import ndimage
 import analysis
 from figures.making import heitz
 from figures.making.schema import UNDECIDED, Claims, Found
-from figures.shared import diffusion, image_sheets, judged, padded_samplers, published_keys, scene_images
+from figures.shared import judged
+from figures.shared.rendered import diffusion, padded_samplers, published_keys, scene_images
+from figures.shared.sheets import image_sheets
 from qmcjax import samplers, scenes, sequences
 
 SIDE = {"draft": 128, "paper": 256}

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures.making.schema import Claims
-from figures.shared import diffusion, judged, published_keys, scene_images, traced_images
-from figures.shared.z_renderings import EFFECTS, make_samplers
+from figures.shared import judged
+from figures.shared.rendered import diffusion, published_keys, scene_images, traced_images
+from figures.shared.rendered.z_renderings import EFFECTS, make_samplers
 from qmcjax import scenes
 
 SIDE = {"draft": 32, "paper": 128}

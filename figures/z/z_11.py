@@ -10,7 +10,8 @@ from figures import plot
 from figures._errors import rms
 from figures.making import heitz
 from figures.making.schema import Claims, Found
-from figures.shared import diffusion, judged, padded_samplers, pixel_sets, published_keys, z_renderings
+from figures.shared import judged
+from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, published_keys, z_renderings
 from figures.z.z_1 import ways
 from qmcjax import samplers, scenes
 

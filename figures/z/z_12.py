@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from figures import plot
 from figures._errors import rms
 from figures.making.schema import Claims, Found
-from figures.shared import diffusion, judged, padded_samplers, pixel_sets, scene_images
+from figures.shared import judged
+from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, scene_images
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 32, "paper": 64}

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._rc import VERMILLION
-from figures.shared.curve_tables import curve_of
+from figures.shared.sheets.curve_tables import curve_of
 from qmcjax import orders
 
 BITS = 3

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 import analysis
 import qmcjax as qj
 from figures._errors import rms
-from figures.shared import image_sheets
-from figures.shared.curve_tables import EXPLAINED, structure
-from figures.shared.image_sheets import Row
+from figures.shared.sheets import image_sheets
+from figures.shared.sheets.curve_tables import EXPLAINED, structure
+from figures.shared.sheets.image_sheets import Row
 from qmcjax import samplers, sequences
 from qmcjax.core.pytrees import pytree
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures._rc import BLUE, VERMILLION
-from figures.shared.curve_tables import curve_of
+from figures.shared.sheets.curve_tables import curve_of
 from figures.z.z_2 import write
 from qmcjax import orders
 

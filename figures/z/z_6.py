@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.shared import point_plots
+from figures.shared.sheets import point_plots
 from qmcjax import samplers, sequences
 
 SIDE, FRAME, KEY = 128, 256, 1

@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims
-from figures.shared import judged, traced_images, z_renderings
+from figures.shared import judged
+from figures.shared.rendered import traced_images, z_renderings
 
 CROP = (0.2, 0.6, 0.25)
 

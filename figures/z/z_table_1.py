@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import qmcjax as qj
 from figures import plot
-from figures.shared import text_tables
+from figures.shared.sheets import text_tables
 from figures.shared.turns import in_turns
 from figures.z.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from analysis import Comparison, ComparisonRow
-from figures.shared import distinctions
+from figures.shared.integrands import distinctions
 from qmcjax.core import student
 
 TRIALS = 400

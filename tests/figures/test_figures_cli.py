@@ -716,3 +716,13 @@ def test_figures_without_a_draft_run(name):
     with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):  # as in a run
         png, *_ = worker._draw(Task(name, CATALOGUE[name].module, "draft"), lambda fraction: None)
     assert png.startswith(b"\x89PNG")
+
+
+def test_nobody_reads_what_is_printed():
+    """As in ``python -m figures --list | head -1``, where head ends first."""
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-m", "figures", "--list"]
+    done = subprocess.run(command, cwd=ROOT, stdout=write, stderr=subprocess.PIPE)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (1, b"")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from figures.shared import hundred_integrands, interval_kinds
+from figures.shared.integrands import hundred_integrands, interval_kinds
 from qmcjax import integrate, sequences
 from qmcjax.core import betting
 

@@ -18,7 +18,7 @@ from analysis._star.cells import cell_bounds
 from analysis._star.plane import plane_star_discrepancy
 from analysis._star.plane_rows import many_star_discrepancy
 from figures.ours import scale
-from figures.shared import measure_scaling
+from figures.shared.timing import measure_scaling
 from qmcjax import sequences
 
 RANDOM = np.random.default_rng(17)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from figures.making.schema import UNDECIDED
-from figures.shared import diffusion, judged, pixel_sets, scene_images
+from figures.shared import judged
+from figures.shared.rendered import diffusion, pixel_sets, scene_images
 from qmcjax import samplers, scenes, sequences
 
 

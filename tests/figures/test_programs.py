@@ -209,7 +209,7 @@ def test_workers_of_the_projects_figures_are_forked_from_a_process_without_a_bac
     code = (
         f"import sys, {runner.PRELOADED}\n"
         "from jax._src import xla_bridge\n"
-        "assert 'figures.shared.pixel_sets' in sys.modules and not xla_bridge._backends"
+        "assert 'figures.shared.rendered.pixel_sets' in sys.modules and not xla_bridge._backends"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

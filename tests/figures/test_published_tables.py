@@ -13,7 +13,7 @@ from figures.__main__ import main
 from figures.catalogue import CATALOGUE
 from figures.making import heitz, store
 from figures.making.fingerprint import fingerprint
-from figures.shared import published_keys
+from figures.shared.rendered import published_keys
 from qmcjax import scenes
 
 ROOT = Path(__file__).parents[2]

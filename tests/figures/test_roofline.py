@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from figures.commands import gpu
-from figures.shared.h100 import H100, programs
-from figures.shared.operations import operations
+from figures.shared.timing.h100 import H100, programs
+from figures.shared.timing.operations import operations
 from qmcjax import sequences
 
 N = 4096

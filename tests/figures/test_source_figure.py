@@ -14,8 +14,8 @@ from figures.__main__ import main
 from figures.making import openqmc
 from figures.making.fingerprint import fingerprint
 from figures.ours import source as figure
-from figures.shared import source_rates
-from figures.shared.source_rates import DITHERED, EQUAL, LATTICE, OPENQMC, OWEN, SINGLE, XLA, C, Size
+from figures.shared.timing import source_rates
+from figures.shared.timing.source_rates import DITHERED, EQUAL, LATTICE, OPENQMC, OWEN, SINGLE, XLA, C, Size
 from figures.suite import rivals
 from qmcjax import bridges
 

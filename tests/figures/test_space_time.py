@@ -11,8 +11,8 @@ from figures.making import stbn
 from figures.making.fingerprint import fingerprint
 from figures.ours import space_time
 from figures.plot import srgb
-from figures.shared import animations
-from figures.shared.moving_picture import GAP, HEAD, averaged, moving_picture
+from figures.shared.integrands import animations
+from figures.shared.sheets.moving_picture import GAP, HEAD, averaged, moving_picture
 from qmcjax import scenes
 from qmcjax.bridges import write_image
 

@@ -5,18 +5,17 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures.shared import (
+from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.rendered import (
     diffusion,
-    error_over_time,
     kept_references,
-    mitsuba_scenes,
     motion_blur,
-    ray_rates,
     scene_images,
     traced_images,
     traced_sweep,
     z_renderings,
 )
+from figures.shared.timing import error_over_time, ray_rates
 from qmcjax import samplers, scenes, sequences
 
 NEEDS = ("x", "y", "time", "light_u", "light_v")

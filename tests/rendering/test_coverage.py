@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 import qmcjax as qj
-from figures.shared import coverage
+from figures.shared.integrands import coverage
 from qmcjax import samplers, scenes, sequences
 
 SIGMAS = 5

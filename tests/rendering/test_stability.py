@@ -2,7 +2,7 @@
 
 import pytest
 
-from figures.shared import point_precision
+from figures.shared.precision import point_precision
 
 
 @pytest.mark.parametrize("top", [6, pytest.param(20, marks=pytest.mark.slow)])

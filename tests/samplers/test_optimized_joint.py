@@ -10,7 +10,7 @@ from tables import first, slow, slow_cases
 
 import analysis
 from figures.ours import space_time
-from figures.shared import animations, integrands_of_dims
+from figures.shared.integrands import animations, integrands_of_dims
 from qmcjax import orders, samplers, sequences
 from qmcjax.sequences._protocol.fraction import Fraction
 

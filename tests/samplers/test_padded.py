@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import analysis
-from figures.shared import padded_samplers
+from figures.shared.rendered import padded_samplers
 
 PIXELS, SPP, DIMS = 64, 16, 5
 

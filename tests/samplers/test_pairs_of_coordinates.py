@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from figures.shared import padded_samplers
+from figures.shared.rendered import padded_samplers
 from qmcjax import samplers
 from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
 

@@ -9,7 +9,7 @@ from tables import first, slow, slow_cases
 import analysis
 import qmcjax as qj
 from analysis.tables import SAMPLERS as FOLDER
-from figures.shared import integrands_of_dims
+from figures.shared.integrands import integrands_of_dims
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 64

@@ -1,0 +1,1 @@
+"""Errors on integrands with exact integrals, and how they are judged."""

@@ -1,0 +1,1 @@
+"""Mitsuba 3 in processes of its own."""

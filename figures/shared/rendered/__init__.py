@@ -1,0 +1,1 @@
+"""Images of scenes: their references, samplers and errors."""

@@ -1,0 +1,99 @@
+"""Errors of rendered images as the eye sees them: how much of them is left from afar."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import analysis
+from figures import plot
+from figures.making import finished_cells
+from figures.shared.rendered import kept_references, scene_images
+from qmcjax import samplers, sequences
+from qmcjax.core.digests import digest
+
+REPLICATES = 16
+
+DEVIATIONS = 5
+"""Standard errors in the bound of a stored reference."""
+
+Area = tuple[slice, slice]
+WHOLE: Area = (slice(None), slice(None))
+
+
+def beside_window(side: int) -> Area:
+    """Return the part of the interior's image without the window, through which the lamp itself is seen."""
+    return slice(None), slice(side // 4, side)
+
+
+BESIDE_WINDOW = (
+    "Errors are measured in the right three quarters of the image: at its left, a few pixels see the "
+    "lamp itself through the window, and have most of the square error. "
+)
+
+EXPLAINED = (
+    "Filtered is the RMS error after a Gaussian of 1.5 pixels; power is 1 for white noise, low is its mean "
+    "below 1/16 of a cycle per pixel. All measures are over three colours, without what the reference's own "
+    "error adds: its pixels are independent, so that it is white noise."
+)
+
+
+class Reference(NamedTuple):
+    image: NDArray[np.float64]
+    error: NDArray[np.float64]
+    """Standard errors, in the image's shape."""
+    origin: str
+
+
+def reference(
+    scene: Any,
+    side: int,
+    spp: int,
+    image: Callable[[Any, Any, int, int], NDArray] = scene_images.replicate,
+) -> Reference:
+    """Return the stored reference of a scene, or else an estimate from randomised replicates.
+
+    One that is kept with the figures will do if it has as many samples. ``image`` renders: from scene,
+    sampler, side and samples per pixel.
+    """
+    try:
+        stored, bound = scene.reference(side, side)
+    except ValueError:
+        kept = kept_references.find(scene, side)
+        if kept is not None and kept.spp >= spp:
+            origin = f"kept with the figures, estimated from {kept.spp} samples per pixel"
+            return Reference(kept.image, kept.error, origin)
+        sobol = sequences.sobol(len(scene.needs))
+        replicates = {
+            f"{k}": partial(image, scene, samplers.independent(sobol, 2**20 + k), side, spp // REPLICATES)
+            for k in range(REPLICATES)
+        }
+        label = f"reference of {digest('scene', scene)[0]}, {side}, {spp}"
+        images = list(finished_cells.shared(label, replicates).values())
+        error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
+        return Reference(np.mean(images, axis=0), error, f"estimated from {spp} samples per pixel")
+    return Reference(stored, bound / DEVIATIONS, "stored with the package")
+
+
+def measures(found: NDArray, exact: Reference, area: Area = WHOLE) -> dict[str, float]:
+    """Return RMS error, filtered error and power at low frequencies of an area; see `EXPLAINED`."""
+    image, wanted = found[area], exact.image[area]
+    square, noise = (float(np.mean(np.square(values))) for values in (image - wanted, exact.error[area]))
+    impulse = np.zeros(image.shape[:2])
+    impulse[0, 0] = np.sqrt(impulse.size)
+    # Of white noise the filter leaves the same part as of an impulse.
+    left = noise * analysis.filtered_error(impulse, np.zeros_like(impulse)) ** 2
+    filtered = analysis.filtered_error(image, wanted) ** 2
+    low = analysis.low_frequency_power(image, wanted)
+    return {
+        "RMS error": float(np.sqrt(max(square - noise, noise))),
+        "filtered error": float(np.sqrt(max(filtered - left, left))),
+        "low-frequency power": (low * square - noise) / max(square - noise, noise),
+    }
+
+
+def shown(image: NDArray) -> NDArray[np.float64]:
+    """Return linear colours as screens expect them."""
+    return plot.srgb(np.clip(image, 0, 1))

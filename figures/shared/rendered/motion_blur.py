@@ -1,0 +1,292 @@
+"""The thesis's two moving scenes: the samplers of three dimensions it compares, images and convergence."""
+
+from collections.abc import Callable
+from functools import cache
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from matplotlib.figure import Figure
+
+import analysis
+import qmcjax as qj
+from figures import plot
+from figures._errors import fluctuation, slope
+from figures.making.schema import Claims
+from figures.shared import judged
+from figures.shared.rendered import diffusion, pixel_sets, scene_images, traced_images
+from qmcjax import orders, samplers, scenes, sequences
+
+KEY = 7
+
+COMPARED = (
+    "random",
+    "jittered grid",
+    "Lloyd relaxation",
+    "rank-1 lattice",
+    "Sobol' net",
+    "modified Sobol' net",
+    "Sobol' net, full screen",
+    "modified Sobol' net, full screen",
+)
+"""The samplers of Sect. 6.2."""
+
+NETS = ("Sobol' net", "modified Sobol' net")
+FULL = tuple(f"{net}, full screen" for net in NETS)
+OTHERS = ("random", "jittered grid", "Lloyd relaxation", "rank-1 lattice")
+
+DRAFT_SIDE = {"cornell_box": 64, "helicopter": 32}
+SIDES = (64, 128, 256)
+"""Of the images on which sentences about pictures are judged, in paper quality; the largest is shown."""
+KEYS = {"draft": 1, "paper": 16}
+"""Of rotated points, where the sets of pixels of one image do not decide."""
+REPLICATE = {"draft": 32, "paper": 128}
+"""Samples in each replicate of an estimated reference."""
+
+
+_lloyd = cache(sequences.lloyd)
+
+
+def make_sampler(name: str, side: int, spp: int, key: int = KEY) -> samplers.Sampler:
+    """Return a sampler for a square screen: of x, y and time."""
+    m = spp.bit_length() - 1
+    if name in ("random", "jittered grid"):
+        points = sequences.uniform(3, key) if name == "random" else sequences.function(_jittered(spp, key), 3)
+        return samplers.contiguous(orders.raster(side, side), points, spp)
+    if name == "Sobol' net, full screen":
+        return samplers.full_screen(sequences.sobol_net_3d(2 * orders.log_side(side, side) + m), side, side)
+    if name == "modified Sobol' net, full screen":
+        net = sequences.larcher_pillichshammer_net_3d(2 * orders.log_side(side, side) + m)
+        return samplers.full_screen(net, side, side)
+    # Cranley-Patterson rotations of one set of points.
+    make = {
+        "Lloyd relaxation": lambda: _lloyd(spp, 3, key),
+        "rank-1 lattice": lambda: sequences.components(sequences.rank1_lattice(spp, 3), (1, 2, 0)),
+        "Sobol' net": lambda: sequences.sobol_net_3d(m),
+        "modified Sobol' net": lambda: sequences.larcher_pillichshammer_net_3d(m),
+    }
+    return samplers.independent(make[name](), key, "shift")
+
+
+def _jittered(spp: int, key: int) -> Callable[[Array], Array]:
+    """Return random points of which each block of ``spp`` has one in each cell of a grid."""
+    cells, uniform = round(spp ** (1 / 3)), sequences.uniform(3, key)
+
+    def point(index: Array) -> Array:
+        cell = jnp.stack([index // np.uint32(cells**j) % np.uint32(cells) for j in range(3)], axis=-1)
+        # Sums may be rounded up to the next cell, but not to 1.
+        return jnp.minimum((cell.astype(jnp.float32) + uniform(index)) / cells, np.float32(1 - 2**-24))
+
+    return point
+
+
+def sides(name: str, quality: str) -> tuple[int, ...]:
+    """Return the sides of the images of a scene."""
+    return SIDES if quality == "paper" else (DRAFT_SIDE[name],)
+
+
+def counts(name: str, spps: list[int]) -> list[int]:
+    """Return the numbers of samples that a sampler is made for: grids have cubes."""
+    return [spp for spp in spps if name != "jittered grid" or round(spp ** (1 / 3)) ** 3 == spp]
+
+
+Sets = dict[str, dict[str, np.ndarray]]
+"""Errors of random sets of pixels, by size of the image and sampler."""
+
+
+def pictures(
+    name: str,
+    title: str,
+    crop: tuple[float, float, float],
+    claims: Callable[[Sets], Claims],
+    quality: str,
+    progress,
+) -> tuple[Figure, dict, dict[str, np.ndarray]]:
+    """Show a scene's reference and all samplers at 64 samples per pixel, each with a magnified area.
+
+    ``claims`` takes the errors of all sizes. Hands the images out.
+    """
+    sizes, spp = sides(name, quality), 64
+    side = sizes[-1]
+    scene, exact = getattr(scenes, name)(), traced_images.reference(name, side, REPLICATE[quality])
+    progress(0.3)
+    panels = [traced_images.Panel("reference", exact.image, crop)]
+    images, errors, waves, sets = {"reference": exact.image}, {}, {}, {}
+    for size in sizes:
+        compared = {spp: {sampler: make_sampler(sampler, size, spp) for sampler in COMPARED}}
+        found = scene_images.compared(scene, size, compared, lambda part: progress(0.3 + 0.5 * part))
+        of_size = diffusion.reference(scene, size, REPLICATE[quality] * diffusion.REPLICATES)
+        pixels = pixel_sets.all_pixels(size)
+        sets[f"{size} x {size} pixels"] = {
+            sampler: pixel_sets.errors(image[pixels.y, pixels.x], of_size, pixels)
+            for (_, sampler), image in found.items()
+        }
+        if size == side:
+            images |= {sampler: image for (_, sampler), image in found.items()}
+    for sampler in COMPARED:
+        errors[sampler] = traced_images.rms_error(images[sampler], exact)
+        waves[sampler] = _strongest_wave(images[sampler], exact)
+        panels.append(
+            traced_images.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop)
+        )
+    title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
+    figure = traced_images.sheet(panels, 3, title, 192 if quality == "draft" else 256)
+    numbers = {
+        "measured": {
+            "rms_error": errors,
+            "strongest wave": waves,
+            "over the screen / rotated": {
+                size: {net: judged.ratio(of[full], of[net]) for net, full in zip(NETS, FULL, strict=True)}
+                for size, of in sets.items()
+            },
+            "modified / Sobol' net": {
+                size: judged.ratio(of[NETS[1]], of[NETS[0]]) for size, of in sets.items()
+            },
+            "lattice / Sobol' net": {
+                size: judged.ratio(of["rank-1 lattice"], of[NETS[0]]) for size, of in sets.items()
+            },
+            "reference_error": exact.error,
+        },
+        "claims": claims(sets),
+        "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
+        f"Sentences are judged by intervals over {pixel_sets.SETS} random sets of the pixels. "
+        + _note(exact),
+    }
+    return figure, numbers, images
+
+
+def over_keys(
+    name: str, names: tuple[str, ...], quality: str
+) -> tuple[dict[str, dict[str, list[float]]], dict[str, dict[str, list[float]]]]:
+    """Return RMS errors and strongest waves at 64 samples per pixel by size and sampler.
+
+    Those of rotated points are of as many keys as the quality has; those over the full screen have one value.
+    """
+    scene, spp = getattr(scenes, name)(), 64
+    errors: dict[str, dict[str, list[float]]] = {}
+    waves: dict[str, dict[str, list[float]]] = {}
+    for side in sides(name, quality):
+        exact = traced_images.reference(name, side, REPLICATE[quality])
+        size = f"{side} x {side} pixels"
+        errors[size], waves[size] = {each: [] for each in names}, {each: [] for each in names}
+        for each in names:
+            for key in range(1 if each in FULL else KEYS[quality]):
+                sampler = make_sampler(each, side, spp, key)
+                if quality == "paper":
+                    image = np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
+                else:
+                    image = scene_images.image(scene, sampler, side, spp)
+                errors[size][each].append(traced_images.rms_error(image, exact))
+                waves[size][each].append(_strongest_wave(image, exact))
+    return errors, waves
+
+
+def _note(exact: traced_images.Reference) -> str:
+    return (
+        f"The reference is {exact.origin}, RMS error {exact.error:.1e}; its variance is taken off from mean "
+        "square errors, which are over linear RGB. Lloyd's points, lattice and nets are rotated in each "
+        "pixel unless they are over the full screen. The strongest wave of an error is the maximum of its "
+        "power spectrum, whose mean is 1: white noise has 5 to 13. "
+        "Time is the lattice's component i / n, the only one that has all values in all lattices; the third "
+        "has but two at 8 samples, which leave the error of 2."
+    )
+
+
+def _strongest_wave(image: np.ndarray, exact: traced_images.Reference) -> float:
+    return float(analysis.error_spectrum(image, exact.image).max())
+
+
+def convergence(
+    name: str,
+    title: str,
+    size: tuple[int, int],
+    claims: Callable[[dict, dict], Claims],
+    quality: str,
+    progress,
+) -> tuple[Figure, dict]:
+    """Plot error over samples per pixel, log-log; ``claims`` takes errors and strongest waves by count.
+
+    ``size`` is the side of a draft's image, and the binary logarithm of its largest count.
+    """
+    side, largest = size if quality == "draft" else (128, 9)
+    spps = [2**k for k in range(largest + 1)]
+    scene, exact = getattr(scenes, name)(), traced_images.reference(name, side, REPLICATE[quality])
+    progress(0.3)
+    compared = {
+        spp: {name: make_sampler(name, side, spp) for name in COMPARED if spp in counts(name, spps)}
+        for spp in spps
+    }
+    images = scene_images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
+    errors = {sampler: {} for sampler in COMPARED}
+    waves = {sampler: {} for sampler in COMPARED}
+    for (spp, sampler), image in images.items():
+        errors[sampler][spp] = traced_images.rms_error(image, exact)
+        waves[sampler][spp] = _strongest_wave(image, exact)
+
+    least = min(error for of in errors.values() for error in of.values())
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    plot.convergence(
+        spps,
+        {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},
+        floor=exact.error if exact.error > least / 10 else None,  # Or it would take half of the axis.
+        title=f"{title}\n{side} x {side} pixels, our scene, one key",
+        ax=figure.subplots(),
+    )
+    numbers = {
+        "measured": {
+            "rms_error": _by_name(errors),
+            "strongest wave": _by_name(waves),
+            "slope": {sampler: slope(of) for sampler, of in errors.items()},
+            "fluctuation": {sampler: fluctuation(of) for sampler, of in errors.items()},
+            "reference_error": exact.error,
+        },
+        "claims": claims(errors, waves),
+        "note": f"{side} x {side} pixels; 'claims' lists the thesis's sentences and whether they hold in "
+        "these numbers. 'fluctuation' is the root mean square of the distances of the errors' logarithms "
+        f"from the line that fits them best. {_note(exact)}",
+    }
+    return figure, numbers
+
+
+def _by_name(table: dict[str, dict[int, float]]) -> dict[str, dict[str, float]]:
+    return {sampler: {f"{spp} spp": value for spp, value in of.items()} for sampler, of in table.items()}
+
+
+def ratio(errors: dict, one: str, other: str) -> float:
+    """Return the geometric mean of one sampler's errors over another's, from 2 samples on."""
+    common = [spp for spp in errors[one] if spp in errors[other] and spp > 1]
+    return float(np.exp(np.mean([np.log(errors[one][spp] / errors[other][spp]) for spp in common])))
+
+
+def smaller(errors: dict, ones: tuple[str, ...], others: tuple[str, ...], factor: float = 1.0) -> bool | str:
+    """Return whether samplers have less error than ``factor`` times others, over counts from 2 on."""
+    pairs = [
+        (errors[one][spp], errors[other][spp])
+        for one, other in zip(ones, others, strict=True)
+        for spp in errors[one]
+        if spp in errors[other] and spp > 1
+    ]
+    return judged.smaller([one for one, _ in pairs], [other for _, other in pairs], factor)
+
+
+def slightly_smaller(errors: dict, one: str, other: str) -> bool | str:
+    """Return whether a sampler has less error than another, by less than 10 %."""
+    return judged.all_of(smaller(errors, (one,), (other,)), smaller(errors, (other,), (one,), 1 / 0.9))
+
+
+def steeper(errors: dict, one: str, other: str) -> bool | str:
+    """Return whether one sampler's error falls faster than another's."""
+    return judged.falls(list(errors[one]), [errors[one][spp] / errors[other][spp] for spp in errors[one]])
+
+
+def wins(errors: dict, ones: tuple[str, ...], others: tuple[str, ...]) -> list[bool]:
+    """Tell, count by count, whether all of ``ones`` have less error than all others.
+
+    From 4 samples on: with fewer, nets and lattices are the same points.
+    """
+    spps = [spp for spp in errors[ones[0]] if spp >= 4]
+    return [
+        max(errors[one][spp] for one in ones)
+        < min(errors[other][spp] for other in others if spp in errors[other])
+        for spp in spps
+    ]

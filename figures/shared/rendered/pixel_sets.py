@@ -1,0 +1,126 @@
+"""Errors at random pixels, in sets that are drawn apart: means over the sets have intervals.
+
+An image of thousands of samples per pixel need not be rendered whole to know its error, and samplers without
+a key have intervals, too: those of the choice of the pixels.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from figures._errors import rms
+from figures.making import finished_cells
+from figures.shared.rendered import diffusion, scene_images
+from qmcjax import samplers
+from qmcjax.core import student
+from qmcjax.core.digests import digest
+
+SETS = 16
+
+
+class Pixels(NamedTuple):
+    """Distinct pixels of a square image."""
+
+    side: int
+    x: NDArray[np.uint32]
+    """Columns, shape (SETS, pixels of each)."""
+    y: NDArray[np.uint32]
+
+
+def drawn(side: int, each: int, area: diffusion.Area = diffusion.WHOLE) -> Pixels:
+    """Draw sets of ``each`` pixels of an area at random."""
+    rows, columns = (np.arange(side, dtype=np.uint32)[part] for part in area)
+    chosen = np.random.default_rng(1).permutation(rows.size * columns.size)[: SETS * each]
+    y, x = np.divmod(chosen.reshape(SETS, each), columns.size)
+    return Pixels(side, columns[x], rows[y])
+
+
+def all_pixels(side: int) -> Pixels:
+    """Divide an image into sets at random."""
+    return drawn(side, side**2 // SETS)
+
+
+def errors(values: NDArray[np.float64], exact: diffusion.Reference, pixels: Pixels) -> NDArray[np.float64]:
+    """Return RMS errors without the reference's, no less than that, from values of the pixels.
+
+    Parameters
+    ----------
+    values : float64 ndarray, shape (sets, pixels of each, 3)
+    exact : Reference
+    pixels : Pixels
+
+    Returns
+    -------
+    float64 ndarray, shape (sets,)
+    """
+    square, noise = (
+        np.mean(np.square(of), axis=(1, 2))
+        for of in (values - exact.image[pixels.y, pixels.x], exact.error[pixels.y, pixels.x])
+    )
+    return np.sqrt(np.maximum(square - noise, noise))
+
+
+def compared(
+    scene: Any,
+    exact: diffusion.Reference,
+    pixels: Pixels,
+    ways: Mapping[int, Mapping[str, Sequence[samplers.Sampler]]],
+    progress: Callable[[float], None] = lambda part: None,
+) -> dict[str, dict[int, NDArray[np.float64]]]:
+    """Return the RMS errors of all sets by sampler and samples per pixel, shared by the processes of a job.
+
+    ``ways`` has samplers by samples per pixel and name: the sets are divided among those of several keys.
+    """
+    cells = {
+        f"{name}, {spp} spp": partial(_errors, scene, exact, pixels, keys, spp)
+        for spp, of_count in ways.items()
+        for name, keys in of_count.items()
+    }
+    label = f"errors of {digest('scene', scene)[0]}, {pixels.side}, {pixels.x.size}"
+    found = iter(finished_cells.shared(label, cells, progress).values())
+    by_name: dict[str, dict[int, NDArray[np.float64]]] = {}
+    for spp, of_count in ways.items():
+        for name in of_count:
+            by_name.setdefault(name, {})[spp] = next(found)
+    return by_name
+
+
+def _errors(
+    scene: Any, exact: diffusion.Reference, pixels: Pixels, keys: Sequence[samplers.Sampler], spp: int
+) -> NDArray[np.float64]:
+    found = []
+    for sampler, part in zip(keys, np.array_split(np.arange(SETS), len(keys)), strict=True):
+        of_key = Pixels(pixels.side, pixels.x[part], pixels.y[part])
+        values = scene_images.at_pixels(scene, sampler, pixels.side, spp, of_key.x, of_key.y)
+        found.append(errors(values, exact, of_key))
+    return np.concatenate(found)
+
+
+def over_counts(of_counts: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Return the geometric mean of errors over the counts, of each set."""
+    return np.exp(np.mean([np.log(values) for values in of_counts.values()], axis=0))
+
+
+def curves(
+    found: Mapping[str, Mapping[int, NDArray[np.float64]]], counts: Sequence[int]
+) -> tuple[dict[str, list[float]], dict[str, NDArray[np.float64]]]:
+    """Return errors over all sets by sampler and count, and as much up and down as 95 % of mean logarithms.
+
+    Errors are NaN where there are none; samplers without all counts have no band.
+    """
+    missing = np.full(SETS, np.nan)
+    whole = {name: [rms(of.get(spp, missing)) for spp in counts] for name, of in found.items()}
+    bands = {
+        name: np.array([_band(of[spp]) for spp in counts]).T
+        for name, of in found.items()
+        if not set(counts) - set(of)
+    }
+    return whole, bands
+
+
+def _band(errors: NDArray[np.float64]) -> NDArray[np.float64]:
+    logs = np.log(errors)
+    return rms(errors) * np.exp(np.array(student.interval(logs)) - logs.mean())

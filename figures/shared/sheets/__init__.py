@@ -1,0 +1,1 @@
+"""What is drawn alike: images in rows, point sets, tables of text, curves."""

@@ -1,11 +1,8 @@
 """Samplers of ours in Mitsuba 3 beside its own: errors, what a filter leaves of them, spectra, and speed."""
 
-import json
-import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,18 +12,16 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.making import own_process
 from figures.ours import benchmark
 from figures.shared.mitsuba import mitsuba_samplers_process as process
-from figures.shared.mitsuba import mitsuba_scenes, mitsuba_speed_process
+from figures.shared.mitsuba import mitsuba_scenes
 from figures.shared.mitsuba.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
+from figures.shared.rendered import mitsuba_samplers_measured as measured
+from figures.shared.rendered.mitsuba_samplers_measured import Images, Rates, Size
 from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
-REFERENCE, REFERENCE_SPP = "multijitter", 64
-KEY, REFERENCE_KEY = 1, 2**20
-TIMED_SPP = 16
 SHOWN = ("independent", "multijitter", OWEN, OPTIMIZED)
 SHOWN_SPP, SPECTRUM_SPP = 4, 1
 GOAL = 1.5
@@ -34,21 +29,6 @@ PANEL = 256
 
 EDGES = {"Cornell box": 8, "glossy": 4, "depth of field": 3}
 """Of the longest paths."""
-
-
-class Size(NamedTuple):
-    """How much is measured."""
-
-    scenes: tuple[str, ...]
-    side: int
-    counts: tuple[int, ...]
-    samplers: tuple[str, ...]
-    replicates: int
-    """Of the reference."""
-
-    timed_side: int
-    turns: int
-    """Images whose median is the time of a sampler, after the first."""
 
 
 SIZES = {
@@ -63,11 +43,6 @@ SIZES = {
         5,
     ),
 }
-
-Images = dict[Run, NDArray]
-
-Rates = dict[str, dict[str, list[float]]]
-"""Seconds of the first image and the median of others, by variants and samplers."""
 
 NOTE = (
     "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image "
@@ -99,28 +74,30 @@ def make(
     size = SIZES[quality]
     with ThreadPoolExecutor(2) as pool:
         found: dict[str, Images] = {}
-        runs = pool.map(lambda name: _run(name, size), size.scenes)
+        runs = pool.map(lambda name: measured.images_of(name, size), size.scenes)
         for name, images in zip(size.scenes, runs, strict=True):
             found[name] = images
             progress(0.7 * len(found) / len(size.scenes))
-    rates = _rates(size)
-    exact = {name: _exact(of) for name, of in found.items()}
+    rates = measured.rates_of(size)
+    exact = {name: measured.reference(of) for name, of in found.items()}
     rows = [
-        {"scene": name, "sampler": _shown(run.sampler), "spp": run.spp}
-        | diffusion.measures(image, exact[name], _area(name, size.side))
+        {"scene": name, "sampler": measured.shown(run.sampler), "spp": run.spp}
+        | diffusion.measures(image, exact[name], measured.area(name, size.side))
         for name, of in found.items()
         for run, image in of.items()
-        if run.seed == KEY
+        if run.seed == measured.KEY
     ]
     errors = {(row["scene"], row["sampler"], row["spp"]): row for row in rows}
     most = size.counts[-1]
     ratios = {
-        name: errors[name, _shown("independent"), most]["RMS error"] / errors[name, OWEN, most]["RMS error"]
+        name: errors[name, measured.shown("independent"), most]["RMS error"]
+        / errors[name, OWEN, most]["RMS error"]
         for name in found
     }
     least = {
         what: {
-            name: min(map(_shown, size.samplers), key=lambda s: errors[name, s, most][what]) for name in found
+            name: min(map(measured.shown, size.samplers), key=lambda s: errors[name, s, most][what])
+            for name in found
         }
         for what in ("RMS error", "filtered error")
     }
@@ -129,7 +106,8 @@ def make(
             f"RMS error of independent samples / Owen's, {most} spp": ratios,
             f"least of all, {most} spp": least,
             "seconds of the first image, and of others": {
-                what: {_shown(name): taken for name, taken in of.items()} for what, of in rates.items()
+                what: {measured.shown(name): taken for name, taken in of.items()}
+                for what, of in rates.items()
             },
         },
         "table": rows,
@@ -147,46 +125,26 @@ def make(
             best=_listed(least["RMS error"]),
             filtered=_listed(least["filtered error"]),
             timed_side=size.timed_side,
-            timed_spp=TIMED_SPP,
+            timed_spp=measured.TIMED_SPP,
             turns=size.turns,
             rates="".join(_said(what, of, size) for what, of in rates.items()),
         ),
     }
     images = {
-        f"{name}, {_shown(sampler)}": of[Run(sampler, SHOWN_SPP, KEY)]
+        f"{name}, {measured.shown(sampler)}": of[Run(sampler, SHOWN_SPP, measured.KEY)]
         for name, of in found.items()
         for sampler in _pictured(size)
     }
     return _drawn(size, found, exact, rows, rates), numbers, images
 
 
-def _rates(size: Size) -> Rates:
-    """Return first and median seconds of images, by variants and modes of loops, and by samplers."""
-    found: Rates = {}
-    for variant in ("scalar_rgb", *(["llvm_ad_rgb"] if mitsuba_scenes.has_llvm() else [])):
-        task = {
-            "variant": variant,
-            "samplers": size.samplers,
-            "side": size.timed_side,
-            "spp": TIMED_SPP,
-            "turns": size.turns,
-        }
-        modes = json.loads(own_process.run(mitsuba_speed_process, task=task).splitlines()[-1])
-        for mode, taken in modes.items():
-            found[f"{variant}, {mode} loops" if mode else variant] = taken
-    return found
-
-
 def _said(what: str, taken: dict[str, list[float]], size: Size) -> str:
     base = taken["independent"][1]
-    others = {_shown(name): f"{base / of[1]:.2f}" for name, of in taken.items() if name != "independent"}
-    speed = size.timed_side**2 * TIMED_SPP / base / 1e6
+    others = {
+        measured.shown(name): f"{base / of[1]:.2f}" for name, of in taken.items() if name != "independent"
+    }
+    speed = size.timed_side**2 * measured.TIMED_SPP / base / 1e6
     return RATE.format(what=what, speed=speed, ratios=_listed(others))
-
-
-def _shown(sampler: str) -> str:
-    """Return a name that says whose sampler it is."""
-    return f"Mitsuba, {sampler}" if sampler in process.THEIRS else sampler
 
 
 def _pictured(size: Size) -> list[str]:
@@ -205,28 +163,6 @@ def _verdict(ratios: dict[str, float]) -> str:
     return f"It is reached on {reached} of {len(ratios)}."
 
 
-def _area(scene: str, side: int) -> diffusion.Area:
-    """Return the part of an image in which errors are measured."""
-    return (slice(side // 4, side), slice(None)) if scene == "Cornell box" else diffusion.WHOLE
-
-
-def _run(scene: str, size: Size) -> Images:
-    """Return images by a process of their own."""
-    runs = [Run(REFERENCE, REFERENCE_SPP, REFERENCE_KEY + k) for k in range(size.replicates)]
-    runs += [Run(name, spp, KEY) for name in size.samplers for spp in size.counts]
-    with tempfile.TemporaryDirectory() as folder:
-        task = {"scene": scene, "side": size.side, "runs": runs, "file": str(Path(folder, "images.npz"))}
-        own_process.run(process, task=task)
-        with np.load(task["file"]) as result:
-            return dict(zip(runs, result["images"].astype(np.float64), strict=True))
-
-
-def _exact(images: Images) -> diffusion.Reference:
-    replicates = [image for run, image in images.items() if run.seed >= REFERENCE_KEY]
-    error = np.std(replicates, axis=0, ddof=1) / np.sqrt(len(replicates))
-    return diffusion.Reference(np.mean(replicates, axis=0), error, "")
-
-
 def _missing() -> tuple[Figure, dict]:
     """Return what there is without Mitsuba."""
     note = "Mitsuba is not installed: pip install 'qmcjax[mitsuba]'."
@@ -236,7 +172,7 @@ def _missing() -> tuple[Figure, dict]:
 
 
 def _style(sampler: str) -> plot.Style:
-    name = _shown(sampler)
+    name = measured.shown(sampler)
     if name == "Mitsuba, multijitter":  # Its colour elsewhere is that of our optimised orders.
         return plot.Style(plot.style("rank-1 lattice").color, "v", "--")
     return benchmark.STYLES[name] if name in benchmark.STYLES else plot.style(sampler)
@@ -263,10 +199,10 @@ def _drawn(
             error = next(
                 row["RMS error"]
                 for row in rows
-                if (row["scene"], row["sampler"], row["spp"]) == (name, _shown(sampler), SHOWN_SPP)
+                if (row["scene"], row["sampler"], row["spp"]) == (name, measured.shown(sampler), SHOWN_SPP)
             )
-            caption = f"{_shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
-            panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, KEY)])))
+            caption = f"{measured.shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
+            panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, measured.KEY)])))
     bars = BAR * len(size.samplers) + 190
     below = len(CURVES) * ROW + bars + 20
     title = "Samplers of ours in Mitsuba 3, beside its own: errors of pixels and from afar, and rates"
@@ -299,7 +235,7 @@ def _drawn(
 
 def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], size: Size) -> None:
     for sampler in size.samplers:
-        chosen = [row for row in rows if (row["scene"], row["sampler"]) == (scene, _shown(sampler))]
+        chosen = [row for row in rows if (row["scene"], row["sampler"]) == (scene, measured.shown(sampler))]
         drawn = _style(sampler)
         axes.plot(
             [row["spp"] for row in chosen],
@@ -309,7 +245,7 @@ def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], 
             marker=drawn.marker,
             ms=4,
             lw=1,
-            label=_shown(sampler),
+            label=measured.shown(sampler),
         )
     axes.set(xscale="log", yscale="log", xlabel="samples per pixel", ylabel=what)
     axes.set_xticks(size.counts, list(map(str, size.counts)))
@@ -327,16 +263,16 @@ def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size
         ratio = base / taken[sampler][1]
         axes.barh(k, ratio, color=_style(sampler).color)
         axes.text(ratio, k, f"  {ratio:.2f}", va="center", fontsize=8)
-    axes.set_yticks(range(len(size.samplers)), list(map(_shown, size.samplers)))
+    axes.set_yticks(range(len(size.samplers)), list(map(measured.shown, size.samplers)))
     axes.invert_yaxis()
     axes.set(xlabel="rate / independent", xlim=(0, 1.3))
     axes.set_title(what, fontsize=9)
 
 
 def _draw_spectra(axes: Axes, scene: str, images: Images, exact: diffusion.Reference, size: Size) -> None:
-    area = _area(scene, size.side)
+    area = measured.area(scene, size.side)
     for sampler in size.samplers:
-        image = images[Run(sampler, SPECTRUM_SPP, KEY)]
+        image = images[Run(sampler, SPECTRUM_SPP, measured.KEY)]
         frequency, mean = analysis.radial_average(analysis.error_spectrum(image[area], exact.image[area]))
         drawn = _style(sampler)
         axes.plot(frequency / max(image[area].shape[:2]), mean, drawn.line, color=drawn.color, lw=1.2)

@@ -274,13 +274,7 @@ def _draw(
         if way in bands:
             right.plot(list(bands[way]), list(bands[way].values()), **style)
     counts = np.array(list(whole))
-    left.plot(
-        counts / (SPP * ratio),
-        list(whole.values()),
-        ":",
-        color=GREEN,
-        label="lens, at equal time",
-    )
+    left.plot(counts / (SPP * ratio), list(whole.values()), ":", color=GREEN, label="lens, at equal time")
     right.axhline(STEPS, color=GREY, lw=0.8)
     left.set(title="RMS error, linear RGB", ylabel="RMS error")
     right.set(title="Bands: errors in common, after a blur", ylabel="steps of 255")
@@ -291,11 +285,10 @@ def _draw(
         axes.minorticks_off()
         axes.set_xlim(0.9, max(ticks) * 1.1)
         axes.grid(True)
-    left.set_yticks(
-        [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2], ["0.002", "0.005", "0.01", "0.02", "0.05", "0.1", "0.2"]
-    )
-    right.set_yticks(
-        [0.2, 0.5, 1, 2, 5, 10, 20, 50, 100], ["0.2", "0.5", "1", "2", "5", "10", "20", "50", "100"]
-    )
+    for axes, ticks in (
+        (left, [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2]),
+        (right, [0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]),
+    ):
+        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     left.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     return figure

@@ -8,8 +8,9 @@ from tables import slow
 
 from analysis import t_value
 from analysis._loops import COMPILED
-from analysis.tables import search_columns
-from analysis.tables.search_columns import DIMS, QUESTIONS, allowed, closed, search
+from analysis._searches import column_search
+from analysis._searches.column_search import DIMS, search
+from analysis.tables.search_columns import QUESTIONS, allowed, closed
 from qmcjax import sequences
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="without Numba it takes minutes")
@@ -20,9 +21,9 @@ EACH = {(i,): 0 for i in range(DIMS)}
 def test_pascals_matrix_is_the_only_one():
     """Hofer and Suzuki: with the unit matrix, a (0,2)-sequence has Pascal's, up to the rows' order."""
     found = search(closed({(0, 1): 0, (2,): 0, (3,): 0}), 100)
-    assert found.order == search_columns.SIZE
+    assert found.order == column_search.SIZE
     sobol = np.asarray(sequences.sobol(2).matrices)[:, : found.order]
-    assert np.array_equal(search_columns.matrices(found.rows)[:2, : found.order], sobol)
+    assert np.array_equal(column_search.matrices(found.rows)[:2, : found.order], sobol)
 
 
 def test_no_0_3_sequence():
@@ -51,7 +52,7 @@ def test_found_matrices_have_the_t_that_was_asked_for(asked):
     question = QUESTIONS[asked]
     found = search(question.bounds, question.limit, question.seed)
     assert found.complete == (question.seed is None)
-    matrices = search_columns.matrices(found.rows)
+    matrices = column_search.matrices(found.rows)
     for m in range(1, found.order + 1):
         assert all(t_value(matrices[list(axes)], m=m) <= t for axes, t in question.bounds.items())
 

@@ -132,8 +132,8 @@ def mean_of(
     size = _BATCH if fast else 1
     batches, rest = divmod(n, ROWS * size)
     blocks = None
-    if fast and isinstance(sequence, BinarySequence):
-        blocks = sequence.blocks(start, max(batches, 1) * size, ROWS)
+    if fast and batches and isinstance(sequence, BinarySequence):
+        blocks = sequence.blocks(start, batches * size, ROWS)
 
     def block(parameters: Any, k: Array) -> Array:
         function, sequence, blocks, start = parameters
@@ -153,13 +153,18 @@ def mean_of(
         state = summation.add_terms(batch, False, parameters, state, first, end - first)
         return _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
 
-    edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS if batches >= _PARTS else [0, batches]
-    edges = np.array(edges, np.uint32)
-    parameters = (edges[:-1], edges[1:]), function, sequence, blocks, start
-    total = parts.summed(of_part, mesh, traced, *parameters)
+    total: Any = None
+    if batches:  # Of few points, an empty loop would be most of what there is to compile.
+        edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS
+        edges = np.array(edges if batches >= _PARTS else [0, batches], np.uint32)
+        parameters = (edges[:-1], edges[1:]), function, sequence, blocks, start
+        total = parts.summed(of_part, mesh, traced, *parameters)
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
-        total = total + _tree_sum(of_index(function, sequence, index))
+        last = _tree_sum(of_index(function, sequence, index))
+        # Alone as if added to 0: not -0.
+        alone = jnp.where(last == 0, last - jax.lax.stop_gradient(last), last)
+        total = alone if total is None else total + last
     mean = total / np.asarray(n, total.dtype)
     if replicated:
         return mean

@@ -1,7 +1,6 @@
 """Comparisons of samplers: what is measured, how sure it is, and promises that samplers break."""
 
 import re
-import time
 from dataclasses import dataclass
 from itertools import count
 
@@ -13,6 +12,7 @@ from tables import Table
 
 import analysis
 import qmcjax as qj
+from analysis._comparing.convergence import timed
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE, SPP = 32, 16
@@ -112,15 +112,17 @@ def owen(key):
     return samplers.independent(sequences.sobol(2), key)
 
 
-def hilbert(width, height, spp, key):
-    return samplers.contiguous(orders.hilbert(width, height), sequences.owen(sequences.sobol(2), key), spp)
+def other_owen(width, height, spp, key):
+    """Like the former, which compiles but once for both, from all parameters that there are."""
+    assert (width, height) == (SIDE, SIDE) and spp <= SPP
+    return owen(key + 10)
 
 
 @pytest.fixture(scope="module")
 def comparison():
     made = {
         "Owen": owen,
-        "Hilbert": hilbert,
+        "Owen, other keys": other_owen,
         "fixed": KEPT["screen"],
         "few": samplers.z(SIDE, SIDE, 4, 1),
     }
@@ -163,16 +165,26 @@ def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
     assert comparison.promises["few"][0].startswith("it refuses")
 
 
-def test_time_is_that_of_a_compiled_program():
-    """Of makers that return a new object each time, too: each is traced anew, which takes 0.2 s here."""
+def test_time_is_that_of_a_compiled_program(monkeypatch):
+    """Of makers that return a new object each time, too: each is traced anew, but not while it is timed."""
+    traces, seconds, while_timed = [], [], []
 
-    def slow_to_trace(x, y, sample):
-        time.sleep(0.2)
+    def traced(x, y, sample):
+        traces.append(sample)
         return good(x, y, sample)
 
-    made = {"new": lambda key: Plug(lambda x, y, s: slow_to_trace(x, y, s))}
+    def counted(*rendering):
+        before = len(traces)
+        found = timed(*rendering)
+        seconds.append(found[0])
+        while_timed.append(len(traces) - before)
+        return found
+
+    monkeypatch.setattr("analysis._comparing.compare.timed", counted)
+    made = {"new": lambda key: Plug(lambda x, y, s: traced(x, y, s))}
     result = analysis.compare(made, {"disc": scenes.disc()}, [4], width=SIDE, height=SIDE, keys=2)
-    assert 0 < result.row("disc", "new", 4).seconds < 0.2
+    assert while_timed == [0, 0, 0] and len(traces) > 2
+    assert 0 < result.row("disc", "new", 4).seconds == np.median(seconds)
 
 
 def test_what_fails_is_left_out_with_the_reason():

@@ -73,9 +73,7 @@ def test_gradients_are_differences():
     scene, direction = scenes.gaussian(), np.random.default_rng(3).normal(size=SHAPE)
     filters = [Filter(1.5), Filter(0.0, weight=0.1)]
     with jax.enable_x64(True):
-        gradient = jax.grad(lambda points: expected_error(points, [scene, smooth], filters))(
-            jnp.asarray(POINTS)
-        )
+        gradient = jax.jit(jax.grad(lambda points: expected_error(points, [scene, smooth], filters)))(POINTS)
     ahead, behind = (
         expected_error(np.clip(POINTS + side * 1e-6 * direction, 0, 1 - 1e-9), [scene, smooth], filters)
         for side in (1, -1)
@@ -93,7 +91,7 @@ def test_derivatives_of_blurred_jumps_are_densities():
         made = blurred(image, jax.random.key(5), jnp.float32(width)).values(points)
         return jnp.sum(made), made
 
-    found, values = jax.grad(total, has_aux=True)(jnp.asarray(points))
+    found, values = jax.jit(jax.grad(total, has_aux=True))(points)
     np.testing.assert_array_equal(values, image.values(jnp.asarray(points)))
     density = stats.norm.pdf(points[..., 0], 0.5, width)
     error = np.stack([found[..., 0] - density, found[..., 1]])

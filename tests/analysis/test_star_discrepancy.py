@@ -1,6 +1,7 @@
 import itertools
 import math
 from fractions import Fraction
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +23,15 @@ from qmcjax import sequences
 BELOW_ONE = [1 - 2.0**-53, 1 - 2.0**-24]
 
 
+@cache
+def many(make, dims):
+    """Return points of which sets take the first: one program for all sizes."""
+    return np.asarray(make(dims).points(2048, dtype=jnp.float64))
+
+
 def sobol(dims, n, start=0):
+    if start + n <= 2048:
+        return many(sequences.sobol, dims)[start : start + n]
     return np.asarray(sequences.sobol(dims).points(n, start, dtype=jnp.float64))
 
 
@@ -94,7 +103,7 @@ def families(n, dims):
     yield "at the top", np.minimum(1 - 0.4 * rng.random((n, dims)) ** 4, BELOW_ONE[0])
     yield "sobol", sobol(dims, n)
     yield "sobol, other block", sobol(dims, n, 5 * n)
-    yield "halton", np.asarray(sequences.halton(dims).points(n, dtype=jnp.float64))
+    yield "halton", many(sequences.halton, dims)[:n]
     yield "lattice", np.arange(n)[:, None] * (2 * np.arange(dims) ** 2 * 17 + 1) % n / n
     yield "grid", np.stack(np.meshgrid(*[axis] * dims), axis=-1).reshape(-1, dims)
     yield "duplicates", np.repeat(rng.random((n // 4, dims)), 4, axis=0)

@@ -168,6 +168,12 @@ def found_by(*arguments):
     return json.loads(run("tests/mitsuba_runs.py", *arguments))
 
 
+@pytest.fixture(scope="module")
+def whole_bytes():
+    """Return an image of what is asked for, from a process that makes nothing else."""
+    return found_by("whole_bytes")
+
+
 VARIANTS = ["scalar_rgb", "llvm_ad_rgb"]
 
 ROUNDING = 8 * 2.0**-24
@@ -176,11 +182,11 @@ ROUNDING = 8 * 2.0**-24
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_scalar_images_are_equal_across_passes_tiles_and_processes():
+def test_scalar_images_are_equal_across_passes_tiles_and_processes(whole_bytes):
     """And are of the sampler's own coordinates."""
     found = found_by("equal")
     assert found["points"] < ROUNDING and found["passes"] < ROUNDING and found["tiles"] == 0
-    assert found["bytes"] == found_by("whole_bytes")
+    assert found["bytes"] == whole_bytes
     assert found["clone"] and found["fork"] and found["seek"]
 
 
@@ -229,21 +235,20 @@ def test_compiled_functions_have_the_bits_of_the_sampler():
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_without_a_compiler_images_are_the_same(monkeypatch, tmp_path):
+def test_without_a_compiler_images_are_the_same(whole_bytes, monkeypatch, tmp_path):
     """What is missing, and what helps, is said once."""
     compilers()
-    whole = found_by("whole_bytes")
     for variable in ("CC", "CXX"):
         monkeypatch.setenv(variable, "no-such-compiler")
         found = found_by("without_compilers")
-        assert found["bytes"] == whole
+        assert found["bytes"] == whole_bytes
         (text,) = found["said"]
         assert "there is no compiler 'no-such-compiler' (Debian: apt install g++" in text
         monkeypatch.delenv(variable)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     (tmp_path / "file").write_text("")
     found = found_by("without_compilers")
-    assert found["bytes"] == whole and "Not a directory" in found["said"][0]
+    assert found["bytes"] == whole_bytes and "Not a directory" in found["said"][0]
 
 
 def test_source_is_compiled_once(monkeypatch, tmp_path):
@@ -468,7 +473,7 @@ def test_gradients_of_the_sky():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("llvm")
-def test_wavefronts():
+def test_wavefronts(whole_bytes):
     """What holds in scalar variants holds with LLVM."""
     found = found_by("wavefronts")
     assert "spp must be at most 4" in found["sample"] and "spp must be at most 4" in found["seed"]
@@ -478,7 +483,7 @@ def test_wavefronts():
     assert "mitsuba_runs.py" in found["NumPy"], found["NumPy"]
     assert found["clone"] and found["seek"]
     assert max(found[name] for name in ("points", "passes", "split", "tiles")) < ROUNDING
-    scalar = np.frombuffer(bytes.fromhex(found_by("whole_bytes"))).reshape(36, 40, 3)
+    scalar = np.frombuffer(bytes.fromhex(whole_bytes)).reshape(36, 40, 3)
     assert abs(np.array(found["image"]) - scalar).max() < ROUNDING
 
 

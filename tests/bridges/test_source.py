@@ -16,7 +16,7 @@ from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.bridges import source
 from qmcjax.bridges._padding import padding_pair, padding_pixel
 
-MANY, IN_SHADERS, FEW = 2**20, 2**16, 2**12
+MANY, IN_SHADERS, FEW = 2**18, 2**16, 2**12
 """Random arguments: drivers of shaders without a graphics card take seconds for a million."""
 
 WIDTHS = {"peano": 20}
@@ -98,7 +98,7 @@ PARTS = 8
 @pytest.mark.slow
 @pytest.mark.parametrize("part", range(PARTS))
 def test_every_object_has_the_same_bits(part, tmp_path):
-    """At 2**20 random arguments in C, and at 2**16 in shaders."""
+    """At 2**18 random arguments in C, and at 2**16 in shaders."""
     objects = {f"object{k}": EVERY[k] for k in range(part, len(EVERY), PARTS)}
     cases = {name: (kind, *drawn(kind, title, MANY)) for name, (kind, title) in objects.items()}
     texts = {name: source(value, None, name=name) for name, (_, value, *_) in cases.items()}

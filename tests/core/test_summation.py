@@ -96,11 +96,11 @@ def test_gradients_are_compensated():
         np.testing.assert_array_max_ulp(np.asarray(derivative(tenths)(jnp.float32(1))), np.float32(0.1))
 
 
-SAMPLER = samplers.independent(sequences.sobol(2), key=0)
+# Hashes of a scrambling take long to compile, and change neither memory nor edges.
+SAMPLER = samplers.independent(sequences.sobol(2), key=0, randomize="xor")
 
 
 def loss(frequency):
-    # Hashes of a scrambling in the innermost of the loops of a Hessian would compile for minutes.
     sampler = samplers.contiguous(orders.raster(4, 4), sequences.roberts(2), 8)
     return (qj.render(scenes.zone_plate(frequency), sampler, 4, 4, 8, dtype=jnp.float64) ** 2).sum()
 

@@ -2,24 +2,20 @@
 
 import json
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from figures import _cpp
 from figures.__main__ import main
-from figures.making import openqmc
+from figures.making import openqmc, worker
 from figures.making.fingerprint import fingerprint
+from figures.making.worker import Task
 from figures.ours import source as figure
 from figures.shared.timing import source_rates
 from figures.shared.timing.source_rates import DITHERED, EQUAL, LATTICE, OPENQMC, OWEN, SINGLE, XLA, C, Size
 from figures.suite import rivals
 from qmcjax import bridges
-
-ROOT = Path(__file__).parents[2]
 
 HEADER = """
 #pragma once
@@ -131,9 +127,10 @@ def test_figures_that_measure_the_library_are_made_anew(checkout, monkeypatch):
 
 
 @pytest.mark.slow
-def test_measuring(tmp_path):
-    command = [sys.executable, "-m", source_rates.__name__, "draft"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    times = json.loads(done.stdout)
+def test_a_draft_has_the_times_of_all_samplers():
+    """In a process of its own; and the figure is drawn."""
+    png, numbers, *_ = worker._draw(Task("source", figure.__name__, "draft"), lambda fraction: None)
+    times = json.loads(numbers)["measured"]["nanoseconds per coordinate"]
+    assert png.startswith(b"\x89PNG")
     assert times.keys() == source_rates.ours(64, 4).keys()
     assert all(time > 0 for of in times.values() for time in of.values())

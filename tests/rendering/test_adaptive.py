@@ -119,7 +119,7 @@ def test_only_coordinates_that_vary_are_generated():
 
 @pytest.mark.slow
 def test_more_coordinates_than_bits():
-    scene, sampler = Wide(0.5), samplers.independent(sequences.sobol(40), key=1)
+    scene, sampler = Wide(0.5), samplers.independent(sequences.sobol(40), key=1, randomize="xor")
     result = qj.render_adaptive(scene, sampler, 8, 8, SPP)
     np.testing.assert_allclose(result.image, qj.render(scene, sampler, 8, 8, SPP), rtol=0, atol=1e-6)
     np.testing.assert_array_equal(result.counts[:, 3:], 1)

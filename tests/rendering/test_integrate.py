@@ -119,7 +119,7 @@ def several(points):
 
 def test_values_may_be_a_tree_of_any_numbers():
     """Each leaf is what it is alone: floats, counts, and both parts of complex numbers."""
-    n = TABULATED + 99
+    n = 999
     found = qj.integrate(several, SEQUENCES["digital"], n)
     assert found["mean"] == qj.integrate(lambda p: p[:, 0], SEQUENCES["digital"], n)
     assert np.array_equal(found["square"][0], qj.integrate(squares, SEQUENCES["digital"], n))
@@ -213,8 +213,9 @@ def test_closed_over_values_have_gradients():
     def mean(a):
         return qj.integrate(lambda points: a * points[:, 0] ** 2, sequences.sobol(1), TABULATED + 5)
 
-    assert abs(jax.grad(mean)(2.0) - 1 / 3) < 1e-4
-    assert jax.jit(jax.grad(mean))(2.0) == jax.grad(mean)(2.0)
+    eager = jax.grad(mean)(2.0)
+    assert abs(eager - 1 / 3) < 1e-4
+    assert jax.jit(jax.grad(mean))(2.0) == eager
 
     def both(a, b):
         power = jax.tree_util.Partial(lambda b, points: a * points[:, 0] ** b, b)
@@ -288,6 +289,6 @@ test_bad_input_is_named = refused(
 
 @pytest.mark.parametrize("level", [0, 1.0, np.nan, "a", None, True])
 def test_levels(level):
-    found = qj.integrate(product, sequences.sobol(2), 16, replicates=2, key=1)
+    found = qj.integrate(product, sequences.sobol(2), 64, replicates=5, key=1, dtype=jnp.float64)
     with pytest.raises((TypeError, ValueError), match=r"level must be .* got"):
         found.interval(level)

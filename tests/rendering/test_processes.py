@@ -31,7 +31,7 @@ mesh = jax.make_mesh((jax.device_count(),), ("devices",))
 """
 
 COMPUTE = """
-for name, value in test_processes.computed(mesh).items():
+for name, value in test_processes.computed(mesh, *paths).items():
     print("made", name, value, flush=True)
 jax.distributed.shutdown()
 """
@@ -49,22 +49,24 @@ def one_pass(key):
     return samplers.contiguous(order, sequences.digital_shift(sequences.sobol(2), key), SPP)
 
 
-def computed(mesh):
+SCENE, SIZE = scenes.disc(), (WIDTH, HEIGHT)
+COMPUTED = {
+    "image": lambda mesh: qj.render(SCENE, one_pass(jax.random.key(1)), *SIZE, SPP, mesh=mesh),
+    "adaptive": lambda mesh: qj.render_adaptive(SCENE, one_pass(jax.random.key(1)), *SIZE, SPP, mesh=mesh),
+    "passes": lambda mesh: qj.render_passes(SCENE, samplers.randomized(one_pass, 1), *SIZE, 2, mesh=mesh),
+    "sweep": lambda mesh: sweep(mesh),
+    "reference": lambda mesh: qj.estimated_reference(SCENE, *SIZE, 16, 1, mesh=mesh),
+    "derivatives": lambda mesh: derivatives(mesh),
+}
+
+
+def computed(mesh, *names):
     """Return digests of what is computed over devices."""
-    scene, size = scenes.disc(), (WIDTH, HEIGHT)
-    found = {
-        "image": qj.render(scene, one_pass(jax.random.key(1)), *size, SPP, mesh=mesh),
-        "adaptive": qj.render_adaptive(scene, one_pass(jax.random.key(1)), *size, SPP, mesh=mesh),
-        "passes": qj.render_passes(scene, samplers.randomized(one_pass, 1), *size, 2, mesh=mesh),
-        "sweep": sweep(mesh),
-        "reference": qj.estimated_reference(scene, *size, 16, 1, mesh=mesh),
-        "derivatives": derivatives(mesh),
-    }
-    return {name: digest(value) for name, value in found.items()}
+    return {name: digest(COMPUTED[name](mesh)) for name in names}
 
 
 def derivatives(mesh):
-    """Return those of an image and an integral, forward and in reverse."""
+    """Return that of an image in reverse, and that of an integral forward."""
     sampler, sequence = samplers.independent(sequences.sobol(2), 1, "xor"), sequences.sobol(2)
 
     def energy(f):
@@ -73,8 +75,7 @@ def derivatives(mesh):
     def mean(x):
         return qj.integrate(lambda p: jax.numpy.exp(-((p - x) ** 2).sum(-1)), sequence, 2**21 + 77, mesh=mesh)
 
-    at = jax.numpy.float32(20), jax.numpy.float32(0.3)
-    return [d(f)(x) for f, x in zip((energy, mean), at, strict=True) for d in (jax.jacfwd, jax.grad)]
+    return jax.grad(energy)(jax.numpy.float32(20)), jax.jacfwd(mean)(jax.numpy.float32(0.3))
 
 
 def sweep(mesh, **given):
@@ -104,7 +105,8 @@ def kept(mesh, path, progress):
     )
 
 
-def start(code, *paths, count):
+def start(code, *paths, count, each=None):
+    """Start processes with the same arguments, or each with one of its own."""
     port = free_port()
     environment = {
         **os.environ,
@@ -112,27 +114,24 @@ def start(code, *paths, count):
         "JAX_COMPILATION_CACHE_DIR": str(jax.config.values["jax_compilation_cache_dir"]),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
     }
-    each = [[str(port), str(count), str(process)] for process in range(count)]
-    if len(paths) > 1:
-        each = [[*arguments, path] for arguments, path in zip(each, paths, strict=True)]
-    else:
-        each = [[*arguments, *paths] for arguments in each]
+    given = [paths] * count if each is None else [(path,) for path in each]
     return [
         subprocess.Popen(
-            [sys.executable, "-c", START + code, *arguments],
+            [sys.executable, "-c", START + code, str(port), str(count), str(process), *arguments],
             env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for arguments in each
+        for process, arguments in enumerate(given)
     ]
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_as_by_one_process(count):
-    expected = [f"made {name} {value}" for name, value in computed(None).items()]
-    for process in start(COMPUTE, count=count):
+@pytest.mark.parametrize(("count", "names"), [(2, ("image", "sweep")), (3, (*COMPUTED,))])
+def test_as_by_one_process(count, names):
+    """Three cannot share anything evenly; two share images and sweeps."""
+    expected = [f"made {name} {value}" for name, value in computed(None, *names).items()]
+    for process in start(COMPUTE, *names, count=count):
         stdout, stderr = process.communicate(timeout=120)
         assert process.returncode == 0, stderr
         assert [line for line in stdout.splitlines() if line.startswith("made ")] == expected
@@ -161,7 +160,7 @@ def test_a_checkpoint_of_all(tmp_path):
 def test_a_checkpoint_that_not_all_see(tmp_path):
     mine = tmp_path / "mine"
     jax.block_until_ready(kept(None, mine, None))
-    processes = start(KEEP, str(mine), str(tmp_path / "yours"), count=2)
+    processes = start(KEEP, count=2, each=[str(mine), str(tmp_path / "yours")])
     for process in processes:
         _, stderr = process.communicate(timeout=120)
         assert process.returncode == 1

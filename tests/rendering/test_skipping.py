@@ -18,7 +18,7 @@ SCENES = {
         "defocused_edge soft_shadow"
     ).split()
 }
-QUICK = {("flat_checkerboard", 37), ("disc", 64), ("ball", 37), ("defocused_edge", 37)}
+QUICK = {("disc", 64), ("ball", 37), ("defocused_edge", 37)}
 """Each scene compiles for a second or more: the others are slow tests."""
 
 

@@ -48,20 +48,26 @@ RENDERS = {
 }
 
 
-@pytest.mark.parametrize("render", RENDERS.values(), ids=RENDERS.keys())
+OUTSIDE = {
+    "far": (far(5), r"\[5.5, 5.5\] in pixel \(0, 0\), sample 0"),
+    "one": (far(0.5), r"\[1.0, 1.0\] in pixel \(0, 0\), sample 0"),
+    "negative": (far(-0.75), r"\[-0.25, -0.25\] in pixel"),
+    "nan": (far(np.nan), r"\[nan, nan\] in pixel"),
+    "below": (below, r"\[0.5, -0.25\] in pixel"),
+    "late": (LATE, r"\[5.5, 5.5\] in pixel \(2, 1\), sample 5"),
+}
+
+
 @pytest.mark.parametrize(
-    ("points", "message"),
+    ("name", "of"),
     [
-        (far(5), r"\[5.5, 5.5\] in pixel \(0, 0\), sample 0"),
-        (far(0.5), r"\[1.0, 1.0\] in pixel \(0, 0\), sample 0"),
-        (far(-0.75), r"\[-0.25, -0.25\] in pixel"),
-        (far(np.nan), r"\[nan, nan\] in pixel"),
-        (below, r"\[0.5, -0.25\] in pixel"),
-        (LATE, r"\[5.5, 5.5\] in pixel \(2, 1\), sample 5"),
+        *(("render", of) for of in OUTSIDE),
+        *((n, of) for n in ("adaptive", "reference") for of in ("one", "late")),
     ],
-    ids=["far", "one", "negative", "nan", "below", "late"],
 )
-def test_points_outside_are_named(render, points, message):
+def test_points_outside_are_named(name, of):
+    """What is outside is the same for all; where it is found, each render finds in its own way."""
+    render, (points, message) = RENDERS[name], OUTSIDE[of]
     with pytest.raises(ValueError, match=r"sampler must return points in \[0, 1\), got " + message):
         render(scenes.zone_plate(), Made(points), 4, 4, 8)
 

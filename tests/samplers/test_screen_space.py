@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import few, first, pixels, points_of, reflected, reversed_bits, slow
+from tables import few, first, pixels, points_of, reflected, reversed_bits, slow, slow_cases
 
 import analysis
 import qmcjax as qj
@@ -253,9 +253,11 @@ BITS = {
 
 
 @pytest.mark.filterwarnings("ignore:component .* co-prime")
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 @pytest.mark.parametrize("name", few(BITS, "halton", "sobol"))
-@pytest.mark.parametrize("doubling", [False, True])
+@pytest.mark.parametrize(
+    ("doubling", "dtype"),
+    [(False, jnp.float32), (True, jnp.float64), *slow_cases((False, jnp.float64), (True, jnp.float32))],
+)
 def test_points_do_not_depend_on_the_bits_of_indices(name, doubling, dtype):
     """Traced sample numbers may be any; below a known number, 32 bits suffice: the same bits of points."""
     sampler = samplers.segments(orders.hilbert(256, 256), BITS[name](), 3, doubling=doubling)
@@ -585,26 +587,26 @@ SIGMA = np.sqrt([1 / 4 - 16 / np.pi**4, np.pi / 4 - np.pi**2 / 16])
 @pytest.mark.parametrize("name", CONSISTENT)
 def test_errors_go_to_zero(name):
     """With 1, 2, 4, ..., 4096 samples: as 1/sqrt(n) for random points, and faster for all others."""
+    counts = COUNTS
     if name in ANY_COUNT:
         made = [CONSISTENT[name](4096)]
         if name == "randomized":  # The pixels of a pass depend on each other: more keys for as sure a mean.
             made = [samplers.randomized(owen_pass, key) for key in range(8)]
-        drawn = [
-            np.concatenate(each)
-            for each in zip(*(values_of(one, jnp.asarray(first(4096))) for one in made), strict=True)
-        ]
-        means = [[np.asarray(f)[:, :n].mean(axis=1) for f in drawn] for n in COUNTS]
+            counts = COUNTS[:-2]  # Each sample draws the seeds of a pass: 1024 take 5 s.
+        sample = jnp.asarray(first(counts[-1]))
+        drawn = [np.concatenate(each) for each in zip(*(values_of(one, sample) for one in made), strict=True)]
+        means = [[np.asarray(f)[:, :n].mean(axis=1) for f in drawn] for n in counts]
     else:
         means = []
-        for n in COUNTS.tolist():
+        for n in counts.tolist():
             drawn = values_of(CONSISTENT[name](n), jnp.asarray(first(n)))
             means.append([np.asarray(f).mean(axis=1) for f in drawn])
     errors = np.sqrt(np.mean(np.square(means), axis=-1))
     if name in ("randomized", "uniform"):
         # The mean square of 64 errors has a standard deviation of sqrt(2 / 64).
-        assert np.all(errors < SIGMA * np.sqrt((1 + 5 * np.sqrt(2 / 64)) / COUNTS[:, None]))
+        assert np.all(errors < SIGMA * np.sqrt((1 + 5 * np.sqrt(2 / 64)) / counts[:, None]))
     else:
-        assert np.all(errors < 2 * SIGMA * COUNTS[:, None] ** np.array([-0.8, -0.65]))
+        assert np.all(errors < 2 * SIGMA * counts[:, None] ** np.array([-0.8, -0.65]))
 
 
 MAKERS = {
@@ -631,13 +633,13 @@ def test_sizes_out_of_range_are_named(name):
                 MAKERS[name](*size)
 
 
-@pytest.mark.parametrize("variant", ["plain", "hash", "tree"])
+@pytest.mark.parametrize("variant", ["hash", *slow("plain", "tree")])
 def test_a_block_of_pixels_has_the_discrepancy_of_the_net(variant):
     """Z paper, Fig. 6: some 30 times less than one xor-scrambled point in each of 128 x 128 pixels."""
     y, x = np.indices((128, 128)).astype(np.uint32).reshape(2, -1)
 
     def discrepancy(sampler):
-        points = sampler(jnp.asarray(x), jnp.asarray(y), np.uint32(0), dtype=jnp.float64)
+        points = points_of(sampler, x, y, np.uint32(0))
         return analysis.star_discrepancy(np.asarray(points))
 
     assert discrepancy(samplers.z(128, 128, 1, 3, variant)) == pytest.approx(0.000372990965843, abs=1e-15)

@@ -73,6 +73,16 @@ SCENES = {
 }
 
 
+@jax.jit
+def varied(scene, low, high):
+    return scene.varies(low, high)
+
+
+@jax.jit
+def evaluated(scene, point):
+    return scene(point)
+
+
 def boxes(scene):
     x, y = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
     low = np.stack([x, y, *[0 * x] * (len(scene.needs) - 2)], axis=-1) / SIDE
@@ -88,13 +98,12 @@ def test_what_does_not_vary_does_not_matter(name):
     """Samples in each pixel: those coordinates anywhere, against the same samples with them at 1/2."""
     scene = SCENES[name]()
     low, high = boxes(scene)
-    varies = jax.jit(scene.varies)(low, high)
+    varies = varied(scene, low, high)
     assert varies.shape == low.shape and varies.dtype == bool
     u = sequences.sobol(len(scene.needs)).points(2**8)[:, None, None]
     points = low[None] + u * (high - low)[None]
-    values = jax.jit(scene)
     half = jnp.where(varies[None], points, (low + 0.5 * (high - low))[None])
-    np.testing.assert_array_equal(values(points), values(half))
+    np.testing.assert_array_equal(evaluated(scene, points), evaluated(scene, half))
     time = varies[..., scene.needs.index("time")]
     assert 0 < time.mean() < 0.9
     sky = ~varies[..., 0]
@@ -107,11 +116,10 @@ def test_time_matters_around_what_moves_and_its_shadows_only():
     scene = SCENES["pinhole"]()
     low, high = boxes(scene)
     time = scene.needs.index("time")
-    varies = np.asarray(scene.varies(low, high))[..., time]
+    varies = np.asarray(varied(scene, low, high))[..., time]
     u = sequences.owen(sequences.sobol(len(scene.needs)), 1).points(2**8)[:, None, None]
     points = low[None] + u * (high - low)[None]
-    values = jax.jit(scene)
-    changes = values(points) != values(points.at[..., time].set(0.5))
+    changes = evaluated(scene, points) != evaluated(scene, points.at[..., time].set(0.5))
     changes = np.asarray(changes.any(axis=(0, -1)))
     assert not (changes & ~varies).any()
     assert varies.sum() < 2.5 * changes.sum()
@@ -119,7 +127,7 @@ def test_time_matters_around_what_moves_and_its_shadows_only():
 
 @pytest.mark.slow
 def test_adaptive_images_are_the_same_and_take_fewer_samples():
-    scene = SCENES["pinhole"]()
+    scene = chrome()
     sampler = samplers.independent(sequences.sobol(len(scene.needs)), 3)
     image = qj.render(scene, sampler, SIDE, SIDE, 16)
     adaptive = qj.render_adaptive(scene, sampler, SIDE, SIDE, 16)

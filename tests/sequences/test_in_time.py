@@ -16,11 +16,26 @@ WIDTH = 8
 FRAMES = 8
 
 
+@jax.jit
+def bits_of_frame(sequence, t):
+    """Return the first 64 points of a frame."""
+    return sequence.at_frame(t).bits(first(64))
+
+
+TRACES = []
+"""Calls of Python's code of frames."""
+
+
+@partial(jax.jit, static_argnames=("spp", "dims"))
+def of_frame(sampler, t, spp, dims):
+    TRACES.append(t)
+    x, y = first(WIDTH)[None, :, None], first(WIDTH)[:, None, None]
+    return sampler.at_frame(t)(x, y, first(spp), tuple(range(dims)), jnp.float64)
+
+
 def animation(sampler, spp, dims, frames=FRAMES, start=0):
     """Return the points of all pixels: float64 (frames, height, width, spp, dims)."""
-    x, y = first(WIDTH)[None, :, None], first(WIDTH)[:, None, None]
-    at = jax.jit(lambda t: sampler.at_frame(t)(x, y, first(spp), tuple(range(dims)), jnp.float64))
-    return np.stack([np.asarray(at(np.uint32(start + t))) for t in range(frames)])
+    return np.stack([np.asarray(of_frame(sampler, np.uint32(start + t), spp, dims)) for t in range(frames)])
 
 
 def owen(dims, key=5):
@@ -67,8 +82,9 @@ def stratified(points, k, j):
 @pytest.mark.parametrize("name", SAMPLERS)
 def test_every_aligned_window_of_pixels_and_frames_is_stratified(name):
     spp, dims, make = SAMPLERS[name]
+    sampler = make()
     for start in (0, 40 * FRAMES):
-        points = animation(make(), spp, dims, start=start)
+        points = animation(sampler, spp, dims, start=start)
         for k in range(4):
             for j in range(4):
                 assert stratified(points, k, j), (k, j)
@@ -117,8 +133,8 @@ def test_orders_of_pixels_and_frames_stratify_cubes_only(order):
 def test_each_frame_and_each_pixel_has_the_nets_of_the_sequence():
     sequence = sequences.in_time(owen(2))
     for frame in (0, 1, 77, 2**32 - 1):
-        assert t_value(np.asarray(sequence.at_frame(frame).bits(first(64)))) == 0
-    over_time = np.stack([np.asarray(sequence.at_frame(t).bits(5)) for t in range(64)])
+        assert t_value(np.asarray(bits_of_frame(sequence, np.uint32(frame)))) == 0
+    over_time = np.stack([np.asarray(bits_of_frame(sequence, np.uint32(t)))[5] for t in range(64)])
     assert t_value(over_time) == 1
 
 
@@ -126,8 +142,8 @@ def test_each_frame_and_each_pixel_has_the_nets_of_the_sequence():
 def test_coordinates_of_sobol_are_stratified_for_all_numbers_of_indices_and_frames(dims):
     plain = sequences.sobol(dims)
     sequence = sequences.in_time(plain)
-    np.testing.assert_array_equal(sequence.bits(first(32)), plain.bits(first(32)))
-    frames = np.stack([np.asarray(sequence.at_frame(8 + t).bits(first(64))) for t in range(8)])
+    np.testing.assert_array_equal(bits_of_frame(sequence, np.uint32(0)), jax.jit(plain.bits)(first(64)))
+    frames = np.stack([np.asarray(bits_of_frame(sequence, np.uint32(8 + t))) for t in range(8)])
     for m in range(7):
         for j in range(4):
             strata = np.sort((frames[: 1 << j, : 1 << m].reshape(-1, dims) >> (32 - m - j)), axis=0)
@@ -138,7 +154,7 @@ def test_coordinates_of_sobol_are_stratified_for_all_numbers_of_indices_and_fram
 def test_pairs_over_pixels_and_frames_are_not_always_nets():
     """Not claimed, and not so: eight points in eight frames have t = 3."""
     sequence = sequences.in_time(sequences.sobol(2))
-    points = np.concatenate([np.asarray(sequence.at_frame(t).bits(first(8))) for t in range(8)])
+    points = np.concatenate([np.asarray(bits_of_frame(sequence, np.uint32(t)))[:8] for t in range(8)])
     assert t_value(points) == 3
 
 
@@ -180,19 +196,14 @@ def test_64_bit_indices_move_as_32_bit_ones():
 
 @pytest.mark.parametrize("name", SAMPLERS)
 def test_frame_0_is_the_image_and_frames_compile_once(name):
-    _, dims, make = SAMPLERS[name]
-    sampler, traces = make(), []
-
-    @jax.jit
-    def point(sampler, t):
-        traces.append(t)
-        return sampler.at_frame(t)(3, 5, 0, tuple(range(dims)))
-
+    spp, dims, make = SAMPLERS[name]
+    sampler = make()
+    of_frame(sampler, np.uint32(1), spp, dims)
+    traces = len(TRACES)
     for t in (0, 3, 2**32 - 1):
-        np.testing.assert_array_equal(
-            point(sampler, np.uint32(t)), sampler.at_frame(t)(3, 5, 0, tuple(range(dims)))
-        )
-    assert len(traces) == 1
+        known = sampler.at_frame(t)(3, 5, 0, tuple(range(dims)), jnp.float64)
+        np.testing.assert_array_equal(of_frame(sampler, np.uint32(t), spp, dims)[5, 3, 0], known)
+    assert len(TRACES) == traces
     np.testing.assert_array_equal(sampler.at_frame(5).at_frame(0)(3, 5, 0), sampler.at_frame(0)(3, 5, 0))
 
 

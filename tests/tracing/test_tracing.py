@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from functools import cache
 
 import jax
 import jax.numpy as jnp
@@ -118,7 +119,7 @@ SHAPES = {
 
 
 # The other shapes are met in motion, below.
-FAST = {(name, "float32") for name in ("box", "moving triangles")} | {("triangles", "float64")}
+FAST = {(name, "float32") for name in ("box", "moving triangles")}
 
 
 def random_rays(count, key=0):
@@ -141,6 +142,15 @@ def oracle(numbers, hits, o, d, time):
     return *found[0][:3], min(doubt, gap, found[0][0])
 
 
+@cache
+def expected_hits(name):
+    """Return rays, and what the oracle finds of a shape."""
+    _, numbers, hits = SHAPES[name]
+    rays = random_rays(400)
+    found = [oracle(numbers, hits, *ray) for ray in zip(*rays, strict=True)]
+    return rays, [np.array(a) for a in zip(*found, strict=True)]
+
+
 @pytest.mark.parametrize(
     ("name", "dtype"),
     [
@@ -151,15 +161,14 @@ def oracle(numbers, hits, o, d, time):
 )
 def test_shapes_against_float64(name, dtype):
     """Many rays start inside the round ones and the box. Rays in doubt within rounding are left out."""
-    make, numbers, hits = SHAPES[name]
-    rays = random_rays(400)
-    expected = [oracle(numbers, hits, *ray) for ray in zip(*rays, strict=True)]
+    make, numbers, _ = SHAPES[name]
+    rays, expected = expected_hits(name)
     with X64(dtype == "float64"):
         world = tracing.world([make(*numbers)])
         hit = tracing.nearest_hit(world, *(jnp.asarray(a, dtype) for a in rays))
         assert hit.distance.dtype == hit.normal.dtype == dtype and hit.shape.dtype == jnp.int32
         blocked = tracing.any_hit(world, *(jnp.asarray(a, dtype) for a in rays))
-    distance, row, normal, doubt = (np.array(a) for a in zip(*expected, strict=True))
+    distance, row, normal, doubt = expected
     sure = doubt > (1e-4 if dtype == "float32" else 1e-9)
     assert sure.mean() > 0.98 and (row < 0).any() | (name == "plane") and len(set(row)) > 2
     assert np.array_equal(hit.shape[sure], row[sure])
@@ -225,29 +234,29 @@ def test_normals_are_gradients(name):
         rng = np.random.default_rng(1)
         row = jnp.asarray(rng.integers(0, shape.count, 100), jnp.int32)
         time = jnp.asarray(rng.uniform(size=100))
-        point = tuple(jnp.asarray(a) for a in rng.normal(size=(3, 100)))
-        _, gradient = shape.surface(row, point, time)
-        unit = shape.normal(row, point, time)
+        point = rng.normal(size=(3, 100))
+        surface = jax.jit(lambda *point: shape.surface(row, point, time))
+        _, gradient = surface(*point)
+        unit = jax.jit(lambda *point: shape.normal(row, point, time))(*point)
+        u, v = jax.jit(lambda *point: shape.coordinates(row, point, time))(*point)
         assert np.allclose(sum(np.asarray(a) ** 2 for a in unit), 1)
         for j, step in enumerate(np.eye(3) * 1e-6):
-            ahead, behind = (
-                shape.surface(row, tuple(p + s * e for p, e in zip(point, step, strict=True)), time)[0]
-                for s in (1, -1)
-            )
+            ahead, behind = (surface(*(point + sign * step[:, None]))[0] for sign in (1, -1))
             assert np.allclose((ahead - behind) / 2e-6, gradient[j], atol=1e-7)
-        u, v = shape.coordinates(row, point, time)
         assert np.isfinite(u).all() and np.isfinite(v).all()
         assert name == "plane" or (np.min(u) >= 0 and np.max(u) <= 1 and np.min(v) >= 0 and np.max(v) <= 1)
 
 
 def test_coordinates_of_textures():
     """Known places: poles and equator, corners, rims."""
-    one = jnp.zeros(1, jnp.int32)
 
-    def at(item, x, y, z):
-        shape = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), item.shapes[0])
-        point = tuple(jnp.full(1, a, jnp.float32) for a in (x, y, z))
-        return np.round(np.concatenate(shape.coordinates(one, point, jnp.zeros(1))), 3).tolist()
+    @jax.jit
+    def coordinates(shape, point):
+        return shape.coordinates(jnp.zeros(1, jnp.int32), tuple(point), jnp.zeros(1))
+
+    def at(item, *place):
+        shape = jax.tree.map(lambda a: np.asarray(a, np.float32), item.shapes[0])
+        return np.round(np.concatenate(coordinates(shape, np.array(place, np.float32)[:, None])), 3).tolist()
 
     ball = tracing.sphere([1, 0, 0], 2.0)
     equator = [at(ball, 3, 0, 0), at(ball, 1, 2, 0), at(ball, -1, 0, 0), at(ball, 1, -2, 0)]
@@ -310,7 +319,7 @@ SPIN = motion.affine(
 )
 
 
-@pytest.mark.parametrize("name", few(SHAPES, "rectangle", "disc", "plane"))
+@pytest.mark.parametrize("name", few(SHAPES, "rectangle", "disc"))
 def test_motion_is_exact_at_every_time(name):
     """Rays against an object that turns and moves, and against geometry that is moved ray by ray."""
     make, numbers, hits = SHAPES[name]
@@ -488,21 +497,17 @@ def test_rays_leave_the_surface_they_start_on(name, place):
     assert np.all(np.sum(back.normal[deep] * -way[deep], axis=1) > -1e-3)
 
 
-def mixed(numbers):
+def mixed():
     """Return a world with all shapes, some of which turn."""
-    parts = [make(*numbers[name]) for name, (make, _, _) in SHAPES.items() if name != "plane"]
+    parts = [make(*numbers) for name, (make, numbers, _) in SHAPES.items() if name != "plane"]
     spun = tracing.group(parts[:3], motion=SPIN)
     return tracing.world([parts[3], spun, *parts[4:], tracing.plane([0, 0, -3], [0, 0, 1])])
-
-
-def all_numbers():
-    return {name: numbers for name, (_, numbers, _) in SHAPES.items()}
 
 
 @pytest.mark.slow
 def test_one_world_is_its_objects_one_by_one():
     """Numbers, distances and normals are those of the nearest object; so is whether there is any hit."""
-    world = mixed(all_numbers())
+    world = mixed()
     rays = [jnp.asarray(a, jnp.float32) for a in random_rays(20000, 9)]  # Three tiles.
     whole = tracing.nearest_hit(world, *rays)
     single = [(tracing.nearest_hit(tracing.world([item]), *rays), first) for item, first in world.numbered()]
@@ -597,7 +602,9 @@ def test_gradients_are_differences(name):
 
 @pytest.mark.slow
 def test_vmap_and_jit_are_the_loop():
-    world = mixed(all_numbers())
+    ball, sheets, moving = (SHAPES[name] for name in ("sphere", "rectangle", "moving triangles"))
+    turning = tracing.group([ball[0](*ball[1])], motion=SPIN)
+    world = tracing.world([turning, sheets[0](*sheets[1]), moving[0](*moving[1])])
     rays = [jnp.asarray(a, jnp.float32) for a in random_rays(60, 2)]
     whole = tracing.nearest_hit(world, *rays)
     shaped = tracing.nearest_hit(world, *(a.reshape(3, 20, *a.shape[1:]) for a in rays))
@@ -646,7 +653,7 @@ def test_an_empty_world_and_rays_that_hit_nothing():
     )
     bad = jnp.asarray([[0, 0, 0], [np.nan, 0, 1], [np.inf, 1, 0], [0, 0, -np.inf]], jnp.float32)
     fine = jnp.ones((4, 3), jnp.float32)
-    for origin, direction in ((fine, bad), (bad[1:], fine[1:])):
+    for origin, direction in ((fine, bad), (bad[np.array([1, 1, 2, 3])], fine)):
         hit = tracing.nearest_hit(world, origin, direction)
         assert np.all(hit.shape == -1) and not np.isnan(hit.normal).any()
         assert not tracing.any_hit(world, origin, direction).any()
@@ -655,7 +662,8 @@ def test_an_empty_world_and_rays_that_hit_nothing():
         hit = tracing.nearest_hit(world, origin, jnp.concatenate([bad, fine]))
         return jnp.sum(jnp.where(hit.shape < 0, 0, hit.distance)) + jnp.sum(hit.normal)
 
-    gradient = jax.grad(total)(jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), world), jnp.zeros((8, 3)))
+    floats = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), world)
+    gradient = jax.jit(jax.grad(total))(floats, jnp.zeros((8, 3)))
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gradient))
     flat = motion.affine(np.zeros((3, 3)))
     squashed = tracing.world([tracing.group([tracing.sphere([0, 0, 0], 1.0)], motion=flat)])

@@ -100,11 +100,15 @@ BATCH = 20_000
 
 
 @jax.jit
-@jax.vmap
-def seen(opened, closed, origin, direction):
-    """Return the intervals of one ray and one triangle for each row."""
-    world = tracing.world([tracing.triangles(opened[None], closed[None])])
-    return tracing.visible_intervals(world, origin, direction, 8)
+def seen(*rows):
+    """Return the intervals of one ray and one triangle for each row, in parts that stay in caches."""
+
+    def one(row):
+        opened, closed, origin, direction = row
+        world = tracing.world([tracing.triangles(opened[None], closed[None])])
+        return tracing.visible_intervals(world, origin, direction, 4)
+
+    return jax.lax.map(one, rows, batch_size=250)
 
 
 def of_triangles(opened, closed, direction):
@@ -207,8 +211,8 @@ def spin(time):
     return motion.quaternion([0.1, 0.2, 1.0], 3 * time)
 
 
-def everything():
-    """Return objects of all kinds that may move, and some that are still."""
+def everything(wall=6.0):
+    """Return objects of all kinds that may move, and some that are still: a wall, too, behind them or not."""
     rng = np.random.default_rng(1)
     opened = rng.normal(size=(5, 3, 3)) + AWAY
     matrix = rng.normal(size=(3, 3)) * 0.3 + np.eye(3)
@@ -216,7 +220,7 @@ def everything():
     through = [[[-1, -1, -1.0], [1, -1, -1], [0, 1, -1]]], [[[-1, -1, 3.0], [1, -1, 4], [0, 1, 6]]]
     return [
         tracing.triangles(opened, opened + rng.normal(size=(5, 3, 3))),
-        tracing.rectangle([-9, -9, 6], [18, 0, 0], [0, 18, 0]),
+        tracing.rectangle([-9, -9, wall], [18, 0, 0], [0, 18, 0]),
         tracing.sphere([0, 0, 0], 0.6, motion=slide([0, 2, 5], [0.3, -1, 5], [-0.3, 1, 4.5])),
         tracing.triangles(*through, motion=slide([0.3, 0, 0], [0, 0.3, 0])),
         tracing.cylinder([1.0, -1, 7], [0, 2, 0], 0.5),
@@ -257,11 +261,10 @@ def check_against_times(objects, count, times, least, key=0):
 
 
 @pytest.mark.slow
-def test_worlds_and_parts_of_them_are_seen_as_at_many_times():
-    objects = everything()
+def test_worlds_are_seen_as_at_many_times():
     for key in (0, 21):
-        check_against_times(objects, 150, 1000, 6, key)
-    check_against_times(objects[::2], 150, 1000, 2)  # Behind them is nothing.
+        check_against_times(everything(), 150, 1000, 6, key)
+    check_against_times(everything(wall=-6.0), 150, 1000, 6)  # Behind the rest is nothing.
 
 
 def grid(side, speed, rng):
@@ -314,17 +317,22 @@ def test_trees_find_what_loops_find():
 
 @pytest.mark.slow
 def test_depths_cross():
-    """Of two triangles that pass through one another, each is seen as long as it is in front."""
+    """Of two that pass through one another, each is seen as long as it is in front; a third is aside."""
     flat = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 2, 0]])
-    one, other = (np.stack([flat + start * AHEAD, flat + end * AHEAD]) for start, end in ((4, 7), (6, 5)))
-    world = tracing.world([tracing.triangles(a[:1], a[1:]) for a in (one, other)])
-    found = tracing.visible_intervals(world, [0.0, 0, 0], [0.02, 0.01, 1.0], 2)
-    np.testing.assert_array_equal(found.shape, [0, 1])
-    np.testing.assert_allclose([*found.start, *found.end], [0, 0.5, 0.5, 1], atol=1e-6)
-    ball = tracing.sphere([0, 0, 0], 1.0, motion=slide([0, 0, 4], [0, 0, 8]))
-    world = tracing.world([ball, tracing.triangles(other[:1], other[1:])])
-    found = tracing.visible_intervals(world, [0.0, 0, 0], [0.0, 0.0, 1.0], 4)
+
+    def seen_of(x, way):
+        """Return what is seen of a triangle, another one and a ball at different x."""
+        ways = zip(x[:2], ((4, 7), (6, 5)), strict=True)
+        ends = [flat + np.array([[[a, 0, start]], [[a, 0, end]]]) for a, (start, end) in ways]
+        ball = tracing.sphere([0, 0, 0], 1.0, motion=slide([x[2], 0, 4], [x[2], 0, 8]))
+        world = tracing.world([*(tracing.triangles(a[:1], a[1:]) for a in ends), ball])
+        return tracing.visible_intervals(world, [0.0, 0, 0], way, 4)
+
+    found = seen_of((0, 0, 9), [0.02, 0.01, 1.0])
     np.testing.assert_array_equal(found.shape, [0, 1, -1, -1])
+    np.testing.assert_allclose([*found.start[:2], *found.end[:2]], [0, 0.5, 0.5, 1], atol=1e-6)
+    found = seen_of((9, 0, 0), [0.0, 0.0, 1.0])
+    np.testing.assert_array_equal(found.shape, [2, 1, -1, -1])
     np.testing.assert_allclose(found.end[0], 3 / 5, atol=1e-6)
 
 
@@ -337,30 +345,35 @@ def many(count, *depths):
 
 
 @pytest.mark.slow
-def test_what_does_not_fit_is_told():
-    world, ray = tracing.world([many(8, 5.0)]), (jnp.zeros(3), jnp.asarray(AHEAD, jnp.float32))
-    whole = tracing.visible_intervals(world, *ray, 8)
-    np.testing.assert_array_equal(whole.shape, np.arange(8))
-    assert whole.until == 1
-    room = 5
-    with pytest.raises(ValueError, match="intervals must be more than 5 for 1 of 1 rays"):
-        tracing.visible_intervals(world, *ray, room)
-    part = jax.jit(tracing.visible_intervals, static_argnums=3)(world, *ray, room)
-    np.testing.assert_array_equal(part.shape, np.arange(5))
+def test_what_does_not_fit_is_told_by_all_programs():
+    """Of many rays the first sees more than fits; the others see a ball, and nothing."""
+    world = tracing.world([many(8, 5.0), tracing.sphere([0, -3, 7], 1.0)])
+    rays = jnp.zeros((3, 3)), jnp.asarray([AHEAD, [0, -3, 7], [0, 9, 1]], jnp.float32)
+    whole = tracing.visible_intervals(world, *rays, 8)
+    np.testing.assert_array_equal(whole.shape, [np.arange(8), [8, *[-1] * 7], [-1] * 8])
+    assert (whole.until == 1).all()
+    assert whole.start.dtype == jnp.float32 and whole.shape.dtype == jnp.int32
+    assert whole.start.shape == (3, 8) and whole.until.shape == (3,)
+    with pytest.raises(ValueError, match="intervals must be more than 5 for 1 of 3 rays"):
+        tracing.visible_intervals(world, *rays, 5)
+    part = jax.jit(tracing.visible_intervals, static_argnums=3)(world, *rays, 5)
     for mine, all_of_them in zip(part[:3], whole[:3], strict=True):
-        np.testing.assert_array_equal(mine, all_of_them[:5])
-    assert whole.end[4] <= part.until <= whole.start[5]
+        np.testing.assert_array_equal(mine, all_of_them[:, :5])
+    assert whole.end[0, 4] <= part.until[0] <= whole.start[0, 5] and (part.until[1:] == 1).all()
 
 
 @pytest.mark.slow
 def test_what_is_hidden_takes_no_room():
-    wall = tracing.rectangle([-9, -9, 2], [18, 0, 0], [0, 18, 0])
-    behind = many(8, 5.0, 6.0, 7.0)
-    found = tracing.visible_intervals(tracing.world([behind, wall]), [0.0, 0, 0], AHEAD, 1)
-    np.testing.assert_array_equal([found.start, found.end, found.shape], [[0], [1], [24]])
-    moving = tracing.rectangle([-9, -9, 2], [18, 0, 0], [0, 18, 0], motion=slide([0, 0, 0], [1, 0, 1]))
-    found = tracing.visible_intervals(tracing.world([moving, behind]), [0.0, 0, 0], AHEAD, 1)
-    np.testing.assert_array_equal([found.start, found.end, found.shape], [[0], [1], [0]])
+    """Behind a still wall, and behind one that moves; the other wall is behind the eye."""
+    for still, moving, seen in ((2.0, -9.0, 25), (-9.0, 2.0, 0)):
+        way = slide([0, 0, moving], [1, 0, moving + 1])
+        first, last = (
+            tracing.rectangle([-9, -9, z], [18, 0, 0], [0, 18, 0], motion=moves)
+            for z, moves in ((0, way), (still, None))
+        )
+        world = tracing.world([first, many(8, 5.0, 6.0, 7.0), last])
+        found = tracing.visible_intervals(world, [0.0, 0, 0], AHEAD, 1)
+        np.testing.assert_array_equal([found.start, found.end, found.shape], [[0], [1], [seen]])
 
 
 @pytest.mark.slow
@@ -389,18 +402,6 @@ def test_rays_that_hit_nothing_and_worlds_of_nothing():
         found = tracing.visible_intervals(world, *(np.asarray(a, np.float32) for a in ray), 8)
         assert (np.asarray(found.shape) == -1).all()
         np.testing.assert_array_equal([*found.start, *found.end, found.until], 1)
-
-
-@pytest.mark.slow
-def test_one_ray_and_many_and_programs_are_the_same():
-    world = tracing.world([many(8, 5.0), tracing.sphere([0, 0, 7], 1.0)])
-    origin, direction = (jnp.asarray(a, jnp.float32) for a in rays(3))
-    whole = tracing.visible_intervals(world, origin, direction, 20)
-    again = jax.jit(lambda *a: tracing.visible_intervals(*a, 20))(world, origin, direction)
-    for one, other in zip(whole, again, strict=True):
-        np.testing.assert_array_equal(one, other)
-    assert whole.start.dtype == jnp.float32 and whole.shape.dtype == jnp.int32
-    assert whole.start.shape == (3, 20) and whole.until.shape == (3,)
 
 
 SPINNING = motion.affine(spin)

@@ -1,5 +1,7 @@
 """Warps of the unit cube: the same theorems for all, and what each has of its own."""
 
+from functools import cache
+
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -51,41 +53,42 @@ def points(dims, count=4096):
 # -- all
 
 
+@jax.jit
 def everything(warp, given):
     values = warp(given)
+    back = warp.inverse(values)
     # In reverse: there a guarded root or quotient may still give NaN.
-    return values, warp.inverse(values), warp.density(values), jax.vmap(jax.jacrev(warp))(given)
+    return values, back, warp(back), warp.density(values), jax.vmap(jax.jacrev(warp))(given)
+
+
+@cache
+def all_of(name, dtype):
+    """Return edges and then points, and everything of them, by one program."""
+    warp = WARPS[name]
+    given = np.concatenate([edges(warp.dims, dtype), points(warp.dims).astype(dtype)])
+    with jax.enable_x64(True):
+        return given, *map(np.asarray, everything(warp, given))
 
 
 @both
 @each
 def test_values_and_derivatives_are_finite(name, dtype):
     """At all ends, at the centre and on the diagonals; the dtype of points stays."""
-    warp = WARPS[name]
-    with jax.enable_x64(True):
-        given = jnp.asarray(edges(warp.dims, dtype))
-        values, back, density, slopes = map(np.asarray, jax.jit(everything)(warp, given))
+    warp, count = WARPS[name], len(edges(WARPS[name].dims, dtype))
+    given, values, back, _, density, slopes = (array[:count] for array in all_of(name, dtype))
     assert values.dtype == back.dtype == density.dtype == dtype
     assert values.shape == (len(given), warp.length)
     assert all(np.isfinite(each).all() for each in (values, density, slopes))
     assert (back >= 0).all() and (back < 1).all()
 
 
-def forth_and_back(warp, given):
-    values = warp(given)
-    back = warp.inverse(values)
-    return values, back, warp(back)
-
-
 @both
 @each
 def test_the_inverse_is_one(name, dtype):
     """Both ways; XLA's expm1 is off by up to 80 units in the last place."""
-    warp = WARPS[name]
-    given = points(warp.dims).astype(dtype)
-    with jax.enable_x64(True):
-        values, back, again = map(np.asarray, jax.jit(forth_and_back)(warp, given))
-    assert back.shape == given.shape
+    count = len(edges(WARPS[name].dims, dtype))
+    given, values, back, again, *_ = (array[count:] for array in all_of(name, dtype))
+    assert back.shape == given.shape == (4096, WARPS[name].dims)
     np.testing.assert_allclose(back, given, rtol=0, atol=100 * np.finfo(dtype).eps)
     inner = (given > 1e-3).all(axis=1) & (given < 1 - 1e-3).all(axis=1)
     np.testing.assert_allclose(again[inner], values[inner], rtol=0, atol=1e4 * np.finfo(dtype).eps)
@@ -100,10 +103,8 @@ def volumes(jacobians):
 @each
 def test_the_density_is_the_reciprocal_of_the_stretched_volume(name):
     """Everywhere: maps of constant density preserve areas, up to a factor."""
-    warp = WARPS[name]
-    with jax.enable_x64(True):
-        given = jnp.asarray(points(warp.dims, 500), jnp.float64)
-        _, _, density, jacobians = map(np.asarray, jax.jit(everything)(warp, given))
+    count = len(edges(WARPS[name].dims, np.float64))
+    *_, density, jacobians = (array[count:] for array in all_of(name, np.float64))
     if name.startswith("simplex"):
         jacobians = jacobians[:, :-1]  # its density is per volume of all coordinates but one
     np.testing.assert_allclose(density * volumes(jacobians), 1, rtol=1e-8)
@@ -262,7 +263,7 @@ def test_all_coordinates_of_sequences_have_finite_normals(dtype):
 def test_derivatives_of_normals_are_reciprocal_densities():
     with jax.enable_x64(True):
         given = np.array([1e-200, 1e-9, 0.3, 0.5, 1 - 1e-9])
-        slopes = jax.vmap(jax.grad(lambda u: warps.normal()(u[None])[0]))(jnp.asarray(given))
+        slopes = jax.jit(jax.vmap(jax.grad(lambda u: warps.normal()(u[None])[0])))(given)
     np.testing.assert_allclose(slopes, 1 / stats.norm.pdf(special.ndtri(given)), rtol=1e-11)
 
 
@@ -342,16 +343,23 @@ def test_choices_are_inverted():
     np.testing.assert_allclose(choose.density(np.arange(6)), WEIGHTS / WEIGHTS.sum(), rtol=1e-6, atol=2**-32)
 
 
+@jax.jit
+def choices(choose, given):
+    found = choose(given)
+    return found, choose(choose.inverse(found)), choose.density(np.arange(choose.count))
+
+
 @pytest.mark.parametrize("weights", [[2.0], [0, 3.0], [3.0, 0, 0], [1, 1e-300], [1e300, 1e300], [1e-320, 0]])
 def test_extreme_weights(weights):
     """A choice without weight never comes, at the ends neither; probabilities sum to 1."""
     choose = warps.discrete(weights)
     with jax.enable_x64(True):
         given = np.array([0, 0.25, 0.5, 0.75, 1 - 2.0**-32, 1 - 2.0**-53])[:, None]
-        found = np.asarray(choose(given))
-        assert (np.asarray(weights)[found] > 0).all()
-        assert choose.density(np.arange(len(weights))).sum() == 1
-        assert (choose(choose.inverse(found)) == found).all()
+        found, again, density = map(np.asarray, choices(choose, given))
+    assert (np.asarray(weights)[found] > 0).all()
+    assert density.shape == (len(weights),)
+    assert density.sum() == 1
+    assert (again == found).all()
 
 
 def test_many_choices_are_evenly_chosen():

@@ -22,7 +22,7 @@ from qmcjax import integrate, sequences
 CALLS, COUNTED = 40, 7
 """How many calls are made at most, and how many of them, the last ones, are counted."""
 
-BUDGET = {"draft": 0.5, "paper": 3.0}
+BUDGET = {"draft": 0.05, "paper": 3.0}
 """Seconds after which no further call is made."""
 
 Draw = Callable[[int], object]

@@ -3,7 +3,7 @@
 import ctypes
 import importlib.util
 import warnings
-from functools import cache
+from functools import cache, lru_cache
 from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
@@ -58,16 +58,37 @@ class Task(ctypes.Structure):
     )
 
 
+class _ButForSeeds:
+    """A sampler, equal to those that differ from it in nothing but the values of their seeds."""
+
+    def __init__(self, sampler: Sampler) -> None:
+        self.sampler, seeded = sampler, Seeded.of(sampler)
+        constants = tuple((leaf.dtype, leaf.shape, leaf.tobytes()) for leaf in map(np.asarray, seeded.rest))
+        self._equal = seeded.tree, tuple(seeded.named()), constants
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ButForSeeds) and self._equal == other._equal
+
+    def __hash__(self) -> int:
+        return hash(self._equal)
+
+
+@lru_cache(maxsize=8)
+def _text(of: _ButForSeeds) -> str:
+    """Return the functions of a sampler: once for all passes of an image, which have keys of their own."""
+    sampler = of.sampler
+    text = source(sampler, tuple(range(sampler.dims - sampler.dims % 2)), "c", "own")
+    # Seeds are arguments: without theirs, the text of samplers with other keys is the same.
+    start = text.index("static const uint32_t own_seeds[")
+    return text[:start] + text[text.index("};\n", start) + 3 :] + _FUNCTIONS
+
+
 class Functions:
     """The compiled functions of a sampler and its seeds."""
 
     def __init__(self, sampler: Sampler, padding: np.ndarray) -> None:
         self.sampler, self.dims = sampler, sampler.dims - sampler.dims % 2
-        text = source(sampler, tuple(range(self.dims)), "c", "own")
-        # Seeds are arguments: without theirs, the text of samplers with other keys is the same.
-        start = text.index("static const uint32_t own_seeds[")
-        text = text[:start] + text[text.index("};\n", start) + 3 :]
-        self.library = library(text + _FUNCTIONS, "c")
+        self.library = library(_text(_ButForSeeds(sampler)), "c")
         self.seeds = np.concatenate([Seeded.of(sampler).words(), np.asarray(padding, np.uint32)])
 
     def task(self, blocks: Blocks, first: int) -> tuple[Task, Any]:

@@ -88,6 +88,11 @@ class Digital(BinarySequence):
         columns = self._columns(dims)
         return Fraction(lambda: product(columns, index), lambda: product(reverse(columns), index))
 
+    def table_words(self, index: Array) -> Array:
+        if self.dims <= len(self.steps):
+            return super().table_words(index)
+        return product(self._columns(tuple(range(self.dims))), index)
+
     @property
     def linear(self) -> "Digital":
         """The sequence itself."""

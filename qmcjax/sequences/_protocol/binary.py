@@ -55,6 +55,10 @@ class BinarySequence(Sequence):
 
         return Fraction(partial(stacked, self.word), partial(stacked, self.bit_reversed))
 
+    def table_words(self, index: Array) -> Array:
+        """Return all coordinates of few points as :meth:`words`, by a program that is soon compiled."""
+        return self.words(index, tuple(range(self.dims)))
+
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         return to_unit(self.word(index, dim), dtype)
 
@@ -176,10 +180,13 @@ class BinarySequence(Sequence):
 # A separate program for the tables: XLA would fuse them into their use and recompute them for every point.
 @partial(jax.jit, static_argnames=("count", "rows"))
 def _blocks(linear: BinarySequence, start: Array, count: int, rows: int) -> Blocks:
-    dims = tuple(range(linear.dims))
     low = jax.lax.iota(jnp.uint32, rows)
     high = start + jax.lax.iota(jnp.uint32, count) * np.uint32(rows)
-    return Blocks(linear.fractions(low, dims).forms, linear.fractions(high, dims).forms)
+    return Blocks(*(_both_forms(linear.table_words(index)) for index in (low, high)))
+
+
+def _both_forms(words: Array) -> tuple[Array, Array]:
+    return words, reverse(words)
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))

@@ -14,7 +14,7 @@ from figures.arena import _on_mitsuba, _report
 from figures.arena._on_mitsuba import Entry
 from figures.making import store, web_images
 from figures.shared.imported_objects import imported
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS, SCENES, rivals, rotated
 
 AGAINST = ("random", "owen", "dither", "z", "hilbert")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 import analysis
 from figures.making import store
 from figures.shared.imported_objects import imported
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS, rotated
 from figures.shared.turns import timed
 from qmcjax.bridges import mitsuba as bridge

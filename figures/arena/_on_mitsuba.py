@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from analysis import Comparison, ComparisonRow
 from figures.arena import _mitsuba_process
 from figures.making import own_process
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 
 SAMPLERS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 """Mitsuba's, for the command line."""

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from figures.making import own_process
 from figures.plot import Style, style
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rendered import traced_sweep
 from figures.shared.rendered.traced_sweep import OURS
 from figures.shared.timing import peer_images, speed_sweep

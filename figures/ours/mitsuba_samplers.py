@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.ours import benchmark
-from figures.shared.mitsuba import mitsuba_samplers_process as process
-from figures.shared.mitsuba import mitsuba_scenes
-from figures.shared.mitsuba.mitsuba_scenes import Run
+from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
+from figures.shared.mitsuba_runs import mitsuba_scenes
+from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
 from figures.shared.rendered import mitsuba_samplers_measured as measured
 from figures.shared.rendered.mitsuba_samplers_measured import Images, Rates, Size

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import t as student
 
 import qmcjax as qj
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.tracing import motion
 

@@ -12,7 +12,7 @@ from analysis import ComparisonRow
 from figures.__main__ import main
 from figures.arena._on_mitsuba import at_equal_time
 from figures.making import web_images
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS, SCENES
 
 OWN = """

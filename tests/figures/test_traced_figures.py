@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rendered import (
     diffusion,
     kept_references,

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from figures.making import own_process
-from figures.shared.mitsuba import mitsuba_samplers_process as process
-from figures.shared.mitsuba import mitsuba_scenes, mitsuba_speed_process
-from figures.shared.mitsuba.mitsuba_scenes import Run
+from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
+from figures.shared.mitsuba_runs import mitsuba_scenes, mitsuba_speed_process
+from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
 
 REFERENCE, REFERENCE_SPP = "multijitter", 64

@@ -9,7 +9,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from figures._errors import rms
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rendered import diffusion, traced_images
 from figures.shared.timing import speed_sweep
 from figures.shared.turns import timed

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import qmcjax as qj
-from figures.shared.mitsuba import mitsuba_scenes
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.turns import timed
 from qmcjax import scenes, tracing
 from qmcjax.choosing import CANDIDATES

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from figures.making import own_process
-from figures.shared.mitsuba import mitsuba_process
+from figures.shared.mitsuba_runs import mitsuba_process
 from qmcjax import tracing
 from qmcjax.bridges import mitsuba
 

@@ -1,6 +1,6 @@
 """Images by Mitsuba 3, from a task in JSON at standard input: ``python -m`` and the name of this module.
 
-The task has a scene and runs (see :mod:`figures.shared.mitsuba.mitsuba_scenes`), and a folder for the result.
+The task has a scene and runs (see :mod:`.mitsuba_scenes`), and a folder for the result.
 """
 
 import json

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from figures.shared.mitsuba import mitsuba_scenes
-from figures.shared.mitsuba.mitsuba_scenes import Run
+from figures.shared.mitsuba_runs import mitsuba_scenes
+from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from qmcjax.bridges import mitsuba as bridge
 from qmcjax.choosing import CANDIDATES
 

@@ -1,4 +1,4 @@
-"""Times of Mitsuba 3 with its samplers and ours: ``python -m figures.shared.mitsuba.mitsuba_speed_process``.
+"""Times of Mitsuba 3 with its samplers and ours: ``python -m`` and the name of this module.
 
 The task comes in JSON at standard input: a variant, the names of samplers, the side of images, samples per
 pixel, and the number of turns. It prints the seconds of each sampler's first image and the median of the
@@ -10,8 +10,8 @@ import sys
 from typing import Any
 
 from figures.shared import turns
-from figures.shared.mitsuba import mitsuba_samplers_process as samplers
-from figures.shared.mitsuba.mitsuba_scenes import Run
+from figures.shared.mitsuba_runs import mitsuba_samplers_process as samplers
+from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from qmcjax.bridges import mitsuba as bridge
 
 SCENE, KEY = "Cornell box", 1

@@ -6,7 +6,10 @@
 from itertools import combinations
 from typing import NamedTuple
 
-from analysis._searches.column_search import DIMS, Bounds, search
+from analysis._searches.column_search import DIMS, Bounds
+from analysis._searches.column_search import SIZE as SIZE
+from analysis._searches.column_search import Found as Found
+from analysis._searches.column_search import search as search
 
 
 class Question(NamedTuple):

@@ -7,8 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import StrMethodFormatter
 
-from analysis._searches.column_search import SIZE, Found, search
-from analysis.tables.search_columns import QUESTIONS
+from analysis.tables.search_columns import QUESTIONS, SIZE, Found, search
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
 from figures.shared.integrands import projection_errors
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT

@@ -56,7 +56,7 @@ class BinarySequence(Sequence):
         return Fraction(partial(stacked, self.word), partial(stacked, self.bit_reversed))
 
     def table_words(self, index: Array) -> Array:
-        """Return all coordinates of few points as :meth:`words`, by a program that is soon compiled."""
+        """Return all coordinates of few points as 32-bit fractions, by a program that is soon compiled."""
         return self.words(index, tuple(range(self.dims)))
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:

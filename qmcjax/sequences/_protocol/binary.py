@@ -182,11 +182,8 @@ class BinarySequence(Sequence):
 def _blocks(linear: BinarySequence, start: Array, count: int, rows: int) -> Blocks:
     low = jax.lax.iota(jnp.uint32, rows)
     high = start + jax.lax.iota(jnp.uint32, count) * np.uint32(rows)
-    return Blocks(*(_both_forms(linear.table_words(index)) for index in (low, high)))
-
-
-def _both_forms(words: Array) -> tuple[Array, Array]:
-    return words, reverse(words)
+    tables = linear.table_words(low), linear.table_words(high)
+    return Blocks(*(Fraction(lambda table=table: table).forms for table in tables))
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))

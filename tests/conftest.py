@@ -1,11 +1,14 @@
 """Strict promotion everywhere and two CPU devices, so that sharding can be tested without an accelerator."""
 
 import gc
+import os
 from pathlib import Path
 
 import jax
 import pytest
 from hypothesis import settings
+
+from figures.making import compiled_programs
 
 # Traces are large and short-lived. At Python's thresholds, looking for garbage among all that was imported,
 # collected and compiled takes a fifth of the tests' time.
@@ -61,7 +64,13 @@ def pytest_collection_finish():
 
 
 def pytest_configure(config):
-    """Let processes, and later runs, share what they compile: most of the tests' time."""
+    """Compile as drafts of figures do, and let processes, and later runs, share it: most of the tests' time.
+
+    An environment with XLA_FLAGS, if only empty, is left as it is: ``XLA_FLAGS= python -m pytest`` tests what
+    users' programs do.
+    """
+    if "XLA_FLAGS" not in os.environ:
+        compiled_programs.quickly()
     jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("xla")))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)

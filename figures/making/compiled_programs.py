@@ -26,11 +26,11 @@ FOLDER, SWITCH = "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_COMPILATION_CACHE"
 ALL = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
 """Figures consist of many small programs: to read one takes a tenth of the time to compile it."""
 
-OLDER_EMITTERS = "--xla_cpu_use_fusion_emitters=false"
-"""XLA's former generator of loops on CPUs: half the time to compile a scene, and slower programs."""
+QUICK = ("--xla_cpu_use_fusion_emitters=false", "--xla_backend_optimization_level=1")
+"""XLA's former generator of loops on CPUs, fewer passes of LLVM: two thirds of the time; slower programs."""
 
-EMITTERS_OF = "0.10."
-"""Versions of jaxlib that are known to have the flag: XLA ends a process that names one it does not have."""
+QUICK_OF = "0.10."
+"""Versions of jaxlib that are known to have the flags: XLA ends a process that names one it does not have."""
 
 UNREADABLE = re.compile(r"Error reading persistent compilation cache entry for '([^']+)'")
 
@@ -58,9 +58,9 @@ def keep(warn: Callable[[str], None]) -> None:
 def quickly() -> None:
     """Let processes that start from now on compile in less time programs that take more: for small images."""
     flags = os.environ.get("XLA_FLAGS", "")
-    known = importlib.metadata.version("jaxlib").startswith(EMITTERS_OF)
-    if known and OLDER_EMITTERS.partition("=")[0] not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {OLDER_EMITTERS}".strip()
+    if importlib.metadata.version("jaxlib").startswith(QUICK_OF):
+        wanted = [flag for flag in QUICK if flag.partition("=")[0] not in flags]
+        os.environ["XLA_FLAGS"] = " ".join([*flags.split(), *wanted])
 
 
 def place() -> Path:

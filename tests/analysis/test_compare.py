@@ -131,6 +131,7 @@ def comparison():
     return analysis.compare(made, worlds, [1, 4, 16], width=SIDE, height=SIDE, keys=4)
 
 
+@pytest.mark.slow
 def test_values_are_those_of_images(comparison):
     exact, _ = scenes.disc().reference(SIDE, SIDE)
     images = [np.asarray(qj.render(scenes.disc(), owen(key), SIDE, SIDE, 4), np.float64) for key in range(4)]

@@ -37,11 +37,13 @@ def test_designed_tiles_have_small_errors_of_other_integrands(spp, dims):
 
 @pytest.mark.slow
 def test_each_prefix_of_a_progressive_tile_is_designed():
-    progressive = design_samples(16, 16, 4, 1, progressive=True, steps=200).points
-    whole = design_samples(16, 16, 4, 1, steps=200).points
-    for count in (1, 2):
-        assert error_of(progressive[:, :, :count]) < 0.7 * error_of(whole[:, :, :count])
-    assert error_of(progressive) < 1.35 * error_of(whole)
+    """Of all samples the error over that of a tile for them is 1.34 over six keys, with a deviation of 0.04."""
+    ratios = []
+    for key in (1, 2):
+        progressive = design_samples(16, 16, 4, key, progressive=True, steps=200).points
+        whole = design_samples(16, 16, 4, key, steps=200).points
+        ratios.append([error_of(progressive[:, :, :n]) / error_of(whole[:, :, :n]) for n in (1, 2, 4)])
+    assert (np.mean(ratios, axis=0) < [0.5, 0.5, 1.34 + 5 * 0.04 / np.sqrt(2)]).all()
 
 
 def test_animations_are_designed_for_filters_in_time():
@@ -52,6 +54,7 @@ def test_animations_are_designed_for_filters_in_time():
     assert expected_error(made.points, "bumps", filters) < 0.75 * expected_error(random, "bumps", filters)
 
 
+@pytest.mark.slow
 def test_interrupted_runs_go_on_to_the_same_bits(tmp_path):
     def interrupt(finished):
         if finished >= 0.5:

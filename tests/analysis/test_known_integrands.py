@@ -54,6 +54,7 @@ def test_errors_of_scenes_are_those_of_their_filtered_images(scene):
     assert expected_error(POINTS, [scene]) == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_scenes_without_a_reference_have_an_estimate():
     """Of colours, too: the mean square over them."""
 

@@ -248,6 +248,7 @@ def test_best_points_on_the_line():
         )
 
 
+@pytest.mark.slow
 def test_transforms():
     """float32 in, traced without 64-bit types: float32 out, from the same computation."""
     points = sequences.sobol(2).points(16)

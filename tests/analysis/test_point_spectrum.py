@@ -132,6 +132,7 @@ def test_gradient(method):
     np.testing.assert_allclose(narrow, gradient, rtol=0, atol=3e-7 * largest)
 
 
+@pytest.mark.slow
 def test_gradients_in_space():
     """Both methods: one is written by hand, the other differentiated by JAX."""
     weights = np.random.default_rng(3).normal(size=(6, 6, 6))

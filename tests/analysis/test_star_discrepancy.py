@@ -266,6 +266,7 @@ def test_bounds_in_many_dimensions():
 SOBOL_8_128 = 0.13139194362064632
 
 
+@pytest.mark.slow
 def test_threshold_accepting():
     """Every walk finds the worst box of 128 Sobol' points in 8 dimensions; where it is hard, walks differ."""
     for key in range(3):

@@ -237,6 +237,7 @@ def test_strata_are_kept():
     bake(SAMPLER, (2, 1), 300, bits=8)
 
 
+@pytest.mark.slow
 def test_strata_that_would_break_are_refused():
     sampler = samplers.independent(sequences.sobol(3), key=1)
     assert bake(sampler, (2, 1), 256, (0, 1, 2), bits=8).values.shape == (1, 2, 256, 3)

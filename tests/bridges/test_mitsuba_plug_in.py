@@ -41,6 +41,7 @@ def requested(stream, number, pairs):
     return [stream.next(number) for _ in range(pairs)]
 
 
+@pytest.mark.slow
 def test_pairs_of_the_sampler_are_its_own():
     """Also those that are computed together, and those of one sample alone."""
     sampler = samplers.independent(sequences.sobol(11), 3)

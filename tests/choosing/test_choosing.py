@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.stats import ttest_1samp, ttest_rel
+from tables import few
 
 import qmcjax as qj
 from analysis.tables import make_recommendations
@@ -295,7 +296,9 @@ def drawn(sampler, x, y, sample, dims):
     return sampler(x, y, sample, dims)
 
 
-@pytest.mark.parametrize("name", choosing.SETTINGS["frames"].candidates)
+@pytest.mark.parametrize(
+    "name", few(choosing.SETTINGS["frames"].candidates, "Hilbert, moving", "designed frames")
+)
 def test_frames_are_the_same_program_with_other_points(name):
     """Frames of a key differ, and a traced number of a frame gives the sampler of that frame."""
     candidate = choosing.SETTINGS["frames"].candidates[name]
@@ -347,6 +350,7 @@ def test_only_images_like_the_size_count(size, place):
     assert f"in images of {measured} pixels" in choice.reason and "both sizes" not in choice.reason
 
 
+@pytest.mark.slow
 def test_prefixes_are_means_of_logarithms_over_powers_of_two():
     """Of images of the first samples, by render."""
     candidate, size = choosing.SETTINGS["prefixes"].candidates["(0,2), Owen"], (12, 10)

@@ -146,6 +146,7 @@ def test_versions(tmp_path, monkeypatch, name):
 
 
 def test_xla_options_but_not_the_number_of_devices(tmp_path, monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "")
     begin(tmp_path / "state", spp=4)
     monkeypatch.setenv("XLA_FLAGS", "--xla_force_host_platform_device_count=3")
     begin(tmp_path / "state", spp=4)

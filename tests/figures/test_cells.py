@@ -58,6 +58,7 @@ def test_cells_are_what_they_are_computed_to(tmp_path, kept):
     assert taken == [*"cba", "b"] if kept else [*"cbacba", "b"]
 
 
+@pytest.mark.slow
 def test_a_killed_figure_goes_on(tmp_path):
     """Also if a cell is damaged: it is computed anew. Nothing is left of them in the end."""
     project = Project(tmp_path, one=CELLS)

@@ -247,6 +247,7 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert stderr == "warning: out/numbers.json is missing: the figures are made anew\n"
 
 
+@pytest.mark.slow
 def test_a_damaged_numbers_file_is_kept_aside_and_told(tmp_path):
     """Before anything is computed, and under a new name each time."""
     project = Project(tmp_path, one=GOOD)
@@ -413,6 +414,7 @@ def test_two_figures_are_made_at_a_time_unless_told_otherwise(tmp_path, monkeypa
     assert asked == [("draft", 2), ("paper", 2), ("draft", 3), ("paper", 4)]
 
 
+@pytest.mark.slow
 def test_jobs_run_side_by_side(tmp_path):
     """Each of two figures waits for the other to begin."""
     meeting = """
@@ -434,6 +436,7 @@ def make(quality, progress):
     assert project.files() == ["index.html", "numbers.json", "one.png", "one.webp", "two.png", "two.webp"]
 
 
+@pytest.mark.slow
 def test_tasks_that_are_to_be_alone_run_alone(tmp_path, monkeypatch):
     """However many jobs there are; the others run side by side."""
     spans = tmp_path / "spans"
@@ -495,6 +498,7 @@ def test_figures_that_measure_time_are_marked_and_come_last_in_paper_quality(tmp
     ]
 
 
+@pytest.mark.slow
 def test_progress_moves_within_a_figure_on_a_terminal(tmp_path):
     slow = """
 import time
@@ -641,6 +645,7 @@ def test_images_that_are_handed_out_lie_beside_the_picture(tmp_path):
     assert re.match(r"one: \d", project.run("one")[1]) and path.exists()
 
 
+@pytest.mark.slow
 def test_a_page_that_cannot_be_written_is_told(tmp_path):
     project = Project(tmp_path, one=GOOD)
     (project.out / "index.html").mkdir(parents=True)

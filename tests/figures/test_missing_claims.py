@@ -78,6 +78,7 @@ def test_scrambling_the_index_suffices_along_the_morton_curve():
     assert np.all(blocks == 2), "of each quadrant's four pixels, half are above 1/2"
 
 
+@pytest.mark.slow
 def test_repeated_randomisation_averages_out_artifacts():
     """Sect. 4.2: stripes and all fall with the root of the number of passes."""
     x, y = grid(16)

@@ -32,6 +32,7 @@ def test_errors_of_sets_are_without_the_references(exact):
     np.testing.assert_allclose(pixel_sets.errors(exact.image[pixels.y, pixels.x], exact, pixels), 0.1)
 
 
+@pytest.mark.slow
 def test_pixels_are_those_of_the_image_and_sets_are_divided_among_keys():
     scene = scenes.occluder()
     keys = [samplers.independent(sequences.sobol(5), key) for key in (1, 2)]

@@ -201,6 +201,7 @@ def test_compiling_anew_is_for_this_process_too(monkeypatch):
         jax.config.update("jax_enable_compilation_cache", before)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are forked on Linux only")
 def test_workers_of_the_projects_figures_are_forked_from_a_process_without_a_backend():
     ours, others = Task("a", "figures.z.z_2", "draft"), Task("b", "fakes.b", "draft")

@@ -119,6 +119,7 @@ def test_wrong_files_are_named_by_what_is_wrong(arrays, tmp_path):
         heitz.read(tmp_path / "none.cpp")
 
 
+@pytest.mark.slow
 def test_samples_are_those_of_the_published_program(arrays, file):
     """For all samples, dimensions of the first eight and beyond, and the last pixel of the tile."""
     sampler = published_keys.published(heitz.read(file), 256, 0)

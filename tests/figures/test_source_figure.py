@@ -48,6 +48,7 @@ def checkout(tmp_path, monkeypatch):
     return tmp_path / "openqmc"
 
 
+@pytest.mark.slow
 def test_what_is_timed_are_the_points(tmp_path):
     """Of the last row of the image, in C and in JAX; in plain Python those of the last pixel of a square."""
     size = Size(8, 4, 1, 4)
@@ -64,6 +65,7 @@ def test_what_is_timed_are_the_points(tmp_path):
     assert np.array_equal(source_rates.in_c(library.image, size)(0), wanted)
 
 
+@pytest.mark.slow
 def test_all_samples_of_openqmc_are_drawn(checkout, tmp_path):
     library = _cpp.openqmc(checkout, tmp_path)
     if not any(map(shutil.which, ("g++", "clang++", "c++"))):

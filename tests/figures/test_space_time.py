@@ -92,6 +92,7 @@ def test_wrong_folders_are_named(texture, tmp_path, capsys):
     assert "--stbn" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_named_texture_counts_for_the_figure_and_gives_its_values(texture, named, monkeypatch):
     frames = space_time.published(8, 1, 2, 0)
     y, x = np.mgrid[:8, :8].astype(np.uint32)

@@ -193,6 +193,7 @@ def test_wrong_usage(folder, capsys, words, message):
     assert re.search(message, err), err
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on(folder, small, monkeypatch, capsys):
     """After k cells, the same command computes only the others; another seed computes all."""
     computed = []
@@ -300,6 +301,7 @@ def test_stored_scores_are_of_this_format():
     assert {score for score, _, _ in stored["entries"]["random"]["summary"]["rms"].values()} == {1}
 
 
+@pytest.mark.slow
 def test_frames_are_those_of_the_sampler(folder):
     """Of a function and of one of ours; the error of a name without frames is that of new keys."""
     y, x, sample = np.indices((8, 8, 1), np.uint32)

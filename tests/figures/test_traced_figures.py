@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import slow
 
 import qmcjax as qj
 from figures.shared.mitsuba_runs import mitsuba_scenes
@@ -42,7 +43,7 @@ def test_an_image_is_that_of_render(spp):
         lambda key: samplers.full_screen(sequences.sobol(2), 8, 8),
     ],
 )
-@pytest.mark.parametrize("keys", [1, 3])
+@pytest.mark.parametrize("keys", [*slow(1), 3])
 def test_images_of_keys_are_those_of_each(make, keys):
     scene, keyed = scenes.function(colours, ("x", "y")), [make(key) for key in range(keys)]
     expected = [scene_images.image(scene, sampler, 8, 4) for sampler in keyed]
@@ -119,6 +120,7 @@ def test_pairs_are_nets_and_single_coordinates_stratified(name):
         assert len(np.unique(np.floor(pair * 2), axis=0)) == 4
 
 
+@pytest.mark.slow
 def test_orders_of_pairs_differ():
     """Else all pairs of a pixel would be copies but for an xor."""
     for name, pixels in (("(0,2)-sequence", 64), ("ranked keys", 64)):

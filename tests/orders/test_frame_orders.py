@@ -71,6 +71,7 @@ def test_windows_that_are_no_blocks_have_no_contiguous_run():
     assert positions.max() - positions.min() >= 4
 
 
+@pytest.mark.slow
 def test_permutations_of_blocks_are_uniform_over_keys():
     """Quadrants of the first node, and halves below the first quadrant: frequencies within 5 sigma."""
     keys = 2400

@@ -126,6 +126,7 @@ def test_more_coordinates_than_bits():
     np.testing.assert_array_equal(result.counts[:, :2], SPP)
 
 
+@pytest.mark.slow
 def test_scenes_that_say_nothing_are_sampled_everywhere():
     scene, sampler = scenes.zone_plate(10.0), along(SIDE, SPP)
     result = qj.render_adaptive(scene, sampler, SIDE, SIDE, SPP)
@@ -155,7 +156,8 @@ def test_passes_go_on_until_the_error_is_small():
     assert limited.counts.max() == 64
 
 
-@pytest.mark.parametrize("unbiased", [True, *slow(False)])
+@pytest.mark.slow
+@pytest.mark.parametrize("unbiased", [True, False])
 def test_unbiased_when_asked_for(unbiased):
     """Four passes of four samples in nine pixels see no spike with probability (1 - width)^144, 0.56."""
     scene, images = spike(0.004), []
@@ -278,6 +280,7 @@ def test_passes_stop_by_the_unbiased_variance():
     assert float(result.image[0, 0]) == pytest.approx(np.mean(values[:wanted]), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_passes_of_pixels_by_hand():
     """Each stops for good where the error of it, its neighbours and all channels is small.
 

@@ -121,6 +121,7 @@ def test_parts_of_trees_have_their_own_rounding():
     assert complex(rounding["complex"]) == pytest.approx((2 + 200j) * 2.0**-23, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_replicates_have_derivatives_outside_of_float64():
     """Compiled, in reverse and forward, in float32 and float64: of a / 3, to a block and a rest of points."""
 
@@ -146,6 +147,7 @@ def check_student(ratios, freedom):
         assert abs(held - level) <= slack(level, len(ratios))
 
 
+@pytest.mark.slow
 def test_bounds_of_references_count_standard_errors():
     """Of an image of one value, a fifth of the bound is that of the mean of 16 replicates."""
     found = [qj.estimated_reference(BUMP, 1, 1, 16 * 64, key) for key in range(40)]

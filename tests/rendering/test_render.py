@@ -227,6 +227,7 @@ def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
     assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_gradient_takes_no_memory_for_samples():
     """The compiled backward pass of 64 times as many samples needs no more."""
 

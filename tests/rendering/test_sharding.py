@@ -64,11 +64,13 @@ def check(mesh, function, mapped):
     np.testing.assert_array_equal(on_two(mapped), jax.jit(jax.vmap(function))(mapped))
 
 
+@pytest.mark.slow
 @some("scene", {"smooth": scenes.zone_plate(10.0), "edges": scenes.checkerboard()}, "edges")
 def test_keys_over_devices(mesh, scene):
     check(mesh, partial(image, scene), jax.random.split(jax.random.key(1), 4))
 
 
+@pytest.mark.slow
 @some("make", SAMPLERS, "z")
 def test_samplers_over_devices(mesh, make):
     render = lambda key: qj.render(scenes.step(), make(key), SIDE, SIDE, SPP)  # noqa: E731
@@ -103,6 +105,7 @@ def test_samples_over_devices(mesh):
     np.testing.assert_array_equal(on_two, (first + second) / 2)
 
 
+@pytest.mark.slow
 def test_one_parameter_for_all_devices(mesh):
     """The gradient with respect to a parameter that all devices share is the sum of theirs."""
     keys = jax.random.split(jax.random.key(1), 2)
@@ -218,7 +221,7 @@ def test_a_mesh_of_three_or_eight_changes_no_bit(table):
     program = f"import test_sharding\ntest_sharding.check_others({table!r})"
     environment = {
         **os.environ,
-        "XLA_FLAGS": "--xla_force_host_platform_device_count=8",
+        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=8",
         "PYTHONPATH": os.pathsep.join(sys.path),
         "JAX_COMPILATION_CACHE_DIR": str(jax.config.values["jax_compilation_cache_dir"]),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",

@@ -18,7 +18,7 @@ SCENES = {
         "defocused_edge soft_shadow"
     ).split()
 }
-QUICK = {("disc", 64), ("ball", 37), ("defocused_edge", 37)}
+QUICK = {("disc", 64), ("defocused_edge", 37)}
 """Each scene compiles for a second or more: the others are slow tests."""
 
 
@@ -141,6 +141,7 @@ class Long:
         return scenes.ball()(point)
 
 
+@pytest.mark.slow
 def test_a_long_program_is_compiled_once_for_what_varies():
     """Whatever coordinates matter, for however many pixels: one size of calls. The image is the same."""
     scene, sampler = Long(), along(64, 64, 3)

@@ -178,6 +178,7 @@ class Product:
         return point[..., 2] * point[..., 3]
 
 
+@pytest.mark.slow
 def test_samples_of_a_pass_are_those_of_its_sampler():
     """In any order, of many passes at once; passes and keys differ."""
     sampler = samplers.randomized(owen_pass, key=5)

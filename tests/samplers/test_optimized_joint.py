@@ -194,6 +194,7 @@ def test_more_points_than_a_word_has_are_those_of_sobol_s_sequence():
         assert np.array_equal(sampler(x, y, sample, (0, 1, 2)), expected)
 
 
+@pytest.mark.slow
 def test_bits_are_those_of_a_compiled_program_of_any_key():
     traces = []
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import BY_DEFAULT, SAMPLERS, SIDE, SPP, first, pixels, points_of, refuses, some
+from tables import SAMPLERS, SIDE, SPP, first, pixels, points_of, refuses, some
 
 from qmcjax import orders, samplers, sequences
 
@@ -20,7 +20,7 @@ def in_pairs(sampler, x, y):
     return pair.reshape(SPP, *pair.shape[2:]), sampler.points(state, jnp.ones_like(x), dims, jnp.float32)
 
 
-@some("sampler", SAMPLERS, *BY_DEFAULT["samplers"])
+@some("sampler", SAMPLERS, "independent, owen", "full_screen, permutation", "dither, vectors", "z, tree")
 def test_loops_over_samples_take_the_same_points(sampler):
     """What a pixel's samples share is computed once, and pairs of samples come together."""
     x, y = first(SIDE), first(SIDE)[::-1].copy()
@@ -99,6 +99,7 @@ def test_contiguous_blocks_follow_the_curve(name):
     assert np.array_equal(sampler(x, y, sample), points[index, :2])
 
 
+@pytest.mark.slow
 def test_blocks_of_pixels_outside_of_the_image_are_skipped():
     """A Hilbert curve over 5 x 3 pixels is that of 8 x 8."""
     order, whole = orders.hilbert(5, 3), np.asarray(orders.hilbert(8, 8).position(*np.mgrid[:8, :8][::-1]))

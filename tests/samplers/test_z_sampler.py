@@ -190,6 +190,7 @@ def test_constituents_have_independent_orders(variant):
             assert pairs(index[a] & 1, index[b] & 1, 2) > FIVE_SIGMA
 
 
+@pytest.mark.slow
 def test_trees_share_the_production_and_not_the_permutations():
     """Sect. 4.4: one production, and permutations for each constituent; each enters it elsewhere."""
     sampler = samplers.z(8, 8, 1, 6, "tree", dims=5, alphabet=300)

@@ -51,6 +51,7 @@ def indirect():
     return tracing.world([plane, closing], lights), camera
 
 
+@pytest.mark.slow
 def test_what_moves_out_of_sight_shades_the_sky():
     """An environment shines from everywhere: a ball that the camera does not see shades the floor it sees."""
     floor = tracing.plane([0, 0, 0], [0, 1, 0])

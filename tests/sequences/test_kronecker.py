@@ -74,6 +74,7 @@ def test_other_steps_come_close():
         assert scaled.min() < closest
 
 
+@pytest.mark.slow
 def test_gaps_of_the_golden_ratio_have_two_or_three_lengths():
     """The three distance theorem, in units of 2**-32 rounded down: neighbouring integers are one length."""
     for n in (5, 21, 100, 1000):

@@ -90,7 +90,7 @@ def agree(found, truth, part):
 @pytest.mark.parametrize(
     ("name", "light"),
     [
-        ("1 bounces", False),
+        pytest.param("1 bounces", False, marks=pytest.mark.slow),
         pytest.param("1 bounces", True, marks=pytest.mark.slow),
         ("direct light", True),
         pytest.param("bidirectional", True, marks=pytest.mark.slow),

@@ -498,6 +498,7 @@ test_bad_input_is_named = refused(
 )
 
 
+@pytest.mark.slow
 def test_cameras_see_what_their_numbers_say():
     """The angle of view is that of the height; lenses are in focus at the target; motions carry the rays."""
     forward, right, up = np.float32([[0, 0.6, -0.8], [1, 0, 0], [0, 0.8, 0.6]])
@@ -526,6 +527,7 @@ def test_cameras_see_what_their_numbers_say():
     assert not tracing.camera(**aim, shutter=(0.5, 0.5)).still
 
 
+@pytest.mark.slow
 def test_what_only_the_rim_of_the_lens_sees_may_matter():
     """A ball beside the middle of the view, before the plane in focus: some rays of the pixel hit it."""
     ball = tracing.sphere([0.86, 0, -1], 0.1, material=tracing.emitter(1.0))

@@ -51,6 +51,7 @@ def test_an_accumulation_buffer_averages_images_at_points_in_time():
     np.testing.assert_allclose(image, np.mean(images, axis=0), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_ghosts_vanish_with_times_of_their_own():
     """The error that pixels share is far larger, filtered, than that of rotated points."""
     ball = scenes.ball([[0.1, 0.3]], [[0.9, 0.7]], times=[], radius=0.08)
@@ -107,6 +108,7 @@ def test_layers_have_even_noise_and_the_right_mean():
     assert on_path == pytest.approx(alone + object_noise, rel=0.2)
 
 
+@pytest.mark.slow
 def test_layers_count_both():
     result = layered(0)
     cover = LAYERS["moving"].reference(32, 32)[0]

@@ -105,6 +105,7 @@ def test_rotation_and_depth_are_predicted():
     assert error.max() < 0.05 and np.sqrt(np.mean(apart**2)) > 3 * np.sqrt(np.mean(error**2))
 
 
+@pytest.mark.slow
 def test_projection_inverts_rays():
     turn = motion.rotation_spline([0, 1], [[0, 0, 0, 1.0], motion.quaternion([1, 1, 0], 0.8)])
     moves = motion.affine(turn, motion.linear_segments([0, 1], [[0, 1, 0], [2, 0, 1]]))
@@ -211,6 +212,7 @@ def test_samples_correct_what_is_not_predicted():
     assert (found.images[1] == 0).all() and (found.samples[1] == 3).all()
 
 
+@pytest.mark.slow
 def test_samples_are_those_of_other_numbers_everywhere():
     """Of pixels, of blocks of them, of intervals, and of the samples that are added to some."""
     of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))

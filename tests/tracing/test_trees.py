@@ -275,6 +275,7 @@ def test_mapped_and_in_loops(way):
     assert np.array_equal(twice[0], one) and np.array_equal(twice[:, 0], same_rays)
 
 
+@pytest.mark.slow
 def test_trees_where_they_pay():
     """Many triangles that are known get one; few, or traced ones, do not. Derivatives never see it."""
     many = blob(12, 9)

@@ -126,7 +126,7 @@ class _Program:
             ]
             return max(branches, key=lambda branch: sum(branch[0].values()))
         operands = re.findall(r"%([\w.\-]+)", it.rest.partition("), ")[0])
-        moved = _bytes(it.shape) + sum(_bytes(shapes.get(name, "")) for name in operands)
+        moved = _bytes(it.shape) + sum(_bytes(shapes.get(name, "")) for name in set(operands))
         if it.opcode in ("fusion", "call", "async-start"):
             counts = Counter()
             for name in _called(it, "calls|to_apply"):

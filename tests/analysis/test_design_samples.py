@@ -37,7 +37,7 @@ def test_designed_tiles_have_small_errors_of_other_integrands(spp, dims):
 
 @pytest.mark.slow
 def test_each_prefix_of_a_progressive_tile_is_designed():
-    """Of all samples the error over that of a tile for them is 1.34, with a deviation of 0.04 over six keys."""
+    """All samples have 1.34 times the error of a tile for them, with a deviation of 0.04 over six keys."""
     ratios = []
     for key in (1, 2):
         progressive = design_samples(16, 16, 4, key, progressive=True, steps=200).points

@@ -152,6 +152,7 @@ def test_mixtures_and_a_users_kernel():
     assert expected_error(points, kernel) == pytest.approx(expected_error(points, "boxes"), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_the_kernel_of_one_integrand_gives_its_error():
     """f(x) f(y), whose mean is that of 4096 points: what filtered_error measures in its image."""
     points = tile(6, 8, 2, 2)

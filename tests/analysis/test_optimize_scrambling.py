@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
-from tables import some
+from tables import each
 
 import analysis
 from analysis._searches.optimize_scrambling import relaxed
@@ -98,7 +98,8 @@ NETS = {
 }
 
 
-@some("given", NETS, "(1,4,4)")
+@pytest.mark.slow
+@each("given", NETS)
 def test_nets_stay_nets_with_the_same_t(given):
     """And what is handed out is measured as said."""
     result = analysis.optimize_scrambling(given, warnock, 10)

@@ -138,7 +138,8 @@ def test_edges_refuse_all_plain_derivatives(derivative):
         derivative(area)(jnp.float32(0.3))
 
 
-@pytest.mark.parametrize("derivative", [jax.jacfwd, *slow(jax.grad, jax.hessian)])
+@pytest.mark.slow
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.grad, jax.hessian])
 def test_derivatives_take_no_memory_for_samples(derivative):
     """The compiled derivatives of 64 times as many samples need no more."""
 

@@ -157,6 +157,7 @@ def test_darker_spectra_of_global_sobol_have_as_much_power():
         assert spectrum(spikes)[:40].sum() > 3 * spectrum(white)[:40].sum()
 
 
+@pytest.mark.slow
 def test_aliasing_is_more_evident_in_few_dimensions():
     """Sect. 5.1, of simple integrators: the share of the strongest 1 % falls with the dimension."""
     shares = [spectrum(errors(global_sobol(), dims))[:40].sum() / 4095 for dims in (2, 4, 8, 12)]

@@ -218,6 +218,7 @@ def test_an_interrupted_run_goes_on(folder, small, monkeypatch, capsys):
         assert {row["format"] for row in csv.DictReader(file)} == {str(results.FORMAT)}
 
 
+@pytest.mark.slow
 def test_files_of_a_run(folder, small, capsys):
     """The columns, a row for each task, the summary as Markdown and LaTeX, and scores of a copy: 1."""
     Path("suite_copies.py").write_text(

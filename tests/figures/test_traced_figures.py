@@ -131,6 +131,7 @@ def test_orders_of_pairs_differ():
         assert 0 < differ.mean() < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("side", "spp"), [(64, 8), (128, 3)])
 def test_what_is_timed_is_the_image_of_render(side, spp):
     """With several samples of each pixel in a call, and with one."""

@@ -232,7 +232,8 @@ def test_not_for_transformations(transformed):
         transformed(total)
 
 
-@pytest.mark.parametrize("unbiased", [True, *slow(False)])
+@pytest.mark.slow
+@pytest.mark.parametrize("unbiased", [True, False])
 def test_passes_that_are_not_finite_are_named(unbiased):
     """The pilot is not part of the image, and its values count, too."""
     with pytest.raises(ValueError, match=r"scene must return finite values, got nan in pixel \(3, "):

@@ -138,12 +138,13 @@ def test_the_estimate_is_the_closed_form(name):
     assert not hit.any() or 0.6 < np.sqrt(np.mean((off[hit] / sigma[hit]) ** 2)) < 1.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "factor"),
     [
         ("disc", 10),
-        pytest.param("triangle", 10, marks=pytest.mark.slow),
-        pytest.param("flat board", 3, marks=pytest.mark.slow),
+        ("triangle", 10),
+        ("flat board", 3),
     ],
 )
 def test_low_discrepancy_beats_random(name, factor):

@@ -198,6 +198,7 @@ def test_stopping_early_costs_no_coverage():
     assert held >= 95 - 5 * np.sqrt(100 * 0.95 * 0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["median", "quantile"])
 def test_medians_and_their_intervals_have_derivatives(kind):
     """They are proportional to a factor of the function, so the derivative at 1 is the value.

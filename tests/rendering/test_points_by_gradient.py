@@ -31,6 +31,7 @@ def test_gradients_with_respect_to_points_are_differences(measure):
     assert float(np.sum(gradient * direction)) == pytest.approx((ahead - behind) / 4e-3, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_descent_through_render_lowers_the_error():
     step = jax.jit(jax.grad(lambda points: filtered_error(image(points), EXACT)))
     points = jnp.asarray(POINTS)

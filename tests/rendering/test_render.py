@@ -202,6 +202,7 @@ test_values_have_the_dtype_and_shape_of_the_points = refused(
 )
 
 
+@pytest.mark.slow
 def test_only_derivatives_that_are_wanted_are_taken():
     """An edge refuses its own derivative, and nothing else's."""
     sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)

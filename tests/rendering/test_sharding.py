@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from jax.sharding import AxisType, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
-from tables import slow, some
+from tables import some
 
 import analysis
 import qmcjax as qj
@@ -77,7 +77,8 @@ def test_samplers_over_devices(mesh, make):
     check(mesh, render, jax.random.split(jax.random.key(1), 2))
 
 
-@pytest.mark.parametrize("function", [*slow(plate), gradient])
+@pytest.mark.slow
+@pytest.mark.parametrize("function", [plate, gradient])
 def test_scenes_over_devices(mesh, function):
     check(mesh, function, jnp.array([10.0, 20.0, 30.0, 40.0], jnp.float32))
 

@@ -17,6 +17,7 @@ from qmcjax import orders, samplers, sequences
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seq", [sequences.owen(sequences.sobol(4), 7), HALTON])
 def test_components_are_columns(seq):
     chosen = sequences.components(seq, (3, 0, 2))

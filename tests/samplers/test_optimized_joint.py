@@ -103,7 +103,8 @@ def test_columns_of_frames_are_triangular_and_words_of_their_levels():
             assert np.all(columns[:, k] & (2 ** (31 - k) - 1) == 0)
 
 
-@pytest.mark.parametrize(("dims", "spp"), [(4, 1), *slow_cases((3, 4), (4, 16))])
+@pytest.mark.slow
+@pytest.mark.parametrize(("dims", "spp"), [(4, 1), (3, 4), (4, 16)])
 def test_frames_are_those_of_the_searched_matrices(dims, spp):
     """Point i of frame t is that of Sobol's sequence xor the triangle of binomials times the columns of t."""
     sampler = samplers.optimized(64, 64, spp, KEY, dims, frames=99)

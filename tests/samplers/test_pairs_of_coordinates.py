@@ -59,8 +59,9 @@ BOUND = 15 * np.sqrt(2 / (BINS**2 - 1))
 KEYS = [range(2), pytest.param(range(2, 16), marks=pytest.mark.slow)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keys", KEYS, ids=["few", "many"])
-@pytest.mark.parametrize("name", slow_but("z, tree", INDEPENDENT))
+@pytest.mark.parametrize("name", INDEPENDENT)
 def test_pairs_are_as_uniform_together_as_random_points(name, keys):
     for key in keys:
         assert np.abs(of_sampler(INDEPENDENT[name](key)) - 1).max() < BOUND

@@ -5,7 +5,7 @@ from fractions import Fraction
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import slow, some
+from tables import each, slow
 
 import qmcjax as qj
 from qmcjax import samplers, scenes, sequences
@@ -114,8 +114,9 @@ def test_fine_checkerboards_in_one_strip():
 COLOURS = scenes.function(lambda p: jnp.stack([p[..., 0], p[..., 1], 0 * p[..., 0] + 0.25], -1), ("x", "y"))
 
 
-@some("still", {"grey": scenes.checkerboard(), "colours": COLOURS}, "colours")
-@pytest.mark.parametrize("dtype", [jnp.float32, *slow(jnp.float64)])
+@pytest.mark.slow
+@each("still", {"grey": scenes.checkerboard(), "colours": COLOURS})
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_layers_are_a_mixture_by_cover(still, dtype):
     """Object times cover plus rest times what is behind, each by render_adaptive; counts add up."""
     moving = scenes.ball([[0.2, 0.3]], [[0.7, 0.6]], (), 0.15)

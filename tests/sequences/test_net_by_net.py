@@ -123,7 +123,8 @@ def orders_of_quadrants(points, levels):
     return tuple(orders)
 
 
-@pytest.mark.parametrize("levels", [2, *slow(4)])
+@pytest.mark.slow
+@pytest.mark.parametrize("levels", [2, 4])
 def test_pmj02_are_nets_whose_points_alternate_on_diagonals(levels):
     """With all orders, as often as not beside the first point."""
     count = 20 * 2**levels
@@ -138,7 +139,8 @@ def nearest(place, points):
     return (np.minimum(difference, 1 - difference) ** 2).sum(axis=1).min()
 
 
-@pytest.mark.parametrize("n", [40, *slow(700)])
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [40, 700])
 def test_each_point_is_the_best_of_its_candidates(n):
     """All earlier points are looked at, in float64."""
     sequence, key, candidates = sequences.sobol(3), jax.random.key(4), 7

@@ -213,6 +213,7 @@ def plausible(counted, count):
     return min(chi2.sf(statistic, count - 1), chi2.cdf(statistic, count - 1)) > norm.sf(5)
 
 
+@pytest.mark.slow
 @scramblings
 def test_all_permutations_are_equally_likely_at_every_node(scramble):
     digit, _ = over_keys(scramble)

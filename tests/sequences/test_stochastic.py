@@ -74,6 +74,7 @@ def test_permutations_are_bijections(n):
     assert np.array_equal(np.sort(permuted(jnp.asarray(first(n)), n, seeds)), first(n))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [2**32 - 5, 2**32 - 1, 2**32])
 def test_the_largest_latin_hypercubes(n):
     seq = sequences.latin_hypercube(n, 2, key=8)

@@ -87,13 +87,14 @@ def agree(found, truth, part):
     assert error < part * abs(truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "light"),
     [
-        pytest.param("1 bounces", False, marks=pytest.mark.slow),
-        pytest.param("1 bounces", True, marks=pytest.mark.slow),
+        ("1 bounces", False),
+        ("1 bounces", True),
         ("direct light", True),
-        pytest.param("bidirectional", True, marks=pytest.mark.slow),
+        ("bidirectional", True),
     ],
 )
 def test_a_floor_under_a_ball_has_closed_forms(name, light):

@@ -63,7 +63,8 @@ def test_what_stands_still_is_predicted_exactly(shutter):
     assert found.image.dtype == np.float32 and (found.samples[1:4] == 0).all()
 
 
-@pytest.mark.parametrize("by_camera", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("by_camera", [False, True])
 def test_translation_is_a_shift(by_camera):
     """By 2 1/2 pixels from the first image to the middle one, and back from the last: means of neighbours."""
     pixels = 2.5
@@ -223,6 +224,7 @@ def test_samples_are_those_of_other_numbers_everywhere():
     assert len(np.unique(within.round(6))) == 3 * 64
 
 
+@pytest.mark.slow
 def test_all_samples_of_a_pixel_count_alike():
     """Those that check it and those that are added, where the prediction of one colour is wrong."""
     of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))

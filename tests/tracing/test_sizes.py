@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import few, slow
+from tables import slow
 from test_trees import blob, mesh, searched, without_trees
 
 from qmcjax import tracing
@@ -130,7 +130,8 @@ def seen(scene, points):
 CASES = [(light, estimator) for light in LIGHTS for estimator in ESTIMATORS]
 
 
-@pytest.mark.parametrize("case", few(CASES, ("rectangle", "direct")), ids=" ".join)
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids=" ".join)
 def test_lights_of_all_sizes_shine(case):
     """Pictures of worlds that differ in size alone are the same."""
     light, estimator = case

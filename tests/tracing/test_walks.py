@@ -16,6 +16,7 @@ ROOT = Path(qmcjax.__file__).parent
 COMPILED = sorted((ROOT / "tracing" / "_search").glob("compiled_*.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, WORTHWHILE])
 def test_a_ray_meets_a_triangle_within_twelve_frames(count, monkeypatch):
     """Loops over all triangles take 12 frames, as does traversal of their tree."""

@@ -7,11 +7,17 @@ is what Owen scrambling by hashing needs. So generators and scramblings work on 
 :func:`reverse` is applied once, at the end.
 """
 
+import functools
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 
 def below_one(dtype: DTypeLike) -> np.ndarray:
@@ -19,10 +25,26 @@ def below_one(dtype: DTypeLike) -> np.ndarray:
     return np.nextafter(np.ones((), dtype), np.zeros((), dtype))
 
 
+def traced_once(function: F) -> F:
+    """Let JAX trace a function once for each shape: what calls it takes over its operations.
+
+    Of what the first call of a program takes, much is Python's: an operation costs a tenth of a millisecond,
+    one that is taken over a hundredth. Without JAX's arrays, NumPy computes.
+    """
+    once = jax.jit(function, inline=True)
+
+    @functools.wraps(function)
+    def call(*args: Any) -> Any:
+        return (once if any(isinstance(each, Array) for each in args) else function)(*args)
+
+    return cast(F, call)
+
+
 def _word(value: int) -> np.uint32:
     return np.uint32(value)
 
 
+@traced_once
 def reverse(word: Array) -> Array:
     """Reverse the order of the 32 bits.
 
@@ -39,6 +61,7 @@ def reverse(word: Array) -> Array:
     return word
 
 
+@traced_once
 def pascal(reversed_bits: Array) -> Array:
     """Multiply a bit-reversed fraction by Pascal's triangle modulo 2, in five steps.
 
@@ -58,6 +81,7 @@ def pascal(reversed_bits: Array) -> Array:
     return reversed_bits
 
 
+@traced_once
 def gray_decode(word: Array) -> Array:
     """Replace bit ``k`` by the parity of the bits ``k`` and above.
 
@@ -92,6 +116,7 @@ def high_product(a: Array, b: Array) -> Array:
         return (product >> np.uint64(32)).astype(jnp.uint32)
 
 
+@traced_once
 def hash_word(word: Array) -> Array:
     """Mix a word: a bijection of 32-bit words, with all output bits dependent on all input bits.
 
@@ -108,6 +133,7 @@ def hash_word(word: Array) -> Array:
     return word ^ (word >> 14)
 
 
+@traced_once
 def hash_pair(one: Array, other: Array) -> Array:
     """Mix two words to one: a bijection of each of them while the other is fixed.
 
@@ -126,6 +152,7 @@ def _masked_sum(word: Array, summand: Array, mask: Array) -> Array:
     return word ^ ((word ^ (word + (summand | _word(1)))) & mask)
 
 
+@traced_once
 def owen_hash(reversed_bits: Array, seed: Array) -> Array:
     """Owen-scramble bit-reversed fractions in base 2.
 

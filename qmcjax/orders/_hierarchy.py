@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array, lax
 
 from qmcjax.core import checks
-from qmcjax.core.bits import high_product
+from qmcjax.core.bits import high_product, traced_once
 from qmcjax.core.parameters import together
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
@@ -34,6 +34,7 @@ def _product(matrices: np.uint32, number: Array, digit: Array) -> Array:
     return (images & one & np.uint32(3)) ^ ((images >> 2) & two)
 
 
+@traced_once
 def permuted(number: Array, digit: Array) -> Array:
     """Apply one of the 24 permutations of {0, 1, 2, 3}: they are the affine maps of the plane over F2.
 
@@ -42,6 +43,7 @@ def permuted(number: Array, digit: Array) -> Array:
     return _product(_IMAGES, number, digit) ^ (number & np.uint32(3))
 
 
+@traced_once
 def unpermuted(number: Array, digit: Array) -> Array:
     """Invert :func:`permuted`."""
     return _product(_INVERSE_IMAGES, number, digit ^ (number & np.uint32(3)))
@@ -52,6 +54,7 @@ def scaled(word: Array, count: int) -> Array:
     return high_product(word, jnp.full_like(word, np.uint32(count)))
 
 
+@traced_once
 def permutation_number(word: Array) -> Array:
     """Map uniform words to {0, ..., 23}, by ``word * 24 >> 32`` without a long product.
 

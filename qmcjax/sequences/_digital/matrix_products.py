@@ -7,6 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core.bits import traced_once
+
 _TABLE_FROM = 4096
 """Number of indices from which tables of the products with all bytes pay off."""
 
@@ -24,6 +26,7 @@ def product(columns: Array, index: Array) -> Array:
     return words
 
 
+@traced_once
 def selected(columns: Array | np.ndarray, index: Array) -> Array:
     """Xor the columns that the bits of the index select, one by one."""
     words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)

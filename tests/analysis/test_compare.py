@@ -146,6 +146,7 @@ def test_values_are_those_of_images(comparison):
     np.testing.assert_allclose(row.power, np.mean(powers, axis=0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fixed", "deaf"])
 def test_what_has_one_image_has_no_interval(comparison, name):
     """Without a key, or with one that changes nothing."""
@@ -156,6 +157,7 @@ def test_what_has_one_image_has_no_interval(comparison, name):
     assert comparison.ranks("disc", 4)[name][1:] == (1, 5)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_rendered_is_left_out_with_the_reason(comparison):
     assert "spp must be" in comparison.left_out["disc", "few", 16]
     assert comparison.left_out["ball", "Owen", 4] == "it has 2 dimensions, the scene needs 3"
@@ -246,6 +248,7 @@ def test_ranks_say_who_is_told_apart():
     assert ranks["a"][1:] == ranks["b"][1:] == (2, 3)
 
 
+@pytest.mark.slow
 def test_slopes(comparison):
     slope, low, high = comparison.slope("disc", "Owen")
     spps, errors = comparison.errors("disc", "Owen")
@@ -253,6 +256,7 @@ def test_slopes(comparison):
     assert low <= slope <= high and slope < -0.5
 
 
+@pytest.mark.slow
 def test_points_are_measured_where_they_are(comparison):
     measured = comparison.points["fixed"][4]
     y, x, sample = np.indices((16, 16, 4), np.uint32)
@@ -265,6 +269,7 @@ def test_points_are_measured_where_they_are(comparison):
     assert 0 < measured["relative minimum distance"] < 1
 
 
+@pytest.mark.slow
 def test_the_table_is_one_of_plain_values(comparison):
     table = comparison.table()
     assert len(table) == len(comparison.rows)

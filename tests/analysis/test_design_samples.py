@@ -4,7 +4,6 @@ import jax
 import numpy as np
 import pytest
 from refusals import refused
-from tables import slow_cases
 
 from analysis import Filter, design_samples, expected_error
 from analysis._design.design_samples import turned
@@ -20,7 +19,8 @@ def error_of(points, key=1, integrands="bumps", filters=1.5):
     return expected_error(np.asarray(made), integrands, filters)
 
 
-@pytest.mark.parametrize(("spp", "dims"), [(1, 2), *slow_cases((4, 2), (2, 4))])
+@pytest.mark.slow
+@pytest.mark.parametrize(("spp", "dims"), [(1, 2), (4, 2), (2, 4)])
 def test_designed_tiles_have_small_errors_of_other_integrands(spp, dims):
     """Relative to strata drawn at random: as a sampler, at two keys."""
     made = design_samples(16, 16, spp, 1, dims, steps=200)

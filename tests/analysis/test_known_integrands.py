@@ -32,6 +32,7 @@ def fixed(points):
     return samplers.function(lambda x, y, sample: known[y, x, sample], points.shape[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.0, 1.5])
 def test_errors_of_functions_are_those_of_their_filtered_images(sigma):
     errors = []

@@ -90,6 +90,7 @@ def test_a_page_and_a_table(folder, capsys):
     assert errors["mine"] == errors["(0,2), Owen"] != errors["own_points"]
 
 
+@pytest.mark.slow
 def test_a_broken_sampler_is_told_first(folder, capsys):
     assert main(["compare", "some_samplers:broken", *SMALL, "--scenes", "disc", "--keys", "4"]) == 1
     told = capsys.readouterr().err

@@ -90,6 +90,7 @@ def test_held_out_integrands_differ_and_are_deterministic():
         assert not np.array_equal(made[0], made[1]) and not np.array_equal(made[1], made[2]), name
 
 
+@pytest.mark.slow
 def test_entries_in_python_give_the_points_of_the_sampler(folder):
     """A function, a name and a file: bit-equal to calls of the sampler."""
     y, x, sample = np.indices((8, 8, 16), np.uint32)

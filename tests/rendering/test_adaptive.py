@@ -171,6 +171,7 @@ def test_unbiased_when_asked_for(unbiased):
     assert (abs(deviation) < 5 * sigma) == unbiased
 
 
+@pytest.mark.slow
 def test_constant_pixels_take_no_passes():
     scene = Quadrants(20.0)
     sampler = passes(lambda key: samplers.independent(sequences.uniform(4, key), key))

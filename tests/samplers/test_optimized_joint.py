@@ -135,7 +135,8 @@ def test_frames_are_those_of_the_searched_matrices(dims, spp):
         assert np.array_equal(np.asarray(found) * 2.0**32, np.asarray(expected.word(), np.float64))
 
 
-@pytest.mark.parametrize("dims", [3, *slow(4, 5)])
+@pytest.mark.slow
+@pytest.mark.parametrize("dims", [3, 4, 5])
 @pytest.mark.parametrize("frames", [None, 4])
 def test_states_of_many_pixels_are_those_of_each(dims, frames):
     """They come from tables of columns and rows."""

@@ -195,7 +195,7 @@ def test_64_bit_indices_move_as_32_bit_ones():
     assert (np.asarray(beyond) != np.asarray(moved)[:, 1:]).all()
 
 
-@pytest.mark.parametrize("name", SAMPLERS)
+@pytest.mark.parametrize("name", few(SAMPLERS, "z", "z, joint", "optimized", "contiguous"))
 def test_frame_0_is_the_image_and_frames_compile_once(name):
     spp, dims, make = SAMPLERS[name]
     sampler = make()

@@ -381,6 +381,7 @@ ANGLES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ANGLES, ids=str)
 def test_rotation_boxes_against_many_angles(way):
     """They hold all, and touch the path of a point on each side."""

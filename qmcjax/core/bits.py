@@ -7,37 +7,18 @@ is what Owen scrambling by hashing needs. So generators and scramblings work on 
 :func:`reverse` is applied once, at the end.
 """
 
-import functools
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-F = TypeVar("F", bound=Callable[..., Any])
+from qmcjax.core.pytrees import traced_once
 
 
 def below_one(dtype: DTypeLike) -> np.ndarray:
     """Return the largest number below 1 of a floating dtype."""
     return np.nextafter(np.ones((), dtype), np.zeros((), dtype))
-
-
-def traced_once(function: F) -> F:
-    """Let JAX trace a function once for each shape: what calls it takes over its operations.
-
-    Of what the first call of a program takes, much is Python's: an operation costs a tenth of a millisecond,
-    one that is taken over a hundredth. Without JAX's arrays, NumPy computes.
-    """
-    once = jax.jit(function, inline=True)
-
-    @functools.wraps(function)
-    def call(*args: Any) -> Any:
-        return (once if any(isinstance(each, Array) for each in args) else function)(*args)
-
-    return cast(F, call)
 
 
 def _word(value: int) -> np.uint32:

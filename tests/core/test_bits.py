@@ -2,7 +2,6 @@
 
 import math
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -66,23 +65,3 @@ def test_to_unit_rounds_down_and_stays_below_one(dtype):
 def test_to_unit_refuses_other_dtypes():
     with pytest.raises(ValueError, match=r"dtype must be float32 or float64, got .*float16"):
         bits.to_unit(jnp.uint32(1), jnp.float16)
-
-
-def test_a_function_is_traced_once_and_taken_over():
-    """Its operations are those of the program that calls it; NumPy's arrays need no program."""
-    traces = []
-
-    @bits.traced_once
-    def twice(word):
-        traces.append(type(word))
-        return word + word
-
-    words = np.arange(4, dtype=np.uint32)
-    assert isinstance(twice(words), np.ndarray) and traces == [np.ndarray]
-    made = jax.make_jaxpr(lambda word: twice(twice(word)))(words)
-    assert [each.primitive.name for each in made.eqns] == ["add", "add"] and len(traces) == 2
-    np.testing.assert_array_equal(jax.vmap(twice)(jnp.stack([words, words])), [2 * words] * 2)
-    np.testing.assert_array_equal(twice(jnp.asarray(words)), 2 * words)
-    assert len(traces) == 2
-    twice(jnp.asarray(words[:3]))
-    assert len(traces) == 3

@@ -13,7 +13,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core.pytrees import traced_once
+from qmcjax.core.traces import traced_once
 
 
 def below_one(dtype: DTypeLike) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Dataclasses as JAX pytrees, with the class as part of the structure, and functions that are traced once."""
+"""Dataclasses as JAX pytrees, with the class as part of the structure."""
 
 import dataclasses
 import functools
@@ -6,18 +6,16 @@ import inspect
 import reprlib
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Any, Generic, TypeVar, cast, dataclass_transform
+from typing import Any, Generic, TypeVar, dataclass_transform
 
 import jax
 import jax.numpy as jnp
-from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core import records
 
 T = TypeVar("T", bound=type)
 R = TypeVar("R")
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 def pytree(cls: T) -> T:
@@ -127,18 +125,3 @@ def jit(*static_argnames: str) -> Callable[[Callable[..., R]], Compiled[R]]:
     called with positional arguments only.
     """
     return lambda function: Compiled(function, static_argnames)
-
-
-def traced_once(function: F) -> F:
-    """Trace a function of arrays once for their shapes: programs that call it take over its operations.
-
-    Tracing is Python's part of a first call: about 0.1 ms an operation, and a tenth of that for one that is
-    taken over. Called with NumPy's arrays only, the function computes in NumPy.
-    """
-    once = jax.jit(function, inline=True)
-
-    @functools.wraps(function)
-    def call(*args: Any) -> Any:
-        return (once if any(isinstance(each, Array) for each in args) else function)(*args)
-
-    return cast(F, call)

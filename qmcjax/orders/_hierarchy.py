@@ -10,7 +10,7 @@ from jax import Array, lax
 from qmcjax.core import checks
 from qmcjax.core.bits import high_product
 from qmcjax.core.parameters import together
-from qmcjax.core.pytrees import traced_once
+from qmcjax.core.traces import traced_once
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 

@@ -11,7 +11,7 @@ import pytest
 from tables import BY_DEFAULT, NETS, ORDERS, SAMPLERS, SEQUENCES, Table, some
 
 from qmcjax import pytree, sequences
-from qmcjax.core.pytrees import is_traced, traced_once
+from qmcjax.core.pytrees import is_traced
 
 CURVES = Table({f"order, {name}": partial(make, 8, 8) for name, make in ORDERS.items()})
 OBJECTS = SEQUENCES | SAMPLERS | CURVES
@@ -121,23 +121,3 @@ def test_what_functions_close_over_may_be_traced():
     found = []
     jax.grad(lambda x: (found.append(is_traced((lambda: x,))), x)[1])(1.0)
     assert found == [True] and not is_traced((lambda: found,))
-
-
-def test_a_function_is_traced_once_and_taken_over():
-    """Its operations are those of the program that calls it; NumPy's arrays need no program."""
-    traces = []
-
-    @traced_once
-    def twice(word):
-        traces.append(type(word))
-        return word + word
-
-    words = np.arange(4, dtype=np.uint32)
-    assert isinstance(twice(words), np.ndarray) and traces == [np.ndarray]
-    made = jax.make_jaxpr(lambda word: twice(twice(word)))(words)
-    assert [each.primitive.name for each in made.eqns] == ["add", "add"] and len(traces) == 2
-    np.testing.assert_array_equal(jax.vmap(twice)(jnp.stack([words, words])), [2 * words] * 2)
-    np.testing.assert_array_equal(twice(jnp.asarray(words)), 2 * words)
-    assert len(traces) == 2
-    twice(jnp.asarray(words[:3]))
-    assert len(traces) == 3

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core.pytrees import traced_once
+from qmcjax.core.traces import traced_once
 
 _TABLE_FROM = 4096
 """Number of indices from which tables of the products with all bytes pay off."""

@@ -67,6 +67,20 @@ def test_processors_of_other_instructions_have_other_programs(monkeypatch):
     assert ours != compiled_programs.place() and ours.parent == compiled_programs.place().parent
 
 
+def test_flags_that_the_environment_names_stay(monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=3")
+    monkeypatch.setattr(compiled_programs.importlib.metadata, "version", lambda name: "0.10.2")
+    compiled_programs.quickly()
+    assert os.environ["XLA_FLAGS"].split() == [
+        "--xla_backend_optimization_level=3",
+        compiled_programs.QUICK[0],
+    ]
+    monkeypatch.setattr(compiled_programs.importlib.metadata, "version", lambda name: "0.11.0")
+    monkeypatch.setenv("XLA_FLAGS", "")
+    compiled_programs.quickly()
+    assert os.environ["XLA_FLAGS"] == ""
+
+
 def test_what_the_environment_says_stays(monkeypatch, unset, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv(compiled_programs.FOLDER, "theirs")

@@ -136,7 +136,7 @@ def _drawn(picture: Any) -> tuple[bytes, bytes]:
     with Image.open(buffer) as image:
         pixels = image.convert("RGB")  # None is transparent.
     pixels.save(png, format="png", dpi=(DPI, DPI))  # optimize=True: 8 times the time for 2 % less.
-    pixels.save(webp, format="webp", lossless=True)
+    pixels.save(webp, format="webp", lossless=True, method=1, quality=20)  # Half the time for 20 % more.
     return png.getvalue(), webp.getvalue()
 
 

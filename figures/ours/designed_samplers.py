@@ -64,18 +64,18 @@ PLAIN = 1.03
 """How much larger than those of Owen-scrambled points errors of pixels may be."""
 
 NOTE = (
-    "{side} x {side} pixels, {keys} keys, the square of the error averaged over {count} integrands each "
-    "of {classes}, that are the same in all pixels; none was used in the design, which knows kernels of "
-    "half spaces only, in four dimensions of their projections, too. Errors are relative to independent "
-    "samples, one a pixel; filters are Gaussians of 1.5 pixels. {verdicts} At 1, 4, 16 spp geometric "
-    "means of the four classes are {means}; {goals} were asked, for other integrands of such classes. "
-    "Errors of pixels by themselves are {plain} of those of Owen-scrambled points in each pixel; at most "
-    "{allowed} was asked. More than 16 samples are tiles of 16 in equal boxes. Rendering {side} x {side} "
-    "pixels at 4 spp of x y takes {slower:.2f} of the time of Owen-scrambled points in rows. What bounds "
-    "it: uniformity over keys. Tiles of free points have about 5 % (2-D) to 13 % (4-D) smaller errors at "
-    "one sample, since they stay away from the faces of the cube; but their mean is not the integral. "
-    "Neighbours have the same integrand here. In scenes with edges on the screen they do not, and the "
-    "gain is less, or none: the table of recommend has such scenes."
+    f"{{side}} x {{side}} pixels, {{keys}} keys, the square of the error averaged over {COUNT} integrands "
+    f"each of {', '.join(CLASSES)}, that are the same in all pixels; none was used in the design, which "
+    "knows kernels of half spaces only, in four dimensions of their projections, too. Errors are relative to "
+    "independent samples, one a pixel; filters are Gaussians of 1.5 pixels. {verdicts} At 1, 4, 16 spp "
+    "geometric means of the four classes are {means}; {goals} were asked, for other integrands of such "
+    "classes. Errors of pixels by themselves are {plain} of those of Owen-scrambled points in each pixel; at "
+    f"most {PLAIN} was asked. More than 16 samples are tiles of 16 in equal boxes. Rendering {{side}} x "
+    "{side} pixels at 4 spp of x y takes {slower:.2f} of the time of Owen-scrambled points in rows. What "
+    "bounds it: uniformity over keys. Tiles of free points have about 5 % (2-D) to 13 % (4-D) smaller errors "
+    "at one sample, since they stay away from the faces of the cube; but their mean is not the integral. "
+    "Neighbours have the same integrand here. In scenes with edges on the screen they do not, and the gain "
+    "is less, or none: the table of recommend has such scenes."
 )
 
 
@@ -128,15 +128,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(
             side=size.side,
             keys=size.keys,
-            count=COUNT,
-            classes=", ".join(CLASSES),
             verdicts=" ".join(of[0] for of in verdicts.values()),
             means="; ".join(
                 f"{d}-D " + ", ".join(f"{of.mean():.3f}" for of in each) for d, each in first.items()
             ),
             goals="; ".join(f"{d}-D " + ", ".join(map(str, of.values())) for d, of in GOALS.items()),
             plain=", ".join(f"{of:.2f} ({d}-D, {s} spp)" for (d, s), of in owen.items() if s > 1),
-            allowed=PLAIN,
             slower=slower,
         ),
     }

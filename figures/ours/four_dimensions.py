@@ -38,17 +38,17 @@ TITLE = (
 )
 
 NOTE = (
-    "Left: exhaustive searches for generator matrices, column by column "
-    "(python -m analysis.tables.search_columns): bars end at the last m for which the first 2^m points can "
-    "have all that is asked, and an arrow says that not all matrices were tried, up to m = {size}. "
-    "Niederreiter-Xing sequences have t = 1 in four dimensions for all m. Middle and right: how many times "
-    "smaller RMS errors are than those of Sobol's sequence, both Owen-scrambled, over {keys} keys and "
-    "{count} random integrands of a class, geometric means over 2^{first} to 2^{last} points and the classes "
-    "({classes}), with intervals of 95 % from {parts} sets of keys. Quad-optimized points are made for "
-    "powers of 3. The goal was {pair} for every pair and {four} in four dimensions: {verdict}. There, "
-    "Niederreiter-Xing's errors are {discontinuous:.2f} times smaller for half-spaces and balls and "
-    "{smooth:.2f} times for bumps and products. The discontinuous ones depend on intervals that are finer "
-    "than 2^-m, whose counts t does not bound."
+    "Left: exhaustive searches for generator matrices, column by column (python -m "
+    "analysis.tables.search_columns): bars end at the last m for which the first 2^m points can have all "
+    f"that is asked, and an arrow says that not all matrices were tried, up to m = {SIZE}. Niederreiter-Xing "
+    "sequences have t = 1 in four dimensions for all m. Middle and right: how many times smaller RMS errors "
+    f"are than those of Sobol's sequence, both Owen-scrambled, over {{keys}} keys and {COUNT} random "
+    f"integrands of a class, geometric means over 2^{FIRST} to 2^{{last}} points and the classes "
+    f"({', '.join(CLASSES)}), with intervals of 95 % from {projection_errors.PARTS} sets of keys. "
+    f"Quad-optimized points are made for powers of 3. The goal was {GOALS[0]} for every pair and {GOALS[1]} "
+    "in four dimensions: {verdict}. There, Niederreiter-Xing's errors are {discontinuous:.2f} times smaller "
+    "for half-spaces and balls and {smooth:.2f} times for bumps and products. The discontinuous ones depend "
+    "on intervals that are finer than 2^-m, whose counts t does not bound."
 )
 
 
@@ -90,15 +90,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for asked, of in found.items()
         ],
         "note": NOTE.format(
-            size=SIZE,
             keys=keys,
-            first=FIRST,
             last=last,
-            count=COUNT,
-            classes=", ".join(CLASSES),
-            parts=projection_errors.PARTS,
-            pair=GOALS[0],
-            four=GOALS[1],
             verdict=f"reached by {', '.join(reached)}" if reached else "none of them reaches both",
             discontinuous=discontinuous.middle,
             smooth=smooth.middle,

@@ -34,16 +34,16 @@ MARKS = {"few": "o", "many": "s"}
 NOTE = (
     "Top left: intervals of qmcjax.integrate with replicates, in {cells} cells: {integrands} integrands "
     "and a skewed one, in 1 to 8 dimensions, {sequences}, {sizes} points, {replicates} replicates, up "
-    "to {trials} trials a cell; bars of {sigmas:g} standard deviations of a binomial, for all cells "
+    f"to {{trials}} trials a cell; bars of {SIGMAS:g} standard deviations of a binomial, for all cells "
     "of an integrand. Where rounding or resolution widens an interval, it may hold the integral more "
     "often than it says: {one_sided} cells are tested on one side. {below} of {tests} tests (cells "
-    "and levels) lie below their level by more than {sigmas:g} sigma, by the binomial itself, {above} "
-    'above; "{skewed}" is not tested: its errors are skewed, and the docstring of integrate says so. '
-    "Top middle: share of trials that call any two of several identical samplers different, which "
+    f"and levels) lie below their level by more than {SIGMAS:g} sigma, by the binomial itself, {{above}} "
+    f'above; "{coverage.SKEWED}" is not tested: its errors are skewed, and the docstring of integrate says '
+    "so. Top middle: share of trials that call any two of several identical samplers different, which "
     "should be 5 % at most; dotted, ranks by the bootstrap of earlier versions of analysis.compare. "
     "Top right: share of the pairs of 6 samplers that are distinguished, each with that many times "
     "the error of the one before; normal errors of 5 %. "
-    "Below: {count} integrands with values in [0, 1] and exact integrals, in "
+    f"Below: {hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in "
     "1 to 8 dimensions, Sobol', {tried} keys; few are {few[0]} replicates of {few[1]} points, many "
     "{many[0]} of {many[1]}. Width: geometric means relative to Student's interval with few replicates, over "
     "integrands and keys. The median narrows the interval with linear scrambling, which is the kind median; "
@@ -96,13 +96,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         **tested,
         cells=len(cells),
         integrands=len(coverage.INTEGRANDS) - 1,
-        skewed=coverage.SKEWED,
         sequences=_listed({cell.sequence for cell in cells}),
         sizes=_listed({cell.n for cell in cells}),
         replicates=_listed({cell.replicates for cell in cells}),
         trials=max(cell.trials for cell in cells),
-        sigmas=SIGMAS,
-        count=hundred_integrands.COUNT,
         tried=tried,
         **sizes,
         nested=widths["quantile", "few"]["smooth"],

@@ -35,12 +35,12 @@ Maker = Callable[[int], samplers.Sampler]
 """From a key."""
 
 NOTE = (
-    "{side} x {side} pixels, {keys} keys. Integrands of all coordinates, the same in all pixels, {count} of "
-    "each class ({classes}); none was searched with. Filtered errors are after a Gaussian of 1.5 pixels. "
-    "Points are ratios of errors of the optimised order to those of others, geometric means over "
-    "the classes, with intervals of 95 % over keys: below 1, ours are smaller. Over the best without a "
-    "tile they are {best}. Plain errors, over those of the same sampler, are {plain}. Goals for filtered "
-    "errors: {goals}."
+    "{side} x {side} pixels, {keys} keys. Integrands of all coordinates, the same in all pixels, "
+    f"{COUNT} of each class ({', '.join(CLASSES)}); none was searched with. Filtered errors are after a "
+    "Gaussian of 1.5 pixels. Points are ratios of errors of the optimised order to those of others, "
+    "geometric means over the classes, with intervals of 95 % over keys: below 1, ours are smaller. Over the "
+    "best without a tile they are {best}. Plain errors, over those of the same sampler, are {plain}. Goals "
+    "for filtered errors: {goals}."
 )
 
 
@@ -111,8 +111,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(
             side=side,
             keys=keys,
-            count=COUNT,
-            classes=", ".join(CLASSES),
             best=", ".join(best.values()),
             plain=", ".join(f"{value:.2f}" for value in plain.values()),
             goals=", ".join(

@@ -45,15 +45,15 @@ SIZES = {
 }
 
 NOTE = (
-    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image "
-    "by each sampler: Mitsuba's own, and ours as the plug-in of qmcjax.bridges.mitsuba. Ours have 8 "
-    "dimensions; behind them the plug-in hands out pairs with fresh keys. {lamp}References are means of "
-    "{replicates} images of 64 multijittered samples. {explained} Their RMS errors: {noise}. At {most} "
+    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image by "
+    "each sampler: Mitsuba's own, and ours as the plug-in of qmcjax.bridges.mitsuba. Ours have 8 dimensions; "
+    "behind them the plug-in hands out pairs with fresh keys. {lamp}References are means of {replicates} "
+    f"images of 64 multijittered samples. {diffusion.EXPLAINED} Their RMS errors: {{noise}}. At {{most}} "
     "samples the RMS error of independent samples is {ratios} times that of Owen-scrambled Sobol' points in "
-    "each pixel; the goal was {goal} on two scenes. {verdict} Least of all: {best}; after the filter: "
-    "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at {timed_spp} samples, "
-    "paths of up to 8 edges, medians of {turns} images in turns, on all threads. {rates}At one sample "
-    "Mitsuba's three are the same points."
+    f"each pixel; the goal was {GOAL} on two scenes. {{verdict}} Least of all: {{best}}; after the filter: "
+    "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at "
+    f"{measured.TIMED_SPP} samples, paths of up to 8 edges, medians of {{turns}} images in turns, on all "
+    "threads. {rates}At one sample Mitsuba's three are the same points."
 )
 
 RATE = "{what}: of independent samples {speed:.2f} million per second; of others as parts of it: {ratios}. "
@@ -116,16 +116,13 @@ def make(
             edges=_listed({name: str(EDGES[name]) for name in found}),
             lamp=LAMP if "Cornell box" in found else "",
             replicates=size.replicates,
-            explained=diffusion.EXPLAINED,
             noise=_listed({name: f"{np.sqrt(np.mean(of.error**2)):.1e}" for name, of in exact.items()}),
             most=most,
             ratios=_listed({name: f"{ratio:.2f}" for name, ratio in ratios.items()}),
-            goal=GOAL,
             verdict=_verdict(ratios),
             best=_listed(least["RMS error"]),
             filtered=_listed(least["filtered error"]),
             timed_side=size.timed_side,
-            timed_spp=measured.TIMED_SPP,
             turns=size.turns,
             rates="".join(_said(what, of, size) for what, of in rates.items()),
         ),

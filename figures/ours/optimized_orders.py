@@ -72,19 +72,20 @@ def _geometric(values: Any) -> float:
 
 NOTE = (
     "{side} x {side} pixels. Integrands of the two coordinates that a pixel samples, the same in all pixels, "
-    "{count} of each class: random half-planes and discs, exp(-8 |p - c|^2), and cos(2 a x) y^b; none was "
-    "used in the search. Errors are in standard deviations of the integrand, filtered ones what a Gaussian "
-    "of 1.5 pixels leaves, and root mean squares over the integrands of a class and {keys} key(s), or of one "
-    "image where nothing is random. The best is that of {rivals} samplers of the papers, for each class by "
-    "itself{limited}. The geometric means of filtered errors over the classes, ours over the best, are "
-    "{means}; the goals were {goals}. {verdict} RMS errors, not filtered, are {rms} of those of the best. "
-    "Of what the same scrambled blocks leave in drawn permutations, filtered errors are {drawn}. With the "
-    "first samples of {most} they are {first} of those of a sampler made for so many, at most {worst:.2f} "
-    "in a class; the goal was {allowed}. A frame of x y takes {slower:.2f} of the time that it takes along "
-    "rows by the same scrambled sequence. What bounds the gain: a mask or keys are arranged for one "
-    "point set, while the search knows no scrambling. That each aligned square keeps a contiguous block "
-    "costs nothing that was found: free permutations of a tile, annealed by the same cost, end above ours "
-    "(analysis/tables/make_optimized_orders.py, also for what was tried for the first samples)."
+    f"{integrand_classes.COUNT} of each class: random half-planes and discs, exp(-8 |p - c|^2), and cos(2 a "
+    "x) y^b; none was used in the search. Errors are in standard deviations of the integrand, filtered ones "
+    "what a Gaussian of 1.5 pixels leaves, and root mean squares over the integrands of a class and {keys} "
+    "key(s), or of one image where nothing is random. The best is that of {rivals} samplers of the papers, "
+    "for each class by itself{limited}. The geometric means of filtered errors over the classes, ours over "
+    "the best, are {means}; the goals were {goals}. {verdict} RMS errors, not filtered, are {rms} of those "
+    "of the best. Of what the same scrambled blocks leave in drawn permutations, filtered errors are "
+    "{drawn}. With the first samples of {most} they are {first} of those of a sampler made for so many, at "
+    f"most {{worst:.2f}} in a class; the goal was {PROGRESSIVE}. A frame of x y takes {{slower:.2f}} of the "
+    "time that it takes along rows by the same scrambled sequence. What bounds the gain: a mask or keys are "
+    "arranged for one point set, while the search knows no scrambling. That each aligned square keeps a "
+    "contiguous block costs nothing that was found: free permutations of a tile, annealed by the same cost, "
+    "end above ours (analysis/tables/make_optimized_orders.py, also for what was tried for the first "
+    "samples)."
 )
 
 
@@ -143,7 +144,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(
             side=side,
-            count=integrand_classes.COUNT,
             keys=keys,
             rivals=len(theirs),
             limited="" if quality == "paper" else ", of which drafts have only those that are shown",
@@ -155,7 +155,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             most=most,
             first=_listed({n: _geometric(of.values()) for n, of in first.items()}),
             worst=max(max(of.values()) for of in first.values()),
-            allowed=PROGRESSIVE,
             slower=slower,
         ),
     }

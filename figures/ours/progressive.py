@@ -58,20 +58,20 @@ TITLE = (
 )
 
 NOTE = (
-    "{side} x {side} pixels, {keys} keys, {count} integrands each of {classes}, the same in all pixels; none "
-    "was used in the search. Errors are what a Gaussian of 1.5 pixels leaves of an image without its mean, "
-    "root mean squares in a class and geometric means over classes, relative to independent samples, one "
-    "per pixel. Above: errors of the first samples over those of samplers made for their number, the best "
-    "order ({orders}) or the best of these and designed tiles, with Student's intervals of 95 % over keys. "
-    "The goals were {goal_2} in 2-D, {goal_4} in 4-D; {verdicts}. Below: errors also of numbers that are no "
-    "powers of two; they are at most {between} of the larger error of both neighbouring powers. RMS errors "
-    "of pixels, not filtered, are at most {plain} of those of the best order. A frame of x y with {spp} "
-    "samples takes {slower:.2f} of the time of optimised orders. What bounds it: all numbers of samples "
-    "share one permutation of each square. By the closed form of the search, in 2-D, those for one number "
-    "alone in the same nets are as good as the best order. Beside the order, nets in 2-D leave a pixel only "
-    "which half of its samples comes first; searches over that gained nothing to speak of. Designed tiles "
-    "are not stratified along the axes, and end at 16 samples. Above {all} samples only {best} are made for "
-    "each number."
+    f"{{side}} x {{side}} pixels, {{keys}} keys, {COUNT} integrands each of {', '.join(CLASSES)}, the same "
+    "in all pixels; none was used in the search. Errors are what a Gaussian of 1.5 pixels leaves of an image "
+    "without its mean, root mean squares in a class and geometric means over classes, relative to "
+    "independent samples, one per pixel. Above: errors of the first samples over those of samplers made for "
+    "their number, the best order ({orders}) or the best of these and designed tiles, with Student's "
+    f"intervals of 95 % over keys. The goals were {GOALS[2]} in 2-D, {GOALS[4]} in 4-D; {{verdicts}}. Below: "
+    "errors also of numbers that are no powers of two; they are at most {between} of the larger error of "
+    "both neighbouring powers. RMS errors of pixels, not filtered, are at most {plain} of those of the best "
+    f"order. A frame of x y with {TIMED_SPP} samples takes {{slower:.2f}} of the time of optimised orders. "
+    "What bounds it: all numbers of samples share one permutation of each square. By the closed form of the "
+    "search, in 2-D, those for one number alone in the same nets are as good as the best order. Beside the "
+    "order, nets in 2-D leave a pixel only which half of its samples comes first; searches over that gained "
+    "nothing to speak of. Designed tiles are not stratified along the axes, and end at 16 samples. Above "
+    f"{ALL_UP_TO} samples only {{best}} are made for each number."
 )
 
 
@@ -124,17 +124,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(
             side=size.side,
             keys=size.keys,
-            count=COUNT,
-            classes=", ".join(CLASSES),
             orders=", ".join(size.orders),
-            goal_2=GOALS[2],
-            goal_4=GOALS[4],
             verdicts=_verdicts(ratios),
             between=_by_dims(between),
             plain=_by_dims(plain),
-            spp=TIMED_SPP,
             slower=slower,
-            all=ALL_UP_TO,
             best=" and ".join(size.orders[:2]),
         ),
     }

@@ -50,12 +50,13 @@ MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
 """Columns of the moving picture."""
 
 NOTE = (
-    "{side} x {side} pixels, {frames} frames, {keys} keys. Root mean squares over half-spaces, balls, bumps "
-    "and products, {count} of each, the same in all pixels and frames, relative to white noise after the "
-    "same filter; geometric means over keys. Filters in space are Gaussians of 1.5 pixels; the moving "
-    "average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. Frames repeat without end: "
-    "shifts by the golden ratio jump once in {frames} frames. Without a tile, {goals} were asked, the last "
-    "of blocks. The moving picture is a soft shadow of one sample per pixel and frame. {verdicts}{published}"
+    f"{{side}} x {{side}} pixels, {FRAMES} frames, {{keys}} keys. Root mean squares over half-spaces, balls, "
+    f"bumps and products, {integrands_of_dims.COUNT} of each, the same in all pixels and frames, relative to "
+    "white noise after the same filter; geometric means over keys. Filters in space are Gaussians of 1.5 "
+    "pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. Frames "
+    f"repeat without end: shifts by the golden ratio jump once in {FRAMES} frames. Without a tile, {{goals}} "
+    "were asked, the last of blocks. The moving picture is a soft shadow of one sample per pixel and frame. "
+    "{verdicts}{published}"
 )
 
 TEXTURE = (
@@ -163,9 +164,7 @@ def make(
     folder = stbn.path()
     note = NOTE.format(
         side=side,
-        frames=FRAMES,
         keys=keys,
-        count=integrands_of_dims.COUNT,
         goals=", ".join(map(str, GOALS)),
         verdicts=" ".join(
             f"{case}: {'; '.join(f'{label}: {one}' for label, one in of.items())}."

@@ -33,10 +33,10 @@ NOTE = (
     "heuristic; one triangle a leaf. All but the last two ways take the split with the least c(j) of Eq. 4.1 "
     "that they look at: of three axes, of one curve, of two pairs of clusters. 2-means is with the metric "
     "for boxes; 'of centres' clusters these as points. Quadratic splits look at all pairs of boxes, which is "
-    "too much for more than {most} of them; 'filled' keeps 40 % of the boxes in either group. The fan: {fan} "
-    "triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic splits is "
-    "{depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, "
-    "is for the same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
+    f"too much for more than {QUADRATIC} of them; 'filled' keeps 40 % of the boxes in either group. The fan: "
+    f"{FAN} triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic "
+    "splits is {depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, is for the "
+    "same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
 )
 
 
@@ -104,8 +104,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "claims": claims,
         "note": NOTE.format(
             side=side,
-            most=QUADRATIC,
-            fan=FAN,
             depth=fan["quadratic split"],
             least=fan[SAH],
             embree="" if EMBREE else " Embree is not installed here.",

@@ -31,8 +31,8 @@ NOTE = (
     "edge; rays are across the page. On the right, for the two rays, the signed area between each edge and "
     "the ray: a quadratic of time whose roots are when the ray crosses the edge's line. While all three "
     "areas have one sign the ray hits. In {count} random configurations the state of the ray when the "
-    "shutter opens, turned over at each root where the ray is between the ends of the edge, makes the "
-    "same intervals as visible_intervals in float32 within {tolerance}, but in {off}. The fourth corner of a "
+    "shutter opens, turned over at each root where the ray is between the ends of the edge, makes the same "
+    f"intervals as visible_intervals in float32 within {TOLERANCE}, but in {{off}}. The fourth corner of a "
     "patch is, as a median, {off_plane:.2f} of its mean side off the plane of the other three."
 )
 
@@ -79,7 +79,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     note = NOTE.format(
         count=count,
-        tolerance=TOLERANCE,
         off=int((~same).sum()),
         off_plane=measured["distance of the fourth corner over the side, median"],
     )

@@ -42,19 +42,19 @@ SIGMA = 1.5
 
 NOTE = (
     "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row of "
-    "boxes is in focus. {side} x {side} pixels; lines are `tracing.lens_line` with {spp} samples per pixel "
-    "each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} "
-    "on the lens; its variance is taken off from mean square errors. 'Points' are images by points on the "
-    "lens that all pixels share (Fig. 3.8), 'samples of the lens' are Owen-scrambled in each pixel, as many "
-    "as all lines have. Bands are what errors have in common: shown values (sRGB, 8 bits) less those of the "
-    "reference, blurred by a Gaussian of {sigma:g} pixels, are multiplied for two independent randomisations "
-    "and averaged over windows of {window} x {window} pixels; the root of the largest mean must be below "
-    "{steps:g} steps, about 1 % of contrast. Noise cancels but for what samples of the lens show, which have "
-    "no bands. A bound of {steps:g} on single pixels after the blur, without a second randomisation, failed "
-    "by noise alone: it is worst in the shadows and on far squares, where textures are sampled. A sample of "
-    "a line takes {ratio:.0f} times as long as one of the lens here, where rays are traced by compiled loops "
-    "if Numba is there, and visibility along lines by XLA: at equal time samples of the lens have less "
-    "error, unless what is seen is dear to shade."
+    f"boxes is in focus. {{side}} x {{side}} pixels; lines are `tracing.lens_line` with {SPP} samples per "
+    "pixel each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is "
+    "{origin} on the lens; its variance is taken off from mean square errors. 'Points' are images by points "
+    "on the lens that all pixels share (Fig. 3.8), 'samples of the lens' are Owen-scrambled in each pixel, "
+    "as many as all lines have. Bands are what errors have in common: shown values (sRGB, 8 bits) less those "
+    f"of the reference, blurred by a Gaussian of {SIGMA:g} pixels, are multiplied for two independent "
+    f"randomisations and averaged over windows of {WINDOW} x {WINDOW} pixels; the root of the largest mean "
+    f"must be below {STEPS:g} steps, about 1 % of contrast. Noise cancels but for what samples of the lens "
+    f"show, which have no bands. A bound of {STEPS:g} on single pixels after the blur, without a second "
+    "randomisation, failed by noise alone: it is worst in the shadows and on far squares, where textures are "
+    "sampled. A sample of a line takes {ratio:.0f} times as long as one of the lens here, where rays are "
+    "traced by compiled loops if Numba is there, and visibility along lines by XLA: at equal time samples of "
+    "the lens have less error, unless what is seen is dear to shade."
 )
 
 
@@ -124,9 +124,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "16 lines show no banding: blurred structure of less than 2 steps of 255": bands["lines"][16]
             < STEPS,
         },
-        "note": NOTE.format(
-            side=side, spp=SPP, origin=exact.origin, sigma=SIGMA, window=WINDOW, steps=STEPS, ratio=ratio
-        ),
+        "note": NOTE.format(side=side, origin=exact.origin, ratio=ratio),
     }
     return _draw(lines[:: most // 8], images, exact.image, errors, bands, whole, ratio), numbers
 

@@ -60,7 +60,7 @@ NOTE = (
     "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
     "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
     "parts of the scene, whose errors differ with the same samples. Ranked keys have "
-    "less low-frequency power than white noise; {blue} is called blue here. Their "
+    f"less low-frequency power than white noise; {BLUE} is called blue here. Their "
     "keys are arranged for two dimensions at a time. The reference is {origin}. "
 )
 
@@ -133,7 +133,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         dims=len(scene.needs),
         repeats=f"1/{side // TILE}",
         origin=exact.origin,
-        blue=BLUE,
     )
     note += (
         published_keys.note()

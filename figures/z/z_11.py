@@ -28,17 +28,14 @@ SAME = 1.15
 """Up to this factor errors are almost identical."""
 
 NOTE = (
-    "{sets} sets of {each} random pixels of {side} x {side}, divided among {keys} keys; scenes of "
-    "the package for those of the paper: sports for motion blur, defocus "
-    "for depth of field, the interior for path tracing, with {bounces} bounces, and the caustic for "
-    "bidirectional path tracing. Intervals are those of the means of logarithms over the sets, as wide "
-    "as the bands: few pixels have most of the square error. "
-    "Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, with an order of the "
-    "samples for each pair of dimensions: in about the same order in all pairs, the error would level off, "
-    "as that of Z0 does in Fig. 12. Theirs has 256 dimensions of one Owen-scrambled Sobol' sequence. "
-    "'Almost identical' is "
-    f"within a factor of {SAME}. "
-    "{origins}"
+    f"{pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided among {{keys}} keys; "
+    "scenes of the package for those of the paper: sports for motion blur, defocus for depth of field, the "
+    "interior for path tracing, with {bounces} bounces, and the caustic for bidirectional path tracing. "
+    "Intervals are those of the means of logarithms over the sets, as wide as the bands: few pixels have "
+    "most of the square error. Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, "
+    "with an order of the samples for each pair of dimensions: in about the same order in all pairs, the "
+    "error would level off, as that of Z0 does in Fig. 12. Theirs has 256 dimensions of one Owen-scrambled "
+    f"Sobol' sequence. 'Almost identical' is within a factor of {SAME}. {{origins}}"
 )
 
 
@@ -81,12 +78,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         title = f"{title}: {z_renderings.EFFECTS[title]}"
         plot.convergence(counts, curves, bands=bands, floor=floor, title=title, ax=axes)
     note = NOTE.format(
-        side=side,
-        sets=pixel_sets.SETS,
-        each=PIXELS[quality],
-        keys=len(keys),
-        bounces=BOUNCES[quality],
-        origins=origins,
+        side=side, each=PIXELS[quality], keys=len(keys), bounces=BOUNCES[quality], origins=origins
     )
     last = counts[-1]
     measured = {

@@ -64,13 +64,13 @@ INSET = 256
 """Pixels of the picture that an inset is wide, at most."""
 
 NOTE = (
-    "{side} x {side} pixels; insets have {spp} samples per pixel. The paper's scene is not given: here the "
-    "occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, and v. "
-    "'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that the "
+    f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper's scene is not given: here "
+    "the occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, and "
+    "v. 'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that the "
     "paper prints; 'Z joint' has one sequence of five dimensions and one order. "
-    "The reference is {origin}. Convergence: {sets} sets of {each} random pixels, divided among {keys} keys, "
-    "with intervals from the sets. Filtered errors: {small} x {small} pixels, {judged} keys. "
-    + diffusion.EXPLAINED
+    f"The reference is {{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided "
+    "among {keys} keys, with intervals from the sets. Filtered errors: "
+    f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} keys. " + diffusion.EXPLAINED
 )
 
 
@@ -123,14 +123,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure = _sheet(insets | {"reference": exact.image}, counts, errors, exact)
     note = NOTE.format(
-        side=side,
-        spp=SPP,
-        origin=exact.origin,
-        sets=pixel_sets.SETS,
-        each=PIXELS[quality],
-        keys=len(keys),
-        small=JUDGED_SIDE,
-        judged=JUDGED_KEYS[quality],
+        side=side, origin=exact.origin, each=PIXELS[quality], keys=len(keys), judged=JUDGED_KEYS[quality]
     )
     last = counts[-1]
     measured = {

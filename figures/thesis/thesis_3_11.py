@@ -62,6 +62,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Render the scene by lines, points and samples of the lens, and measure errors and banding."""
     side, most, even = SIDE[quality], MOST[quality], EVEN[quality]
     scene = _scene()
+    sobol = sequences.sobol(len(scene.needs))
     exact = _reference(scene, side, REFERENCE_SPP[quality])
     progress(0.2)
     lines, seconds = _of_lines(scene, most, side, True, 1, lambda part: progress(0.2 + 0.4 * part))
@@ -69,12 +70,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     plain, _ = _of_lines(scene, even, side, False, 1, lambda part: progress(0.8 + 0.1 * part))
     samples, of_sample = {}, 0.0
     for k in range((SAMPLED[quality] // SPP).bit_length()):
-        sampler = samplers.independent(sequences.sobol(len(scene.needs)), 1)
+        sampler = samplers.independent(sobol, 1)
         samples[SPP * 2**k], seconds_of = timed(scene_images.replicate, scene, sampler, side, SPP * 2**k)
         of_sample = seconds_of.clock / (SPP * 2**k)
     points = {}
     for k in range(most.bit_length()):
-        sampler = samplers.interleaved(sequences.sobol(len(scene.needs)), 2**k)
+        sampler = samplers.interleaved(sobol, 2**k)
         points[2**k] = scene_images.image(scene, sampler, side, 2**k)
     progress(0.95)
 
@@ -92,9 +93,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "lines": {n: others[:: 16 // n].mean(axis=0) for n in counts if n <= 16},
         "points": points,
         "samples of the lens": {
-            n: scene_images.replicate(
-                scene, samplers.independent(sequences.sobol(len(scene.needs)), 2), side, SPP * n
-            )
+            n: scene_images.replicate(scene, samplers.independent(sobol, 2), side, SPP * n)
             for n in counts
             if n <= 16
         },
@@ -106,6 +105,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     whole = {n: _error(image, exact) for n, image in samples.items()}
     ratio = seconds / (SPP * of_sample)
     chosen = min(16, even)
+    evenly, redistributed = (errors[way][chosen] for way in ("lines, evenly", "lines"))
     numbers = {
         "measured": {
             "RMS error": _by_name(errors),
@@ -117,12 +117,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "the mean of lines approximates depth of field: each doubling up to 16 lines has less error": all(
                 errors["lines"][n] > errors["lines"][2 * n] for n in (1, 2, 4, 8)
             ),
-            "redistribution is important: without it at least twice the error": errors["lines, evenly"][
-                chosen
-            ]
-            > 2 * errors["lines"][chosen],
-            "16 lines show no banding: blurred structure of less than 2 steps of 255": bands["lines"][16]
-            < STEPS,
+            "redistribution is important: without it at least twice the error": evenly > 2 * redistributed,
+            "16 lines show no banding: blurred structure of less than 2 steps of 255": (
+                bands["lines"][16] < STEPS
+            ),
         },
         "note": NOTE.format(side=side, origin=exact.origin, ratio=ratio),
     }
@@ -160,8 +158,7 @@ def _reference(scene: DirectLight, side: int, spp: int) -> diffusion.Reference:
         scene_images.replicate(scene, samplers.independent(sobol, 2**20 + k), side, each)
         for k in range(REPLICATES)
     ]
-    error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
-    return diffusion.Reference(np.mean(images, axis=0), error, f"estimated from {spp} samples per pixel")
+    return diffusion.of_replicates(images, f"estimated from {spp} samples per pixel")
 
 
 @pytree
@@ -260,14 +257,14 @@ def _draw(
     )
     figure = image_grid(title, [*eight, *means, *differences], 8, size, below)
     styles = {
-        "lines": (BLUE, "o", "-"),
-        "lines, evenly": (VERMILLION, "s", "-"),
-        "points": (BLACK, "^", "-"),
-        "samples of the lens": (ORANGE, "D", "-"),
+        "lines": (BLUE, "o"),
+        "lines, evenly": (VERMILLION, "s"),
+        "points": (BLACK, "^"),
+        "samples of the lens": (ORANGE, "D"),
     }
     left, right = (add_axes(figure, start, 64, 560, below - 130) for start in (110, 1010))
-    for way, (color, marker, line) in styles.items():
-        style = {"color": color, "marker": marker, "ls": line, "ms": 4, "label": way}
+    for way, (color, marker) in styles.items():
+        style = {"color": color, "marker": marker, "ms": 4, "label": way}
         left.plot(list(errors[way]), list(errors[way].values()), **style)
         if way in bands:
             right.plot(list(bands[way]), list(bands[way].values()), **style)

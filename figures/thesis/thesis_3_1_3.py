@@ -216,28 +216,16 @@ def _draw(
     below = 400
     figure = image_grid(title, panels, 5, 256, below)
     left, right = (add_axes(figure, start, 70, 500, below - 130) for start in (130, 810))
-    left.plot(
-        list(drift), list(drift.values()), "o-", color=VERMILLION, ms=3, label="subtracted and added, float32"
-    )
+    label = "subtracted and added, float32"
+    left.loglog(list(drift), list(drift.values()), "o-", color=VERMILLION, ms=3, label=label)
     left.axhline(0.5 / 255, color=GREY, lw=0.8, label="half a step of 255")
-    left.set(
-        xscale="log",
-        yscale="log",
-        xlabel="frames",
-        ylabel="largest difference",
-        title="Rounding errors of frames (ring buffer: none)",
-    )
-    left.legend(loc="center left", frameon=False)
-    right.plot(list(errors), list(errors.values()), "o-", color=BLACK, ms=3, label="equally spaced times")
+    left.set(xlabel="frames", ylabel="largest difference")
+    left.set_title("Rounding errors of frames (ring buffer: none)")
+    right.loglog(list(errors), list(errors.values()), "o-", color=BLACK, ms=3, label="equally spaced times")
     right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % of points are below")
-    right.set(
-        xscale="log",
-        yscale="log",
-        xlabel="times per pixel",
-        ylabel="RMS error",
-        title="A thick line that moves",
-    )
+    right.set(xlabel="times per pixel", ylabel="RMS error", title="A thick line that moves")
     right.set_xticks(list(errors), [str(n) for n in errors])
     right.minorticks_off()
-    right.legend(loc="center left", frameon=False)
+    for axes in (left, right):
+        axes.legend(loc="center left", frameon=False)
     return figure

@@ -68,12 +68,23 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             found[kind][f"{2**log}"] = _best(maps[kind], kind, floor, times, exact, changes, log)
         progress(0.9 * done / len(size.logs))
     means, mean_error = _over_shutter(maps, found, size, floor, x, z, changes)
-    measured = {
-        "error": found,
+    times_more = {
         "photons for the error of intervals, still parts": _times_more(found, "still"),
         "photons for the error of intervals, moving shadow": _times_more(found, "moving"),
         "stored for the error of intervals, still parts": _times_more(found, "still", "stored"),
-        "error of the mean over the shutter, still parts": mean_error,
+    }
+    measured = {"error": found, **times_more, "error of the mean over the shutter, still parts": mean_error}
+    still, moving, stored = times_more.values()
+
+    def falls(kind: str) -> bool:
+        errors = [of["all"] for of in found[kind].values()]
+        return all(after < before for before, after in pairwise(errors))
+
+    claims = {
+        "a consistent estimator: more photons, less error": {kind: falls(kind) for kind in KINDS},
+        "still parts need fewer photons by intervals: less than half for the same error": still > 2,
+        "and less memory: fewer are stored for the same error": stored > 1,
+        "the moving shadow needs fewer, too: less than half": moving > 2,
     }
     note = NOTE.format(
         side=size.side,
@@ -85,29 +96,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure = _drawn(found, maps, means, floor, size)
     progress(1.0)
-    return figure, {"measured": measured, "claims": _claims(measured, found), "note": note}
-
-
-def _claims(measured: dict[str, Any], found: dict[str, dict[str, dict[str, Any]]]) -> dict[str, Any]:
-    def falls(kind: str) -> bool:
-        errors = [of["all"] for of in found[kind].values()]
-        return all(after < before for before, after in pairwise(errors))
-
-    return {
-        "a consistent estimator: more photons, less error": {kind: falls(kind) for kind in KINDS},
-        "still parts need fewer photons by intervals: less than half for the same error": measured[
-            "photons for the error of intervals, still parts"
-        ]
-        > 2,
-        "and less memory: fewer are stored for the same error": measured[
-            "stored for the error of intervals, still parts"
-        ]
-        > 1,
-        "the moving shadow needs fewer, too: less than half": measured[
-            "photons for the error of intervals, moving shadow"
-        ]
-        > 2,
-    }
+    return figure, {"measured": measured, "claims": claims, "note": note}
 
 
 def _world() -> tracing.World:

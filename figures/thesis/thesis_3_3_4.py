@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures._rc import BLACK, BLUE
 from figures.shared.rendered import predicted_scene, scene_images
-from figures.shared.rendered.predicted_scene import shown
+from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import samplers, sequences, tracing
 
@@ -69,17 +69,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         spent = float(np.mean([one.samples.mean() for one in found])) * count
         images = np.stack([one.image for one in found]).astype(np.float64)
         if not regions:
-            regions, mean = (
-                _regions(side, np.mean([one.images for one in found], axis=0)),
-                images.mean(axis=0),
-            )
+            regions = _regions(side, np.mean([one.images for one in found], axis=0))
+            mean = images.mean(axis=0)
         spp = _BATCH * max(round(spent / _BATCH), 1)
         plain = np.stack([_plain(side, spp, key, quality) for key in range(size.keys)])
         at = f"{spp}"
-        errors["predicted"][at], errors["plain"][at] = (
-            _errors(images, exact, regions),
-            _errors(plain, exact, regions),
-        )
+        errors["predicted"][at] = _errors(images, exact, regions)
+        errors["plain"][at] = _errors(plain, exact, regions)
         biases[at] = _biases(images, exact, regions)
         if done == 1:
             excess = _excess(images, exact, regions)
@@ -110,11 +106,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
     }
     note = NOTE.format(side=side, exact=size.exact, contrast=CONTRAST, keys=size.keys, **ends)
-    return _drawn(size, exact, mean, errors, biases, regions), {
-        "measured": measured,
-        "claims": claims,
-        "note": note,
-    }
+    figure = _drawn(size, exact, mean, errors, biases, regions)
+    return figure, {"measured": measured, "claims": claims, "note": note}
 
 
 def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:

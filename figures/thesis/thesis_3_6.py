@@ -15,7 +15,8 @@ from scipy import ndimage
 
 from figures._errors import rms
 from figures.shared.rendered import predicted_scene
-from figures.shared.rendered.predicted_scene import CAMERA, shown
+from figures.shared.rendered.diffusion import shown
+from figures.shared.rendered.predicted_scene import CAMERA
 from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
@@ -78,8 +79,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     claims = {
         "what no triangle covers is at borders of the image": bool(holes.any())
         and touching == set(range(1, count + 1)),
-        "the contrast criterion finds where predictions fail: three times the error of the others": failed
-        > 3 * kept,
+        "the contrast criterion finds where predictions fail: three times the error of the others": (
+            failed > 3 * kept
+        ),
     }
     note = NOTE.format(side=side, holes=int(holes.sum()), spp=size.spp, failed=failed, kept=kept)
     marked = np.where(holes[..., None], [1.0, 0.0, 1.0], shown(raw.images[1]))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -26,10 +25,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the six shapes of elementary intervals for m = 5, by case of the proof."""
     del quality, progress
     n, half = 2**M, M // 2
-    points = np.asarray(sequences.permutation_net(M).bits(jnp.arange(n, dtype=jnp.uint32))) >> np.uint32(
-        32 - M
-    )
-    points = points.astype(np.int64)
+    points = point_plots.words(sequences.permutation_net(M), M)
     figure, axes = point_plots.panels(6, "Cases in the proof for m = 5 (thesis Fig. 5.15)", columns=3)
     counts = {}
     for (log_width, case), panel in zip(CASES.items(), axes, strict=True):

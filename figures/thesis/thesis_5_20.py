@@ -17,10 +17,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the sheared tiling, and the same points as pixels with wrapped copies of one pattern."""
     del quality, progress
     side = 2**M
-    net = np.asarray(sequences.permutation_net(M).bits(jnp.arange(side, dtype=jnp.uint32))) >> np.uint32(
-        32 - M
-    )
-    net = net.astype(np.int64)
+    net = point_plots.words(sequences.permutation_net(M), M)
     index = jnp.arange(side, dtype=jnp.uint32)
     in_row = [
         np.asarray(sequences.permutation_net_in_row(M, row, index) >> np.uint32(32 - M)).astype(np.int64)

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
 from figures import plot
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 PRINTED = {
@@ -50,8 +50,7 @@ NOTE = (
 
 
 def _squared(name: str, m: int, sheared: bool) -> int:
-    index = jnp.arange(2**m, dtype=jnp.uint32)
-    points = np.asarray(NETS[name](m).bits(index)) >> np.uint32(32 - m)
+    points = point_plots.words(NETS[name](m), m)
     return analysis.squared_min_distance(points, side=2**m, shear=2 ** (m - 2) if sheared else 0)
 
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
 from figures import plot
 from figures._errors import residual
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 NETS = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}
@@ -22,8 +22,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     squared: dict[str, list[int]] = {name: [] for name in NETS}
     for m in sizes:
         for name, net in NETS.items():
-            words = np.asarray(net(m).bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
-            squared[name].append(analysis.squared_min_distance(words, side=2**m))
+            points = point_plots.words(net(m), m)
+            squared[name].append(analysis.squared_min_distance(points, side=2**m))
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 

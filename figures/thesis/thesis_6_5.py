@@ -31,14 +31,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     figure, numbers, images = motion_blur.pictures("cornell_box", title, CROP, claims, quality, progress)
     numbers["measured"] |= {
         "keys": motion_blur.KEYS[quality],
-        "RMS error, mean over keys": {
-            size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in errors.items()
-        },
-        "strongest wave, mean over keys": {
-            size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in waves.items()
-        },
+        "RMS error, mean over keys": _means(errors),
+        "strongest wave, mean over keys": _means(waves),
     }
     return figure, numbers, images
+
+
+def _means(keys: Keys) -> dict[str, dict[str, float]]:
+    return {size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in keys.items()}
 
 
 def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
@@ -46,15 +46,8 @@ def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
 
     def ahead(size: str) -> Found:
         """Return whether both nets have less error than all others: but for the lattice by far."""
-        far = [
-            judged.smaller(sets[size][net], sets[size][name])
-            for net in NETS
-            for name in OTHERS
-            if name != LATTICE
-        ]
-        return judged.all_of(
-            *far, *(judged.smaller(errors[size][net], errors[size][LATTICE]) for net in NETS)
-        )
+        far = judged.all_smaller(sets[size], NETS, [name for name in OTHERS if name != LATTICE])
+        return judged.all_of(far, judged.all_smaller(errors[size], NETS, [LATTICE]))
 
     return {
         "the two rotated nets perform almost equally well (within 20 %)": {
@@ -64,8 +57,7 @@ def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
             size: ahead(size) for size in errors
         },
         "the full-screen nets perform worse than the rotated ones": {
-            size: judged.all_of(*(judged.smaller(of[net], of[full]) for net in NETS for full in FULL))
-            for size, of in errors.items()
+            size: judged.all_smaller(of, NETS, FULL) for size, of in errors.items()
         },
         f"full-screen nets show patterns: waves {PATTERN:g} times those of rotated ones": {
             size: judged.all_of(

@@ -135,20 +135,14 @@ def _claims(afar: dict[str, dict[str, list[float]]]) -> Claims:
             for name in others("Z")
         },
         "Z almost delivers the best quality": {
-            title: judged.all_of(*(judged.smaller(of["Z"], of[name], ALMOST) for name in others("Z")))
-            for title, of in afar.items()
+            title: judged.all_smaller(of, ["Z"], others("Z"), ALMOST) for title, of in afar.items()
         },
         "ranked keys slightly outperform Z in the sports car": published_keys.judged_by(
             lambda name: judged.smaller(afar["sports"][name], afar["sports"]["Z"])
         ),
         "ranked keys fail badly with bidirectional paths: a fifth more error than all others": (
             published_keys.judged_by(
-                lambda name: judged.all_of(
-                    *(
-                        judged.smaller(afar["caustic"][other], afar["caustic"][name], 1 / ALMOST)
-                        for other in others(name)
-                    )
-                )
+                lambda name: judged.all_smaller(afar["caustic"], others(name), [name], 1 / ALMOST)
             )
         ),
     }

@@ -65,9 +65,9 @@ INSET = 256
 
 NOTE = (
     f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper's scene is not given: here "
-    "the occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, and "
-    "v. 'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that the "
-    "paper prints; 'Z joint' has one sequence of five dimensions and one order. "
+    "the occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, "
+    "and v. 'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that "
+    "the paper prints; 'Z joint' has one sequence of five dimensions and one order. "
     f"The reference is {{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided "
     "among {keys} keys, with intervals from the sets. Filtered errors: "
     f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} keys. " + diffusion.EXPLAINED

@@ -80,6 +80,4 @@ def images_of(scene: str, size: Size) -> Images:
 
 def reference(images: Images) -> diffusion.Reference:
     """Return the mean of the replicates of the reference, and its standard error."""
-    replicates = [image for run, image in images.items() if run.seed >= REFERENCE_KEY]
-    error = np.std(replicates, axis=0, ddof=1) / np.sqrt(len(replicates))
-    return diffusion.Reference(np.mean(replicates, axis=0), error, "")
+    return diffusion.of_replicates([of for run, of in images.items() if run.seed >= REFERENCE_KEY], "")

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures import plot
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import BinarySequence, Sequence
 
 
 def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, list[Axes]]:
@@ -38,6 +38,11 @@ def scatter(axes: Axes, points: NDArray, title: str = "", **style) -> None:
 def block(sequence: Sequence, n: int, start: int = 0) -> NDArray[np.float64]:
     """Return points as float64."""
     return np.asarray(sequence.points(n, start, dtype=jnp.float64))
+
+
+def words(net: BinarySequence, m: int) -> NDArray[np.int64]:
+    """Return the first 2**m points on the integer grid of that side."""
+    return np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))).astype(np.int64) >> (32 - m)
 
 
 def holds_one_each(points: NDArray, m: int) -> bool:

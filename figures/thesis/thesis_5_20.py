@@ -54,8 +54,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {
         "measured": measured,
         "claims": {
-            "the 4 x 4 pixels can be tiled regularly without a decrease in minimum distance": patterned
-            == sheared,
+            "the 4 x 4 pixels can be tiled regularly without a decrease in minimum distance": (
+                patterned == sheared
+            ),
             "the same pattern in each pixel would have less": alike < sheared,
         },
     }

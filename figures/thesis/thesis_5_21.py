@@ -1,6 +1,6 @@
 """Thesis Fig. 5.21 and Table 5.1: minimum distances of (0,m,2)-nets in base 2."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -86,24 +86,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     misprints = _misprints()
     numbers = {
         "measured": {
-            name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in measured.items()
-        }
-        | {
+            **_by_size(measured),
             "decimals that are not those of the printed roots": misprints,
-            "distance over that of the densest packing": {
-                name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in relative.items()
-            },
+            "distance over that of the densest packing": _by_size(relative),
         },
-        "printed": {
-            "squared distances": {
-                name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in PRINTED.items()
-            },
-            "decimals": DECIMALS,
-        },
+        "printed": {"squared distances": _by_size(PRINTED), "decimals": DECIMALS},
         "claims": _claims(measured, misprints),
         "note": NOTE,
     }
     return figure, numbers
+
+
+def _by_size(found: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float]]:
+    return {name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in found.items()}
 
 
 def _relative(squared: list[int]) -> list[float]:

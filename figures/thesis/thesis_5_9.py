@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.thesis.thesis_5_5 import PRINTED, STYLES
+from figures.thesis.thesis_5_5 import PRINTED, STYLES, draw_distances
 from figures.thesis.thesis_5_7 import draw_matrix
 from qmcjax import sequences
 
@@ -54,13 +54,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             layout[panel].set_title(f"{name}, {label}, m = {M}", fontsize=9)
     axes = layout["d"]
     searched = {"searched sequence": plot.Style("C3", "s"), "searched nets": plot.style("optimised matrices")}
-    for name, values in distances.items():
-        drawn = (STYLES | searched)[name]
-        axes.semilogy(sizes, values, marker=drawn.marker, color=drawn.color, label=name)
+    draw_distances(axes, sizes, distances, STYLES | searched)
     axes.semilogy([M], [THESIS], "k*", ms=12, ls="", label="searched in the thesis")
-    axes.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance in the unit cube")
-    axes.set_xticks(sizes)
-    axes.grid(alpha=0.3)
     axes.legend(frameon=False)
     last_two = _words(sequences.optimized_net_3d(M), 2**M)[:, 1:]
     of_pair = {

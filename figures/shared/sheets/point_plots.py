@@ -6,6 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+import analysis
 from figures import plot
 from qmcjax.sequences import BinarySequence, Sequence
 
@@ -47,8 +48,5 @@ def words(net: BinarySequence, m: int) -> NDArray[np.int64]:
 
 def holds_one_each(points: NDArray, m: int) -> bool:
     """Tell, by counting, whether each elementary interval of area 2**-m holds one point."""
-    for i in range(m + 1):
-        cells = np.floor(points[:, 0] * 2**i) * 2 ** (m - i) + np.floor(points[:, 1] * 2 ** (m - i))
-        if len(np.unique(cells)) != 2**m:
-            return False
-    return True
+    counts = (analysis.interval_counts(points, (i, m - i)) for i in range(m + 1))
+    return all(bool((each == 1).all()) for each in counts)

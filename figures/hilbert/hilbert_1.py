@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import analysis
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
@@ -79,13 +79,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name][UNIFORMITY] = {title: by_count for title, (_, by_count) in found.items()}
         counts = measured[name]["histogram"]
         shares = np.array(list(counts.values())) / sum(counts.values())
-        histogram.bar(
-            [int(count) + 0.2 * k - 0.3 for count in counts],
-            shares,
-            0.2,
-            label=f"{name}, mean {measured[name]['mean']:.2f}",
-            color=COLOURS[name],
-        )
+        label = f"{name}, mean {measured[name]['mean']:.2f}"
+        places = [int(count) + 0.2 * k - 0.3 for count in counts]
+        histogram.bar(places, shares, 0.2, label=label, color=COLOURS[name])
         progress((k + 1) / (len(CURVES) + 1))
     histogram.set(
         xlabel="segments in the 3x3 neighbourhood",
@@ -106,7 +102,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 def _measure(curve: Curve) -> dict:
     counts = analysis.segment_counts(curve)
     interior = counts[1:-1, 1:-1]
-    values, numbers = np.unique(interior, return_counts=True)
     return {
         "maximum": int(interior.max()),
         "maximum with the border": int(counts.max()),
@@ -114,8 +109,13 @@ def _measure(curve: Curve) -> dict:
         "maximum if the ends of a closed curve are joined": int(_joined(curve, counts).max()),
         "share at the maximum": float(np.mean(interior == interior.max())),
         "mean": float(interior.mean()),
-        "histogram": {str(v): int(n) for v, n in zip(values, numbers, strict=True)},
+        "histogram": _histogram(interior),
     }
+
+
+def _histogram(values: ArrayLike) -> dict[str, int]:
+    """Return how often each value is there."""
+    return {str(v): int(n) for v, n in zip(*np.unique(values, return_counts=True), strict=True)}
 
 
 def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
@@ -200,8 +200,8 @@ def _draw_variants(axes: Axes) -> dict[str, int]:
     maxima = [
         int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in peano_variants(VARIANT_DIGITS)
     ]
-    values, numbers = np.unique(maxima, return_counts=True)
-    axes.bar_label(axes.bar(values, numbers, 0.6, color="0.6"))
+    counts = _histogram(maxima)
+    axes.bar_label(axes.bar([int(v) for v in counts], list(counts.values()), 0.6, color="0.6"))
     axes.set(
         xlabel="maximum of the segments in interior 3x3 neighbourhoods",
         ylabel="curves",
@@ -209,4 +209,4 @@ def _draw_variants(axes: Axes) -> dict[str, int]:
         xlim=(0.4, 5.6),
         xticks=range(1, 6),
     )
-    return {str(v): int(n) for v, n in zip(values, numbers, strict=True)}
+    return counts

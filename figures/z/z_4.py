@@ -48,13 +48,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
     accordion = curve_of(orders.accordion(CUT, CUT))
     chosen = [_rolled(unfolded(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
-    sides = {
-        "Morton": _adjacency(curve_of(orders.morton(COUNTED, COUNTED))),
-        "accordion": _adjacency(accordion),
-    }
+    morton = curve_of(orders.morton(COUNTED, COUNTED))
+    sides = {"Morton": _adjacency(morton), "accordion": _adjacency(accordion)}
+    start, end = jump = _jump(_rolled(unfolded(4, [False])[-1]))
     measured = {
         "quadrants in Morton's order": _quadrants(accordion),
-        "16 blocks: the jump from green to gray, columns and rows": _jump(_rolled(unfolded(4, [False])[-1])),
+        "16 blocks: the jump from green to gray, columns and rows": jump,
         "choices of sides for 64 or 256 blocks": len(chosen),
         "of these, the jump from green to gray stays in its column": sum(
             start[0] == end[0] for start, end in map(_jump, chosen)
@@ -62,13 +61,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "of these, the path is closed": sum(map(_is_closed, chosen)),
         "adjacency": sides,
     }
-    start, end = measured["16 blocks: the jump from green to gray, columns and rows"]
     claims = {
         "cutting and turning in the middle gives the accordion order": np.array_equal(
             _rolled(strips[-1]).positions, accordion.positions
         ),
-        "it swaps the blue and the gray block of Morton's order": measured["quadrants in Morton's order"]
-        == [0, 1, 3, 2],
+        "it swaps the blue and the gray block of Morton's order": _quadrants(accordion) == [0, 1, 3, 2],
         "the jump from green to gray goes from the bottom left to the top right": start[0] < end[0]
         and start[1] < end[1],
         "16 blocks with reversed cuts are a Moore curve": _is_moore(reversed_cuts),

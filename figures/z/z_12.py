@@ -14,6 +14,7 @@ from figures._errors import rms
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, scene_images
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 32, "paper": 64}
@@ -59,7 +60,6 @@ NAMES = {
 } | {name: f"Z, {name}" for name in ALPHABETS}
 """In pictures."""
 
-DPI = 150
 INSET = 256
 """Pixels of the picture that an inset is wide, at most."""
 
@@ -166,33 +166,25 @@ def _sheet(
     insets: dict[str, NDArray], counts: list[int], errors: Errors, exact: diffusion.Reference
 ) -> Figure:
     """Lay insets out at whole zoom, seven a row, above the graphs."""
-    top, gap, caption, graphs = 68, 12, 48, 640
-    width, height = gap + 7 * (INSET + gap), top + 2 * (INSET + caption) + graphs
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    side = len(insets["reference"])
+    side, graphs = len(insets["reference"]), 640
     title = (
         f"Variants of the Z-sampler and sizes of its alphabet, images at {SPP} spp (Z paper, Fig. 12)\n"
         f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels"
     )
-    figure.suptitle(title, y=1 - 14 / height, fontsize=10)
-    for k, (name, image) in enumerate(insets.items()):
-        row, column = divmod(k, 7)
-        zoom = INSET // len(image)
-        left, bottom = gap + column * (INSET + gap), height - top - (row + 1) * (INSET + caption)
-        axes = plot.place(figure, image, left, bottom, zoom, transfer="srgb")
+    panels = []
+    for name, image in insets.items():
         text = NAMES.get(name, name)
         if name in errors:
             text += f"\nfiltered error {diffusion.measures(image, exact)['filtered error']:.4f}"
-        axes.set_title(text, fontsize=8, pad=3)
+        panels.append(Panel(text, diffusion.shown(image)))
+    figure = image_grid(title, panels, 7, INSET, below=graphs)
     for k, (title, names) in enumerate(
         {
             "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],
             "sizes of the alphabet; Z, tree has 4096 letters": ["Z0", *ALPHABETS, "Z", "random"],
         }.items()
     ):
-        axes = figure.add_axes(
-            ((110 + 940 * k) / width, 80 / height, 640 / width, (graphs - 80 - 70) / height)
-        )
+        axes = add_axes(figure, 110 + 940 * k, 80, 640, graphs - 80 - 70)
         plot.convergence(
             counts,
             {NAMES.get(name, name): [rms(errors[name][spp]) for spp in counts] for name in names},

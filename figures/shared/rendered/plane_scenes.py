@@ -17,6 +17,7 @@ from figures._errors import residual, rms
 from figures.making import finished_cells
 from figures.making.schema import Claims
 from figures.shared.rendered import pixel_sets
+from figures.shared.sheets.image_grid import DPI, add_axes
 from qmcjax import samplers, sequences
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
@@ -34,8 +35,6 @@ KEYS = 4
 
 VISIBLE = 2.0
 """How much larger the error of a row of pixels is that is seen as a line."""
-
-DPI = 150
 
 SHOWN = 64
 """Samples per pixel of the errors that are drawn."""
@@ -250,9 +249,7 @@ def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: s
     figure.suptitle(title, y=1 - 16 / height, fontsize=11)
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     for k, times in enumerate((0.0, 0.75)):
-        axes = figure.add_axes(
-            ((120 + 1170 * k) / width, (below + 80) / height, 820 / width, (height - below - 170) / height)
-        )
+        axes = add_axes(figure, 120 + 1170 * k, below + 80, 820, height - below - 170)
         plot.convergence(
             spps, whole, times=times, title="the same, times $n^{0.75}$" if times else "", ax=axes
         )

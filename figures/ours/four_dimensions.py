@@ -11,7 +11,8 @@ from analysis.tables.search_columns import QUESTIONS, SIZE, Found, search
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
 from figures.shared.integrands import projection_errors
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
-from figures.shared.integrands.projection_errors import DIMS, PROJECTIONS, Ratio
+from figures.shared.integrands.projection_errors import DIMS, PROJECTIONS
+from figures.shared.judged import Ratio
 from qmcjax import sequences
 
 REFERENCE = "Sobol'"

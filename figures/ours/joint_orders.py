@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._rc import BLACK
+from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from qmcjax import orders, samplers, sequences
 from qmcjax.choosing import CANDIDATES
-from qmcjax.core import student
 
 OURS = "optimised, joint"
 TILES = "designed tiles"
@@ -88,7 +88,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for done, (dims, spp) in enumerate(cells, start=1):
         logs = {name: measured(of, dims, side, spp, keys) for name, of in makers(dims, side, spp).items()}
         ratios.setdefault(dims, {})[spp] = {
-            name: [_with_interval((logs[OURS] - of)[:, kind]) for kind in (0, 1)]
+            name: [list(judged.of_logarithms((logs[OURS] - of)[:, kind])) for kind in (0, 1)]
             for name, of in logs.items()
             if name != OURS
         }
@@ -118,10 +118,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             ),
         ),
     }
-
-
-def _with_interval(logarithms: NDArray[np.float64]) -> list[float]:
-    return [float(np.exp(value)) for value in (logarithms.mean(), *student.interval(logarithms))]
 
 
 def _draw(ratios: dict[int, dict[int, dict[str, list[list[float]]]]]) -> Figure:

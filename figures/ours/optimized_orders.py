@@ -1,10 +1,8 @@
 """Orders with searched permutations beside the samplers of the papers: what a filter leaves of errors."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
-import jax
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -17,8 +15,7 @@ from figures.shared.integrands.diffusing_samplers import Maker, drawn, in_rows, 
 from figures.shared.integrands.integrand_classes import CLASSES
 from figures.shared.sheets import text_tables
 from figures.shared.sheets.image_grid import GAP, Panel, add_axes, image_grid
-from figures.shared.turns import in_turns, median
-from qmcjax import orders, samplers
+from qmcjax import orders
 
 SIDE = {"draft": 64, "paper": 256}
 COUNTS = {"draft": (1, 4), "paper": (1, 4, 16, 64)}
@@ -56,14 +53,6 @@ def _measured(maker: Maker, side: int, spp: int, made_for: int, keys: int) -> tu
     return images[0], {
         name: {what: rms([of[name][what] for of in found]) for what in found[0][name]} for name in CLASSES
     }
-
-
-def _frame(sampler: samplers.Sampler, side: int, spp: int, _: int) -> jax.Array:
-    return analysis.pixel_means(_product, sampler, side, side, spp)
-
-
-def _product(point: jax.Array) -> jax.Array:
-    return point[..., 0] * point[..., 1]
 
 
 def _geometric(values: Any) -> float:
@@ -122,12 +111,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         spp: _geometric(_ratios(measured[OURS][spp], measured["drawn permutations"][spp]).values())
         for spp in best
     }
-    frames = {
-        name: partial(_frame, maker(side, most, 1), side, most)
-        for name, maker in ((OURS, ours), ("rows", in_rows))
-    }
-    taken = in_turns(frames, 5)
-    slower = median(taken[OURS]) / median(taken["rows"])
+    slower = integrand_classes.time_ratio(ours(side, most, 1), in_rows(side, most, 1), side, most)
     goals = {f"{spp} spp": GOALS.get(spp, GOAL) for spp in counts}
     figure = _draw(shown, best, compared, against_drawn, first)
     return figure, {
@@ -183,12 +167,6 @@ def _best(measured: dict[str, dict[str, Errors]], spp: int) -> dict[str, tuple[s
     return found
 
 
-def _power(found: NDArray) -> NDArray[np.float64]:
-    """Return the mean spectrum over all integrands."""
-    each = [analysis.error_spectrum(error, np.zeros_like(error)) for error in np.moveaxis(found, 2, 0)]
-    return np.mean(each, axis=0)
-
-
 def _draw(
     shown: dict[int, dict[str, NDArray]],
     best: Best,
@@ -207,11 +185,8 @@ def _draw(
         for name in SHOWN:
             error = images[name][..., :1]
             left = analysis.filtered_error(error, np.zeros_like(error))
-            panels.append(
-                Panel(
-                    f"{name}, {spp} spp\nfiltered error {left:.4f}", error[:CROP, :CROP, 0], (-spread, spread)
-                )
-            )
+            caption = f"{name}, {spp} spp\nfiltered error {left:.4f}"
+            panels.append(Panel(caption, error[:CROP, :CROP, 0], (-spread, spread)))
     rows, below = len(CLASSES) + 3, 320
     height = 34 * (rows + 2)
     title = (
@@ -223,7 +198,8 @@ def _draw(
     plot.order(orders.optimized(16, 16, 1, 1), title="16 x 16 pixels in order, 1 spp", ax=axes)
     for k, (spp, images) in enumerate(shown.items()):
         axes = add_axes(figure, 380 + 410 * k, height + 110, 310, 220)
-        plot.spectrum({name: _power(of) for name, of in images.items()}, title=f"{spp} spp", ax=axes)
+        spectra = {name: integrand_classes.mean_spectrum(of) for name, of in images.items()}
+        plot.spectrum(spectra, title=f"{spp} spp", ax=axes)
         axes.legend().remove()
     axes.legend(loc="center left", bbox_to_anchor=(1.05, 0.5), frameon=False)
     across = int(figure.get_size_inches()[0] * figure.dpi)

@@ -5,21 +5,19 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from jax import Array
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-import analysis
 from figures import plot
 from figures.making import finished_cells
+from figures.shared import judged
+from figures.shared.integrands import integrand_classes
 from figures.shared.integrands.first_samples import lengths, prefix_errors
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
-from figures.shared.turns import in_turns, median
 from qmcjax import samplers
 from qmcjax.choosing import CANDIDATES
-from qmcjax.core import student
 
 OURS = "progressive"
 ORDERS = ("optimised orders", "Hilbert, Owen-Sobol'", "Z, hash")
@@ -95,7 +93,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for name in size.others(spp):
                 cells[f"{name} {dims} {spp}"] = partial(theirs, dims, name, spp)
     measured = finished_cells.shared("errors", cells, lambda part: progress(0.95 * part))
-    slower = _slower()
+    optimized = samplers.optimized(TIMED_SIDE, TIMED_SIDE, TIMED_SPP, 1)
+    sampler = samplers.progressive(TIMED_SIDE, TIMED_SIDE, 1)
+    slower = integrand_classes.time_ratio(sampler, optimized, TIMED_SIDE, TIMED_SPP)
     ratios = {
         (dims, among): {
             spp: _ratio(measured, dims, spp, [name for name in size.others(spp) if name in names], prefixes)
@@ -153,9 +153,9 @@ def _ratio(measured: dict, dims: int, spp: int, names: list[str], prefixes: tupl
     best = min(names, key=lambda name: float(_middle(measured[f"{name} {dims} {spp}"])))
     ours = measured[f"{OURS} {dims}"][:, prefixes.index(spp)]
     logs = np.log(ours) - np.log(measured[f"{best} {dims} {spp}"])
-    low, high = np.exp(student.interval(logs[:, 0]))
+    _, low, high = judged.of_logarithms(logs[:, 0])
     middle, plain = np.exp(logs.mean(axis=0))
-    return Ratio(best, float(middle), float(low), float(high), float(plain))
+    return Ratio(best, float(middle), low, high, float(plain))
 
 
 def _between(found: NDArray, prefixes: tuple[int, ...]) -> float:
@@ -186,23 +186,6 @@ def _verdicts(ratios: dict) -> str:
 
 def _by_dims(found: dict[int, float]) -> str:
     return ", ".join(f"{of:.2f} ({dims}-D)" for dims, of in found.items())
-
-
-def _product(point: Array) -> Array:
-    return point[..., 0] * point[..., 1]
-
-
-def _slower() -> float:
-    made = {
-        OURS: samplers.progressive(TIMED_SIDE, TIMED_SIDE, 1),
-        "optimised orders": samplers.optimized(TIMED_SIDE, TIMED_SIDE, TIMED_SPP, 1),
-    }
-
-    def frame(sampler: samplers.Sampler) -> Callable[[int], Array]:
-        return lambda _: analysis.pixel_means(_product, sampler, TIMED_SIDE, TIMED_SIDE, TIMED_SPP)
-
-    taken = in_turns({name: frame(sampler) for name, sampler in made.items()}, 5)
-    return median(taken[OURS]) / median(taken["optimised orders"])
 
 
 def _draw(title: str, measured: dict, ratios: dict, size: Size, prefixes: tuple[int, ...]) -> Figure:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.making import stbn
+from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.animations import FRAMES, METHODS, Animation, Frame, errors, image
 from figures.shared.sheets.moving_picture import moving_picture
@@ -195,8 +196,7 @@ def make(
 
 def _with_interval(logs: NDArray[np.float64]) -> list[float]:
     """Return a geometric mean and the ends of its interval, the mean itself without variance."""
-    ends = student.interval(logs) if np.ptp(logs) else (logs.mean(), logs.mean())
-    return [float(np.exp(value)) for value in (logs.mean(), *ends)]
+    return list(judged.of_logarithms(logs)) if np.ptp(logs) else [float(np.exp(logs.mean()))] * 3
 
 
 def _drawn(tables: Mapping[str, Mapping[str, NDArray[np.float64]]], spectra: Mapping[str, Any]) -> Figure:

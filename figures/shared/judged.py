@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,6 +22,20 @@ def ratio(first: ArrayLike, second: ArrayLike) -> dict[str, float]:
     """Return the geometric mean of ratios of positive values, and the ends of its interval of 95 %."""
     logs = np.log(np.asarray(first, np.float64) / np.asarray(second, np.float64))
     return {end: float(np.exp(value)) for end, value in interval(logs).items()}
+
+
+class Ratio(NamedTuple):
+    """A geometric mean of ratios, and the ends of its interval of 95 %."""
+
+    middle: float
+    low: float
+    high: float
+
+
+def of_logarithms(values: ArrayLike) -> Ratio:
+    """Return the geometric mean of ratios of the independent cases, whose logarithms are given."""
+    logs = np.asarray(values, np.float64)
+    return Ratio(*(float(np.exp(value)) for value in (logs.mean(), *student.interval(logs))))
 
 
 def ratios(cases: Mapping[str, Mapping[str, ArrayLike]], one: str, other: str) -> dict[str, dict[str, float]]:

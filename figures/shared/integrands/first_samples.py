@@ -8,8 +8,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
-import analysis
-from figures.shared.integrands import integrands_of_dims
+from figures.shared.integrands import integrand_classes, integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from qmcjax import samplers
 
@@ -52,8 +51,6 @@ def prefix_errors(
         for first in range(start, stop, TOGETHER):
             total += np.asarray(_sum(sampler, side, dims, first, min(first + TOGETHER, stop)))
         image = (total - total.mean(axis=(0, 1))) / stop / deviation
-        parts = np.split(image, len(CLASSES), axis=2)
-        filtered = [analysis.filtered_error(part, np.zeros_like(part)) / WHITE for part in parts]
-        plain = [np.sqrt(np.square(part).mean()) for part in parts]
-        found.append([np.exp(np.mean(np.log(of))) for of in (filtered, plain)])
+        of_classes = integrand_classes.of_classes(image, len(CLASSES)) / [[WHITE], [1]]
+        found.append([np.exp(np.mean(np.log(of))) for of in of_classes])
     return np.array(found)

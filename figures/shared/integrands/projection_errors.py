@@ -1,7 +1,7 @@
 """Errors of scrambled sequences on random integrands of four coordinates, and of their pairs."""
 
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,10 +9,10 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from qmcjax import sequences
-from qmcjax.core import student
 
 DIMS = 4
 PROJECTIONS = (*combinations(range(DIMS), 2), tuple(range(DIMS)))
@@ -23,14 +23,6 @@ AT_ONCE = 64
 
 PARTS = 8
 """Sets of keys whose ratios are compared for an interval."""
-
-
-class Ratio(NamedTuple):
-    """How many times smaller RMS errors are, with an interval of 95 %."""
-
-    middle: float
-    low: float
-    high: float
 
 
 def estimates(sequence: Any, first: int, last: int, keys: int, seed: int = 5) -> NDArray:
@@ -64,7 +56,7 @@ def estimates(sequence: Any, first: int, last: int, keys: int, seed: int = 5) ->
     return found.reshape(*found.shape[:-1], len(CLASSES), COUNT)
 
 
-def ratio(reference: NDArray, estimates: NDArray) -> Ratio:
+def ratio(reference: NDArray, estimates: NDArray) -> judged.Ratio:
     """Return by how much errors are smaller than those of a reference.
 
     Both are arrays of the same shape: keys along the first axis, integrands of a class along the last one.
@@ -75,5 +67,4 @@ def ratio(reference: NDArray, estimates: NDArray) -> Ratio:
         0.5 * np.mean(np.log(theirs.var(axis=0).mean(axis=-1) / ours.var(axis=0).mean(axis=-1)))
         for theirs, ours in zip(*parts, strict=True)
     ]
-    low, high = student.interval(np.array(logs))
-    return Ratio(*(float(np.exp(log)) for log in (np.mean(logs), low, high)))
+    return judged.of_logarithms(logs)

@@ -6,10 +6,10 @@ import jax
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
 
 import analysis
 from analysis import design_samples
+from figures.shared.sheets import marks
 from qmcjax import samplers, scenes
 from qmcjax.core import student
 
@@ -103,6 +103,5 @@ def _draw(axes: Axes, count: str, row: dict[str, dict[str, float]]) -> None:
     axes.axhline(1, color="0.4", linewidth=0.8)
     axes.set(yscale="log", xticks=places, title=count, ylabel="filtered error / that of tiles for the class")
     axes.set_xticklabels(list(row), rotation=20)
-    for axis in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        axis(StrMethodFormatter("{x:g}"))
+    marks.plain_numbers(axes)
     axes.legend(fontsize=8)

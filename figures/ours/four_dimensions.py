@@ -5,22 +5,23 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
 
 from analysis.tables.search_columns import QUESTIONS, SIZE, Found, search
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
+from figures.plot import Style
 from figures.shared.integrands import projection_errors
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from figures.shared.integrands.projection_errors import DIMS, PROJECTIONS
 from figures.shared.judged import Ratio
+from figures.shared.sheets import marks
 from qmcjax import sequences
 
 REFERENCE = "Sobol'"
 
 SEQUENCES = {
-    "Niederreiter-Xing": (sequences.niederreiter_xing, BLUE, "o"),
-    "SZ": (sequences.sz, VERMILLION, "s"),
-    "quad-optimized, base 3": (sequences.quad_optimized, GREEN, "D"),
+    "Niederreiter-Xing": (sequences.niederreiter_xing, Style(BLUE, "o")),
+    "SZ": (sequences.sz, Style(VERMILLION, "s")),
+    "quad-optimized, base 3": (sequences.quad_optimized, Style(GREEN, "D")),
 }
 
 KEYS = {"draft": 128, "paper": 1024}
@@ -60,7 +61,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     last, keys = LAST[quality], KEYS[quality]
     reference = projection_errors.estimates(sequences.sobol(DIMS), FIRST, last, keys)
     projections, sizes, kinds = {}, {}, {}
-    for done, (name, (maker, _, _)) in enumerate(SEQUENCES.items(), start=1):
+    for done, (name, (maker, _)) in enumerate(SEQUENCES.items(), start=1):
         ours = projection_errors.estimates(maker(DIMS), FIRST, last, keys)
         projections[name] = {
             axes: projection_errors.ratio(reference[:, k], ours[:, k]) for k, axes in enumerate(PROJECTIONS)
@@ -138,9 +139,8 @@ def _searches(axes: Axes, found: dict[str, Found]) -> None:
     for place, of in enumerate(found.values()):
         axes.barh(place, of.order, color=ORANGE if of.complete else GREY, height=0.6)
         if not of.complete:
-            axes.annotate(
-                "", (of.order + 1.4, place), (of.order, place), arrowprops={"arrowstyle": "->", "color": GREY}
-            )
+            arrow = {"arrowstyle": "->", "color": GREY}
+            axes.annotate("", (of.order + 1.4, place), (of.order, place), arrowprops=arrow)
         axes.text(of.order - 0.3, place, str(of.order), ha="right", va="center")
     axes.set(
         xlabel="largest m", xlim=(0, SIZE + 2), yticks=range(len(found)), title="what 2^m points can have"
@@ -152,22 +152,9 @@ def _searches(axes: Axes, found: dict[str, Found]) -> None:
 
 def _ratios(axes: Axes, rows: dict[str, dict[str, Ratio]]) -> None:
     for shift, (name, row) in zip((-0.2, 0, 0.2), rows.items(), strict=True):
-        _, color, marker = SEQUENCES[name]
-        middle, low, high = np.array(list(row.values())).T
-        axes.errorbar(
-            np.arange(len(row)) + shift,
-            middle,
-            [middle - low, high - middle],
-            color=color,
-            marker=marker,
-            ls="",
-            ms=5,
-            capsize=3,
-            label=name,
-        )
+        marks.ratios(axes, np.arange(len(row)) + shift, row.values(), SEQUENCES[name][1], label=name)
     axes.axhline(1, color=BLACK, lw=0.8)
     labels = list(next(iter(rows.values())))
     axes.set(yscale="log", xticks=range(len(labels)), xticklabels=labels)
-    for of_axis in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        of_axis(StrMethodFormatter("{x:g}"))
+    marks.plain_numbers(axes)
     axes.grid(axis="y", which="both")

@@ -75,21 +75,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     _distinguished(middle, [row for row in rows if row["ratio"] == 1])
     _power(right, [row for row in rows if row["ratio"] != 1])
     held, widths = _of_kinds(kinds)
-    _kinds(lower[0], held)
-    lower[0].axvline(interval_kinds.LEVEL, color="0.6", lw=0.8, zorder=0)
-    lower[0].set(
-        title="100 integrands: intervals of 95 %", xlabel="part of the intervals that contain the integral"
-    )
-    _kinds(lower[1], widths)
-    lower[1].axvline(1, color="0.6", lw=0.8, zorder=0)
+    _kinds(lower[0], held, interval_kinds.LEVEL)
+    lower[0].set_title("100 integrands: intervals of 95 %")
+    lower[0].set_xlabel("part of the intervals that contain the integral")
+    _kinds(lower[1], widths, 1)
     lower[1].set(title="their width", xlabel="width / Student's width, few replicates", xscale="log")
     marked = dict(zip(*lower[0].get_legend_handles_labels()[::-1], strict=True))
     lower[0].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.6, -0.12), ncols=3)
     last = {(kind, "few"): interval_kinds.by_class(stop.held, stop.of_class) for kind, stop in stops.items()}
-    _kinds(lower[2], last)
-    lower[2].axvline(interval_kinds.LEVEL, color="0.6", lw=0.8, zorder=0)
+    _kinds(lower[2], last, interval_kinds.LEVEL)
     lower[2].set(title="to a tolerance", xlabel="part that contain the integral")
     ratio = kinds[interval_kinds.BERNSTEIN, "many"].width / kinds["betting", "many"].width
+    bernstein = float(np.exp(np.log(ratio).mean()))
     results = sum(stop.held.size for stop in stops.values())
     tested = _tested(cells)
     note = NOTE.format(
@@ -103,7 +100,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         tried=tried,
         **sizes,
         nested=widths["quantile", "few"]["smooth"],
-        bernstein=float(np.exp(np.log(ratio).mean())),
+        bernstein=bernstein,
         least=float(ratio.min()),
         most=float(ratio.max()),
         stops=results,
@@ -116,9 +113,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             | {f"{level:.0%}": _share(cells, k) for k, level in enumerate(coverage.LEVELS)},
             "hundred integrands: held": {", ".join(case): of for case, of in held.items()},
             "hundred integrands: width / Student's": {", ".join(case): of for case, of in widths.items()},
-            "empirical Bernstein / betting, width": list(
-                map(float, (np.exp(np.log(ratio).mean()), ratio.min(), ratio.max()))
-            ),
+            "empirical Bernstein / betting, width": [bernstein, float(ratio.min()), float(ratio.max())],
             "to a tolerance": {
                 kind: {
                     "held": float(stop.held.mean()),
@@ -196,8 +191,9 @@ def _of_kinds(found: dict[interval_kinds.Case, interval_kinds.Intervals]) -> tup
     return held, {case: {k: float(np.exp(v)) for k, v in of.items()} for case, of in logs.items()}
 
 
-def _kinds(axes: Axes, means: Means) -> None:
-    """Draw a row for each class, with marks for kinds of intervals."""
+def _kinds(axes: Axes, means: Means, wanted: float) -> None:
+    """Draw a row for each class, with marks for kinds of intervals, and a line at what is wanted."""
+    axes.axvline(wanted, color="0.6", lw=0.8, zorder=0)
     names = list(next(iter(means.values())))
     for k, ((kind, size), of) in enumerate(means.items()):
         y = np.arange(len(names)) + 0.7 * ((k + 0.5) / len(means) - 0.5)
@@ -236,18 +232,9 @@ def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
         of = [row for row in rows if row["keys"] == keys]
         for rule, style in STYLES.items():
             label = f"{keys} keys" if rule == "Holm" else None
-            axes.plot(
-                [row["ratio"] for row in of],
-                [row[rule] for row in of],
-                f"o{style}",
-                ms=4,
-                color=f"C{color}",
-                label=label,
-            )
-    axes.set(
-        title="6 different samplers",
-        xlabel="ratio of the errors of neighbours",
-        ylabel="part of the pairs distinguished",
-    )
+            ratios, parts = zip(*((row["ratio"], row[rule]) for row in of), strict=True)
+            axes.plot(ratios, parts, f"o{style}", ms=4, color=f"C{color}", label=label)
+    axes.set(xlabel="ratio of the errors of neighbours", ylabel="part of the pairs distinguished")
+    axes.set_title("6 different samplers")
     axes.set_ylim(-0.02, 1.02)
     axes.legend(title="dotted: bootstrap")

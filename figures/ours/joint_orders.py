@@ -13,6 +13,7 @@ from figures._rc import BLACK
 from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
+from figures.shared.sheets import marks
 from qmcjax import orders, samplers, sequences
 from qmcjax.choosing import CANDIDATES
 
@@ -136,19 +137,9 @@ def _panel(axes: Axes, dims: int, rows: dict[int, dict[str, list[list[float]]]],
         found = [(k, of[name][0]) for k, of in enumerate(rows.values()) if name in of]
         if not found:
             continue
-        middle, low, high = np.array([values for _, values in found]).T
-        style = plot.style(name, names)
-        axes.errorbar(
-            np.array([k for k, _ in found]) + 0.12 * (place - (len(names) - 1) / 2),
-            middle,
-            [middle - low, high - middle],
-            color=style.color,
-            marker="o",
-            ls="",
-            ms=5,
-            capsize=3,
-            label=name,
-        )
+        places = np.array([k for k, _ in found]) + 0.12 * (place - (len(names) - 1) / 2)
+        look = plot.Style(plot.style(name, names).color, "o")
+        marks.ratios(axes, places, [ratio for _, ratio in found], look, label=name)
     for k, spp in enumerate(rows):
         if spp in GOALS[dims]:
             axes.plot([k - 0.4, k + 0.4], [GOALS[dims][spp]] * 2, color="0.5", lw=1, ls="--")

@@ -16,6 +16,7 @@ from figures.shared import judged
 from figures.shared.integrands import integrand_classes
 from figures.shared.integrands.first_samples import lengths, prefix_errors
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
+from figures.shared.sheets import marks
 from qmcjax import samplers
 from qmcjax.choosing import CANDIDATES
 
@@ -209,19 +210,10 @@ def _draw(title: str, measured: dict, ratios: dict, size: Size, prefixes: tuple[
 def _ratios(axes: Axes, dims: int, ratios: dict) -> None:
     for shift, among in ((0.97, "the best order"), (1.03, "the best sampler")):
         row = ratios[dims, among]
-        middle, low, high = np.array([(of.middle, of.low, of.high) for of in row.values()]).T
+        shown = [(of.middle, of.low, of.high) for of in row.values()]
         style = plot.style(among, ("the best order", "the best sampler"))
-        axes.errorbar(
-            np.array(list(row)) * shift,
-            middle,
-            [middle - low, high - middle],
-            color=style.color,
-            marker=style.marker,
-            ms=4,
-            lw=1,
-            capsize=2,
-            label=f"over {among} for this number",
-        )
+        look = {"ms": 4, "lw": 1, "ls": "-", "capsize": 2, "label": f"over {among} for this number"}
+        marks.ratios(axes, np.array(list(row)) * shift, shown, style, **look)
     axes.axhline(1, color="0.3", lw=0.8)
     axes.axhline(GOALS[dims], color="0.3", lw=0.8, ls="--", label="goal, over the best order")
     axes.set_title(f"{dims}-D")

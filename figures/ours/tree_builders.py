@@ -75,7 +75,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             marks[name] = _embree(mesh())
         progress(done / len(meshes))
     fan = _fan()
-    names = tuple(way for way in measured["one knot"] if way != "triangles")
+    others = [way for way in measured["one knot"] if way not in ("triangles", SAH)]
     claims = {
         "along the Hilbert curve trees are worse than by three axes": {
             mesh: _nodes(of, "Hilbert order") > 1 for mesh, of in measured.items()
@@ -94,10 +94,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for mesh, of in measured.items()
             for way in ("2-means", CENTRES)
         },
-        "quadratic splits degrade a fan to something like a list: a depth of half its triangles": fan[
-            "quadratic split"
-        ]
-        > FAN / 2,
+        "quadratic splits degrade a fan to something like a list: a depth of half its triangles": (
+            fan["quadratic split"] > FAN / 2
+        ),
     }
     numbers = {
         "measured": {"meshes": measured, "Embree, nanoseconds a ray": marks, "depth of the fan": fan},
@@ -109,7 +108,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             embree="" if EMBREE else " Embree is not installed here.",
         ),
     }
-    return _draw(measured, marks, names), numbers
+    return _draw(measured, marks, others), numbers
 
 
 def _nodes(of: dict[str, Any], way: str) -> float:
@@ -145,10 +144,9 @@ def _fan() -> dict[str, int]:
     angle = np.pi / 2 * 0.9 ** np.arange(FAN + 1)
     rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     low, high = mesh_models.corners(np.stack([0 * rim[:-1], rim[:-1], rim[1:]], axis=1))
+    ways = _ways(low, high)
     return {
-        "quadratic split": leaf_depths(trees.quadratic_split_tree(low, high))[0],
-        "quadratic split, filled": leaf_depths(trees.quadratic_split_tree(low, high, fill=0.4))[0],
-        SAH: leaf_depths(trees.surface_area_tree(low, high))[0],
+        name: leaf_depths(ways[name]())[0] for name in ("quadratic split", "quadratic split, filled", SAH)
     }
 
 
@@ -164,13 +162,12 @@ def _embree(mesh: mesh_models.Mesh, side: int = 256, turns: int = 5) -> float:
     return median(taken) / len(origin) * 1e9
 
 
-def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], names: tuple[str, ...]) -> Figure:
+def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: list[str]) -> Figure:
     figure = Figure(figsize=(15.0, 2.4 + 0.23 * len(measured)), layout="constrained")
     figure.suptitle(
         "Most other builders need more nodes than the surface area heuristic (thesis Sect. 4.1.3, 4.1.4)",
         fontsize=11,
     )
-    others = names[1:]
     rows = []
     for mesh, of in measured.items():
         row = [f"{mesh}, {of['triangles']}", f"{of[SAH]['nodes of a primary ray']:.1f}"]

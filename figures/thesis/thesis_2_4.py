@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
+from figures._errors import slope
 from figures.shared.sheets.trajectories import CORNER, CURVE, FINE, at, draw, legend, pair, table
 
 SHOWN = 16
@@ -25,9 +26,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     exact = {name: curve.by_arc_length(1).length for name, curve in CURVES.items()}
     sums = {name: [float(table(curve, n)[1][-1]) for n in PIECES] for name, curve in CURVES.items()}
     errors = {name: [1 - found / exact[name] for found in of] for name, of in sums.items()}
-    slopes = {
-        name: float(np.polyfit(np.log(PIECES[2:]), np.log(of[2:]), 1)[0]) for name, of in errors.items()
-    }
+    slopes = {name: slope(dict(zip(PIECES[2:], of[2:], strict=True))) for name, of in errors.items()}
 
     figure, (left, right) = pair("The length of a curve by linear segments (thesis Fig. 2.4)", 10)
     draw(left, CURVE)
@@ -35,9 +34,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     left.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN} linear segments")
     legend(figure)
     for (name, of), color, marker in zip(errors.items(), ("C0", "C4"), "ov", strict=True):
-        right.loglog(
-            PIECES, of, color=color, marker=marker, ms=4, label=f"curve {name}, slope {slopes[name]:.2f}"
-        )
+        label = f"curve {name}, slope {slopes[name]:.2f}"
+        right.loglog(PIECES, of, color=color, marker=marker, ms=4, label=label)
     right.set(xlabel="linear segments", ylabel="missing part of the length")
     right.grid(alpha=0.3)
     right.legend(frameon=False)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import plot
-from figures._errors import residual, rms
+from figures._errors import residual, rms, slope
 from figures.making import finished_cells
 from figures.making.schema import Claims
 from figures.shared.rendered import pixel_sets
@@ -113,11 +113,9 @@ def pictures(
             "strongest line at the top of the magnified area": lines,
         },
         "claims": {
-            "a line is visible at the top of the magnified area with the lattice, rotated as it is": max(
-                lines, key=lambda name: lines[name]
-            )
-            == "rank-1 lattice"
-            and lines["rank-1 lattice"] > VISIBLE,
+            "a line is visible at the top of the magnified area with the lattice, rotated as it is": (
+                lines["rank-1 lattice"] == max(lines.values()) > VISIBLE
+            ),
         },
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; the camera is ours where the "
         "thesis gives none. The lattice has 64 points, and a Cranley-Patterson rotation in each pixel. A "
@@ -130,12 +128,8 @@ def pictures(
 def _line(error: np.ndarray) -> float:
     """Return how much one row in the upper half stands out from the rows around it."""
     rows = np.sqrt(np.mean(error**2, axis=1))
-    return float(
-        max(
-            row / np.median([*rows[max(0, y - 4) : y], *rows[y + 1 : y + 5]])
-            for y, row in enumerate(rows[: len(rows) // 2])
-        )
-    )
+    around = [np.median([*rows[max(0, y - 4) : y], *rows[y + 1 : y + 5]]) for y in range(len(rows) // 2)]
+    return float(np.max(rows[: len(around)] / around))
 
 
 def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area) -> Figure:
@@ -160,16 +154,9 @@ def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, 
             axes = plot.place(figure, shown, x, y, side // len(shown), limits=shades)
             if row == 0:
                 axes.set_title(captions.get(name, name), fontsize=8 * large, pad=3)
-                axes.add_patch(
-                    Rectangle(
-                        (columns.start - 0.5, rows.start - 0.5),
-                        columns.stop - columns.start,
-                        rows.stop - rows.start,
-                        fill=False,
-                        color="tab:red",
-                        lw=0.8,
-                    )
-                )
+                corner = columns.start - 0.5, rows.start - 0.5
+                size = columns.stop - columns.start, rows.stop - rows.start
+                axes.add_patch(Rectangle(corner, *size, fill=False, color="tab:red", lw=0.8))
     return figure
 
 
@@ -277,9 +264,6 @@ def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, fl
 
 def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:
     return {
-        name: {
-            region: float(np.polyfit(np.log(spps), np.log(values), 1)[0])
-            for region, values in regions.items()
-        }
+        name: {region: slope(dict(zip(spps, of, strict=True))) for region, of in regions.items()}
         for name, regions in errors.items()
     }

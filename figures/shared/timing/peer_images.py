@@ -1,13 +1,11 @@
-"""Images by us and by what a user would take instead: ``python -m figures.shared.timing.peer_images draft``.
+"""Images by us and by what a user would take instead, in a process of its own.
 
-The checkerboard and the zone plate, with one scrambled Sobol' sequence in contiguous blocks of pixels. Prints
-JSON: times of the calls after the first, each with a new key, that of the first, and errors.
+The checkerboard and the zone plate, with one scrambled Sobol' sequence in contiguous blocks of pixels: times
+of the calls after the first, each with a new key, that of the first, and errors.
 """
 
 import contextlib
-import json
 import subprocess
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -134,8 +132,8 @@ def error(name: str, image: NDArray[np.float32]) -> float:
     return rms(image - exact)
 
 
-def main(quality: str) -> None:
-    """Measure, the programs taking turns with a new key in each, and print."""
+def measured(quality: str) -> dict[str, Any]:
+    """Return a row for each image; the programs take turns, with a new key in each."""
     warnings.simplefilter("ignore")
     side, counts, calls = SIZES[quality]
     rows = []
@@ -162,8 +160,4 @@ def main(quality: str) -> None:
                     errors = [error(name, image) for _, image in results]
                     row = {"scene": name, "spp": spp, "program": who, "seconds": seconds[1:]}
                     rows.append(row | {"first": seconds[0], "error": rms(errors)})
-    print(json.dumps({"side": side, "rows": rows}))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+    return {"side": side, "rows": rows}

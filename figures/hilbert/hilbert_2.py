@@ -1,6 +1,7 @@
 """Hilbert paper Fig. 2: differences of positions between neighbouring pixels, over radical inverses."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -66,7 +67,8 @@ def _draw(axes: Axes, curve: Curve, base: int) -> None:
     axes.plot(*curve.path(), color=BLUE, lw=1.5, alpha=0.7)
     for differences, step in zip(analysis.neighbour_differences(curve), ((0.5, 0), (0, 0.5)), strict=True):
         for v, u in np.argwhere(differences > 1):
-            look = {"color": VERMILLION, "weight": "bold"} if differences[v, u] % base == 0 else {}
+            bold: dict[str, Any] = {"color": VERMILLION, "weight": "bold"}
+            look = bold if differences[v, u] % base == 0 else {}
             text = str(differences[v, u])
             axes.text(u + step[0], v + step[1], text, fontsize=8, ha="center", va="center", bbox=BOX, **look)
 

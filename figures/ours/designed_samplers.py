@@ -102,8 +102,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         (dims, spp): plain[dims, OURS, spp].mean() / plain[dims, "(0,2), Owen", spp].mean()
         for dims, spp in verdicts
     }
-    both = (CANDIDATES[name].make(2, size.side, size.side, 4, 1) for name in (OURS, "raster, Owen-Sobol'"))
-    slower = integrand_classes.time_ratio(*both, size.side, 4)
+    ours, rows = (
+        CANDIDATES[name].make(2, size.side, size.side, 4, 1) for name in (OURS, "raster, Owen-Sobol'")
+    )
+    slower = integrand_classes.time_ratio(ours, rows, size.side, 4)
     progress(0.85)
     pictures = {name: _picture(name, size.side) for name in size.scenes}
     low, high = (of(ratio for _, _, ratio, _, _ in verdicts.values()) for of in (min, max))

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -70,7 +71,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _approximated(segments: int, corners: Sequence[float]) -> motion.LinearSegments:
-    return motion.approximated(partial(at, BALL), 0.0, 1.0, segments, corners)
+    path: Any = partial(at, BALL)
+    return motion.approximated(path, 0.0, 1.0, segments, corners)
 
 
 def _floats(path: motion.LinearSegments) -> float:

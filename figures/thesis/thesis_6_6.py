@@ -29,7 +29,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 def _claims(errors: dict, waves: dict) -> Claims:
     lattice = errors["rank-1 lattice"]
     few = [spp for spp in errors[NETS[0]] if spp <= FEW]
-    return motion_blur.claims_of_both(errors) | {
+    return {
+        **motion_blur.claims_of_both(errors),
         "the modified net performs only marginally better than the original (by less than 10 %)": (
             motion_blur.slightly_smaller(errors, NETS[1], NETS[0])
         ),

@@ -23,7 +23,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _claims(errors: dict, waves: dict) -> Claims:
-    return motion_blur.claims_of_both(errors) | {
+    return {
+        **motion_blur.claims_of_both(errors),
         "the lattice has more error than the nets": all(
             motion_blur.ratio(errors, "rank-1 lattice", net) > 1 for net in NETS + FULL
         ),

@@ -105,7 +105,8 @@ def _measure(curve: Curve) -> dict:
     return {
         "maximum": int(interior.max()),
         "maximum with the border": int(counts.max()),
-        "maximum of the steps that enter": int(_entering(curve, counts).max()),
+        # Without the segment that starts the curve: it enters no neighbourhood.
+        "maximum of the steps that enter": int((counts - _around(curve, 0)).max()),
         "maximum if the ends of a closed curve are joined": int(_joined(curve, counts).max()),
         "share at the maximum": float(np.mean(interior == interior.max())),
         "mean": float(interior.mean()),
@@ -123,11 +124,6 @@ def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
     x, y = (int(c[position]) for c in curve.path())
     rows, columns = np.indices(curve.positions.shape)
     return np.maximum(np.abs(columns - x), np.abs(rows - y)) <= 1
-
-
-def _entering(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Leave out the segment that starts the curve: it enters no neighbourhood."""
-    return counts - _around(curve, 0)
 
 
 def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:

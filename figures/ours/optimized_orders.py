@@ -227,8 +227,8 @@ def _rows(best: Best, compared: Compared, drawn: dict[str, float], first: Ratios
         f"{name.split()[0]} spp": (_geometric(of.values()), "orders made for so many")
         for name, of in first.items()
     }
-    return [[name, *(text for spp in best for text in _cells(of.get(spp)))] for name, of in rows.items()]
-
-
-def _cells(found: tuple[float, str] | None) -> tuple[str, str]:
-    return (f"{found[0]:.2f}", found[1]) if found else ("", "")
+    cells = {
+        name: {spp: (f"{ratio:.2f}", other) for spp, (ratio, other) in of.items()}
+        for name, of in rows.items()
+    }
+    return [[name, *(text for spp in best for text in of.get(spp, ("", "")))] for name, of in cells.items()]

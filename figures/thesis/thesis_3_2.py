@@ -44,13 +44,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1), height_ratios=(6, 1))
     opened, closed = _triangles()
     there = np.arange(TRIANGLES)[:, None, None] < CANDIDATES
-    alone = np.where(there, opened, AWAY), np.where(there, closed, AWAY)
+    alone = [np.where(there, corners, AWAY) for corners in (opened, closed)]
     middle = np.zeros((RAYS[quality], 3), np.float32)
     time = (np.arange(TIMES) + 0.5) / TIMES
-    distance = np.asarray(
-        _distances(opened[:CANDIDATES], closed[:CANDIDATES], jnp.asarray(time, jnp.float32))
-    )
-    spans = _spans(alone[0], alone[1], middle)[0]
+    some = opened[:CANDIDATES], closed[:CANDIDATES]
+    distance = np.asarray(_distances(*some, jnp.asarray(time, jnp.float32)))
+    spans = _spans(*alone, middle)[0]
     wrong = int(np.sum(_shown(spans, time) != _nearest(distance)))
     above, below = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     _draw(above, below, time, distance, spans)

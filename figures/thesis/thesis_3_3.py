@@ -75,10 +75,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         str(2**level): float(np.mean([rms(a - b) for a, b in zip(truth, truth[2**level :], strict=False)]))
         for level in range(LEVELS, -1, -1)
     }
+    full = corrected.samples == size.spp
     failed = {
-        str(level): float(
-            np.mean([corrected.samples[s.middle] == size.spp for s in corrected.steps if s.level == level])
-        )
+        str(level): float(np.mean([full[step.middle] for step in corrected.steps if step.level == level]))
         for level in range(1, LEVELS + 1)
     }
     visited = sorted([0, count - 1, *(step.middle for step in raw.steps)])

@@ -58,6 +58,11 @@ NOTE = (
 )
 
 
+Errors = dict[str, dict[int, float]]
+Images = dict[str, dict[int, NDArray]]
+"""By way, and number of lines, points or samples."""
+
+
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render the scene by lines, points and samples of the lens, and measure errors and banding."""
     side, most, even = SIDE[quality], MOST[quality], EVEN[quality]
@@ -124,7 +129,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(side=side, origin=exact.origin, ratio=ratio),
     }
-    return _draw(lines[:: most // 8], images, exact.image, errors, bands, whole, ratio), numbers
+    at_equal_time = {n / (SPP * ratio): error for n, error in whole.items()}
+    return _draw(lines[:: most // 8], images, exact.image, errors, bands, at_equal_time), numbers
 
 
 def _scene() -> DirectLight:
@@ -220,18 +226,17 @@ def _banding(one: NDArray, other: NDArray, exact: NDArray) -> float:
     return float(np.sqrt(max(means.max(), 0.0)))
 
 
-def _by_name(table: dict[str, dict[int, float]]) -> dict[str, dict[str, float]]:
+def _by_name(table: Errors) -> dict[str, dict[str, float]]:
     return {way: {str(count): value for count, value in of.items()} for way, of in table.items()}
 
 
 def _draw(
     lines: NDArray,
-    images: dict[str, dict[int, NDArray]],
+    images: Images,
     exact: NDArray,
-    errors: dict[str, dict[int, float]],
-    bands: dict[str, dict[int, float]],
-    whole: dict[int, float],
-    ratio: float,
+    errors: Errors,
+    bands: Errors,
+    at_equal_time: dict[float, float],
 ) -> Figure:
     size, below = 192, 420
     eight = [Panel(f"line {k + 1} of 8", shown(image)) for k, image in enumerate(lines)]
@@ -268,8 +273,8 @@ def _draw(
         left.plot(list(errors[way]), list(errors[way].values()), **style)
         if way in bands:
             right.plot(list(bands[way]), list(bands[way].values()), **style)
-    counts = np.array(list(whole))
-    left.plot(counts / (SPP * ratio), list(whole.values()), ":", color=GREEN, label="lens, at equal time")
+    times, of_lens = list(at_equal_time), list(at_equal_time.values())
+    left.plot(times, of_lens, ":", color=GREEN, label="lens, at equal time")
     right.axhline(STEPS, color=GREY, lw=0.8)
     left.set(title="RMS error, linear RGB", ylabel="RMS error")
     right.set(title="Bands: errors in common, after a blur", ylabel="steps of 255")

@@ -46,6 +46,13 @@ NOTE = (
 )
 
 
+Errors = dict[str, dict[str, dict[str, float]]]
+"""By kind, samples of a pixel, and region."""
+
+Regions = dict[str, NDArray[np.bool_]]
+"""Which pixels are of what."""
+
+
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw errors over samples with and without prediction, and where the bias is."""
     size = SIZES[quality]
@@ -53,8 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     scene = predicted_scene.scene()
     exact = predicted_scene.sampled(side, size.exact, quality)
     progress(0.1)
-    regions: dict[str, NDArray[np.bool_]] = {}
-    errors: dict[str, dict[str, dict[str, float]]] = {"predicted": {}, "plain": {}}
+    regions: Regions = {}
+    errors: Errors = {"predicted": {}, "plain": {}}
     biases: dict[str, dict[str, float]] = {}
     mean = exact
     fraction: dict[str, float] = {}
@@ -121,7 +128,7 @@ def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:
     return np.asarray(total) / (spp // _BATCH)
 
 
-def _regions(side: int, images: NDArray) -> dict[str, NDArray[np.bool_]]:
+def _regions(side: int, images: NDArray) -> Regions:
     """Return which pixels are of what, by the images of the intervals."""
     kinds = [predicted_scene.seen(side, time).number.reshape(side, side) for time in np.linspace(0, 1, 33)]
     box = np.any([kind == predicted_scene.BOX for kind in kinds], axis=0)
@@ -135,23 +142,23 @@ def _regions(side: int, images: NDArray) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def _errors(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
+def _errors(images: NDArray, exact: NDArray, regions: Regions) -> dict[str, float]:
     return {name: rms(images[:, region] - exact[region]) for name, region in regions.items()}
 
 
-def _biases(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
+def _biases(images: NDArray, exact: NDArray, regions: Regions) -> dict[str, float]:
     """Return the RMS bias in each region: the error of means over keys without what is left of noise."""
     squares = (images.mean(axis=0) - exact) ** 2 - images.var(axis=0, ddof=1) / len(images)
     return {name: float(np.sqrt(max(squares[region].mean(), 0))) for name, region in regions.items()}
 
 
-def _excess(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
+def _excess(images: NDArray, exact: NDArray, regions: Regions) -> dict[str, float]:
     """Return squared errors of means over keys over what their noise explains: 1 without a bias."""
     squares, noise = (images.mean(axis=0) - exact) ** 2, images.var(axis=0, ddof=1) / len(images)
     return {name: float(squares[region].mean() / noise[region].mean()) for name, region in regions.items()}
 
 
-def _ratio(errors: dict[str, dict[str, dict[str, float]]], place: int) -> dict[str, float]:
+def _ratio(errors: Errors, place: int) -> dict[str, float]:
     predicted, plain = (list(errors[kind].values())[place] for kind in ("predicted", "plain"))
     return {region: plain[region] / predicted[region] for region in plain}
 
@@ -160,9 +167,9 @@ def _drawn(
     size: Size,
     exact: NDArray,
     mean: NDArray,
-    errors: dict[str, dict[str, dict[str, float]]],
+    errors: Errors,
     biases: dict[str, dict[str, float]],
-    regions: dict[str, NDArray[np.bool_]],
+    regions: Regions,
 ) -> Figure:
     most = list(biases)[-1]
     parts = sum(shade * regions[name] for name, shade in zip(REGIONS, (1.0, 0.5, 0.0), strict=True))

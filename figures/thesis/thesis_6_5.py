@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import motion_blur
-from figures.shared.rendered.motion_blur import FULL, NETS, OTHERS
+from figures.shared.rendered.motion_blur import FULL, NETS, OTHERS, Keys
 
 CROP = (0.25, 0.6, 0.25)
 
@@ -18,9 +18,6 @@ PATTERN = 1.5
 
 
 LATTICE = "rank-1 lattice"
-
-Keys = dict[str, dict[str, list[float]]]
-"""Values of each key by size of the image and sampler."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:

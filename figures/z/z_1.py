@@ -64,6 +64,10 @@ NOTE = (
 )
 
 
+Keys = dict[str, dict[str, list[float]]]
+"""Values of each key by sampler and measure."""
+
+
 def zero_two(dims: int, key: int) -> samplers.Sampler:
     """Return the sampler of the (0,2)-sequence, scrambled and shuffled in each pixel."""
     return padded_samplers.zero_two(padded_samplers.pairs(dims), key, key)
@@ -154,9 +158,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     return figure, numbers, handed_out
 
 
-def _over_keys(
-    scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any
-) -> dict[str, dict[str, list[float]]]:
+def _over_keys(scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any) -> Keys:
     """Return measures of images of several keys, by the samplers that have one."""
     dims = len(scene.needs)
     pairs = padded_samplers.pairs(dims)
@@ -168,7 +170,7 @@ def _over_keys(
         name: lambda key: published_keys.beside(dims, key)[published_keys.PUBLISHED]
         for name in published_keys.beside(dims, KEY)
     }
-    found: dict[str, dict[str, list[float]]] = {}
+    found: Keys = {}
     for name, of_key in made.items():
         of = found[name] = {LOW: [], FILTERED: [], SHARE: []}
         for key in range(KEYS):
@@ -230,7 +232,7 @@ def _claims(
     measured: dict[str, dict[str, float]],
     siblings: dict[str, float],
     fading: dict[str, float],
-    over_keys: dict[str, dict[str, list[float]]],
+    over_keys: Keys,
 ) -> Claims:
     white, share = over_keys["(0,2)"], measured["Sobol'"][SHARE]
     structured = STRUCTURED * np.array(white[SHARE])

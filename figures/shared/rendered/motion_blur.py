@@ -1,7 +1,7 @@
 """The thesis's two moving scenes: the samplers of three dimensions it compares, images and convergence."""
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,21 +19,12 @@ from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
 
-COMPARED = (
-    "random",
-    "jittered grid",
-    "Lloyd relaxation",
-    "rank-1 lattice",
-    "Sobol' net",
-    "modified Sobol' net",
-    "Sobol' net, full screen",
-    "modified Sobol' net, full screen",
-)
-"""The samplers of Sect. 6.2."""
-
-NETS = ("Sobol' net", "modified Sobol' net")
+MADE = {"Sobol' net": sequences.sobol_net_3d, "modified Sobol' net": sequences.larcher_pillichshammer_net_3d}
+NETS = tuple(MADE)
 FULL = tuple(f"{net}, full screen" for net in NETS)
 OTHERS = ("random", "jittered grid", "Lloyd relaxation", "rank-1 lattice")
+COMPARED = (*OTHERS, *NETS, *FULL)
+"""The samplers of Sect. 6.2."""
 
 DRAFT_SIDE = {"cornell_box": 64, "helicopter": 32}
 SIDES = (64, 128, 256)
@@ -53,17 +44,14 @@ def make_sampler(name: str, side: int, spp: int, key: int = KEY) -> samplers.Sam
     if name in ("random", "jittered grid"):
         points = sequences.uniform(3, key) if name == "random" else sequences.function(_jittered(spp, key), 3)
         return samplers.contiguous(orders.raster(side, side), points, spp)
-    if name == "Sobol' net, full screen":
-        return samplers.full_screen(sequences.sobol_net_3d(2 * orders.log_side(side, side) + m), side, side)
-    if name == "modified Sobol' net, full screen":
-        net = sequences.larcher_pillichshammer_net_3d(2 * orders.log_side(side, side) + m)
+    if name in FULL:
+        net = MADE[NETS[FULL.index(name)]](2 * orders.log_side(side, side) + m)
         return samplers.full_screen(net, side, side)
     # Cranley-Patterson rotations of one set of points.
     make = {
         "Lloyd relaxation": lambda: _lloyd(spp, 3, key),
         "rank-1 lattice": lambda: sequences.components(sequences.rank1_lattice(spp, 3), (1, 2, 0)),
-        "Sobol' net": lambda: sequences.sobol_net_3d(m),
-        "modified Sobol' net": lambda: sequences.larcher_pillichshammer_net_3d(m),
+        **{net: partial(made, m) for net, made in MADE.items()},
     }
     return samplers.independent(make[name](), key, "shift")
 
@@ -151,16 +139,18 @@ def pictures(
     return figure, numbers, images
 
 
-def over_keys(
-    name: str, names: tuple[str, ...], quality: str
-) -> tuple[dict[str, dict[str, list[float]]], dict[str, dict[str, list[float]]]]:
+Keys = dict[str, dict[str, list[float]]]
+"""Values of each key by size of the image and sampler."""
+
+
+def over_keys(name: str, names: tuple[str, ...], quality: str) -> tuple[Keys, Keys]:
     """Return RMS errors and strongest waves at 64 samples per pixel by size and sampler.
 
     Those of rotated points are of as many keys as the quality has; those over the full screen have one value.
     """
     scene, spp = getattr(scenes, name)(), 64
-    errors: dict[str, dict[str, list[float]]] = {}
-    waves: dict[str, dict[str, list[float]]] = {}
+    errors: Keys = {}
+    waves: Keys = {}
     for side in sides(name, quality):
         exact = traced_images.reference(name, side, REPLICATE[quality])
         size = f"{side} x {side} pixels"

@@ -121,9 +121,8 @@ def _randomised(scene: Any, side: int) -> NDArray[np.float64]:
 def _smooth(image: NDArray) -> NDArray[np.bool_]:
     """Return the half of the pixels where the image varies least, relatively."""
     grey = image.mean(axis=2)
-    steep = ndimage.gaussian_gradient_magnitude(grey, 1.0) / np.maximum(
-        ndimage.gaussian_filter(grey, 1.0), 1e-6
-    )
+    level = np.maximum(ndimage.gaussian_filter(grey, 1.0), 1e-6)
+    steep = ndimage.gaussian_gradient_magnitude(grey, 1.0) / level
     return steep < np.median(steep)
 
 

@@ -60,9 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         f"Points that know their scene have {ranges[0]} of the errors of designed tiles,\n"
         f"and {ranges[1]} after a pan by 8 pixels"
     )
-    for axes, (count, row) in zip(
-        np.atleast_1d(figure.subplots(1, len(counts))), measured.items(), strict=True
-    ):
+    panels = np.atleast_1d(figure.subplots(1, len(counts)))
+    for axes, (count, row) in zip(panels, measured.items(), strict=True):
         _draw(axes, count, row)
     text = ", ".join(
         f"{camera} {np.exp(np.mean(np.log(of))):.2f}, from {min(of):.2f} to {max(of):.2f}"
@@ -87,9 +86,8 @@ def _measured(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int
     of_class, of_scene = found[:KEYS], found[KEYS:].reshape(designs, len(PANS))
     middle, (low, high) = of_class.mean(), student.interval(of_class)
     gains = np.exp(np.log(of_scene).mean(axis=0)) / middle
-    return dict(zip(CAMERAS, gains.tolist(), strict=True)) | {
-        "half interval": float((high - low) / 2 / middle)
-    }
+    half = float((high - low) / 2 / middle)
+    return {**dict(zip(CAMERAS, gains.tolist(), strict=True)), "half interval": half}
 
 
 def _draw(axes: Axes, count: str, row: dict[str, dict[str, float]]) -> None:

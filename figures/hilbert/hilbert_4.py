@@ -7,15 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures.making.schema import Claims
-from figures.shared.sheets.curve_tables import (
-    CURVES,
-    EXPLAINED,
-    SHARE,
-    Curve,
-    enumerated,
-    square,
-    structure,
-)
+from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, SHARE, Curve, enumerated, square, structure
 from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import sequences
 

@@ -44,7 +44,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1), height_ratios=(6, 1))
     opened, closed = _triangles()
     there = np.arange(TRIANGLES)[:, None, None] < CANDIDATES
-    alone = [np.where(there, corners, AWAY) for corners in (opened, closed)]
+    alone = np.where(there, opened, AWAY), np.where(there, closed, AWAY)
     middle = np.zeros((RAYS[quality], 3), np.float32)
     time = (np.arange(TIMES) + 0.5) / TIMES
     some = opened[:CANDIDATES], closed[:CANDIDATES]

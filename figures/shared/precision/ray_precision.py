@@ -58,7 +58,7 @@ def _directions(count: int, key: int) -> NDArray[np.float64]:
     return _on_sphere(1 - 2 * u[:, 0], 2 * np.pi * u[:, 1])
 
 
-def _on_sphere(z: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def _on_sphere(z: NDArray, angle: NDArray) -> NDArray[np.float64]:
     return np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=-1)
 
 

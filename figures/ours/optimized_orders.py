@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._errors import rms
-from figures.shared.integrands import integrand_classes
-from figures.shared.integrands.diffusing_samplers import Maker, drawn, in_rows, keyed, keyless, ours
+from figures.shared.integrands import integrand_classes, screen_space
 from figures.shared.integrands.integrand_classes import CLASSES
 from figures.shared.sheets import text_tables
 from figures.shared.sheets.image_grid import GAP, Panel, add_axes, image_grid
-from qmcjax import orders
+from qmcjax import orders, samplers, sequences
+from qmcjax.choosing import CANDIDATES
 
 SIDE = {"draft": 64, "paper": 256}
 COUNTS = {"draft": (1, 4), "paper": (1, 4, 16, 64)}
@@ -44,6 +44,60 @@ Best = dict[str, dict[str, tuple[str, dict[str, float]]]]
 
 Compared = dict[str, dict[str, dict[str, float]]]
 """By number of samples, kind of error, and class."""
+
+
+Maker = Callable[[int, int, int], samplers.Sampler]
+"""From a side, a number of samples and a key."""
+
+
+KEYLESS = (
+    "dither, vectors",
+    "Z0",
+    "Hilbert, Halton (2,3)",
+    "Hilbert, Halton (3,5)",
+    "Moore, Halton (2,3)",
+    "Peano, Halton (2,5)",
+    "Hilbert, shifted lattice",
+    "Hilbert, segments (3,5)",
+    "Hilbert, partitioned",
+)
+"""Those samplers of the papers that diffuse errors and have nothing random."""
+
+KEYED = {
+    "dither, rotated": "dither mask",
+    "ranked keys": "ranked keys",
+    "Z, hash": "Z, hash",
+    "Hilbert, Owen-Halton": "Hilbert, Halton (2,3)",
+    "Hilbert, Owen-Sobol'": "Hilbert, Owen-Sobol'",
+}
+"""Those with keys, and what they are called among the candidates."""
+
+
+def keyless() -> dict[str, Maker]:
+    """Return those that have nothing random."""
+    methods = screen_space.methods()
+    return {name: lambda side, spp, _, make=methods[name].make: make(side, spp) for name in KEYLESS}
+
+
+def keyed() -> dict[str, Maker]:
+    """Return those with keys."""
+    made = {name: _candidate(called) for name, called in KEYED.items()}
+    return made | {"Z, ART": lambda side, spp, key: samplers.z(side, side, spp, key, "art")}
+
+
+def _candidate(name: str) -> Maker:
+    make = CANDIDATES[name].make
+    return lambda side, spp, key: make(2, side, side, spp, key)
+
+
+ours, in_rows = _candidate("optimised orders"), _candidate("raster, Owen-Sobol'")
+
+
+def drawn(side: int, spp: int, key: int) -> samplers.Sampler:
+    """Return the same with permutations that are drawn: blocks of the same kind in Z's order."""
+    return samplers.contiguous(
+        orders.scrambled_morton(side, side, key), sequences.owen(sequences.sobol(2), key), spp
+    )
 
 
 def _measured(maker: Maker, side: int, spp: int, made_for: int, keys: int) -> tuple[NDArray, Errors]:

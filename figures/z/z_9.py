@@ -44,7 +44,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     """Render the occluder, and measure errors and their spectra; hand the images out."""
     side, small, keys, scene = SIDE[quality], JUDGED_SIDE[quality], KEYS[quality], scenes.occluder()
     exact = traced_images.reference("occluder", side, REPLICATE[quality])
-    panels, measured = [traced_images.Panel("occluder\nreference", exact.image, CROP)], {}
+    panels = [traced_images.Panel("occluder\nreference", exact.image, CROP)]
+    measured: dict[str, dict[str, float]] = {}
     for name, sampler in make_samplers(scene.needs, side).items():
         image = scene_images.image(scene, sampler, side, SPP)
         measured[name] = _measures(image, exact)

@@ -1,8 +1,9 @@
 """Hilbert paper Fig. 1: four space-filling curves, and their segments in 3x3 neighbourhoods."""
 
 import math
-from collections.abc import Callable
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from itertools import pairwise, product
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,13 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 import analysis
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from figures.making.schema import Claims
 from figures.shared.sheets.curve_tables import CURVES, Curve, square
-from figures.shared.sheets.peano_variants import VARIANTS, meander, peano_variants
 from qmcjax import sequences
 
 SHOWN = (16, 9)
@@ -79,13 +79,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name][UNIFORMITY] = {title: by_count for title, (_, by_count) in found.items()}
         counts = measured[name]["histogram"]
         shares = np.array(list(counts.values())) / sum(counts.values())
-        histogram.bar(
-            [int(count) + 0.2 * k - 0.3 for count in counts],
-            shares,
-            0.2,
-            label=f"{name}, mean {measured[name]['mean']:.2f}",
-            color=COLOURS[name],
-        )
+        label = f"{name}, mean {measured[name]['mean']:.2f}"
+        places = [int(count) + 0.2 * k - 0.3 for count in counts]
+        histogram.bar(places, shares, 0.2, label=label, color=COLOURS[name])
         progress((k + 1) / (len(CURVES) + 1))
     histogram.set(
         xlabel="segments in the 3x3 neighbourhood",
@@ -106,16 +102,21 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 def _measure(curve: Curve) -> dict:
     counts = analysis.segment_counts(curve)
     interior = counts[1:-1, 1:-1]
-    values, numbers = np.unique(interior, return_counts=True)
     return {
         "maximum": int(interior.max()),
         "maximum with the border": int(counts.max()),
-        "maximum of the steps that enter": int(_entering(curve, counts).max()),
+        # Without the segment that starts the curve: it enters no neighbourhood.
+        "maximum of the steps that enter": int((counts - _around(curve, 0)).max()),
         "maximum if the ends of a closed curve are joined": int(_joined(curve, counts).max()),
         "share at the maximum": float(np.mean(interior == interior.max())),
         "mean": float(interior.mean()),
-        "histogram": {str(v): int(n) for v, n in zip(values, numbers, strict=True)},
+        "histogram": _histogram(interior),
     }
+
+
+def _histogram(values: ArrayLike) -> dict[str, int]:
+    """Return how often each value is there."""
+    return {str(v): int(n) for v, n in zip(*np.unique(values, return_counts=True), strict=True)}
 
 
 def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
@@ -123,11 +124,6 @@ def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
     x, y = (int(c[position]) for c in curve.path())
     rows, columns = np.indices(curve.positions.shape)
     return np.maximum(np.abs(columns - x), np.abs(rows - y)) <= 1
-
-
-def _entering(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Leave out the segment that starts the curve: it enters no neighbourhood."""
-    return counts - _around(curve, 0)
 
 
 def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -177,6 +173,73 @@ def _claims(measured: dict) -> Claims:
     }
 
 
+VARIANTS = 2**9
+
+
+class Part(NamedTuple):
+    """Where one of nine smaller curves lies in the larger one, and how."""
+
+    row: int
+    column: int
+    transposed: bool
+    upward: bool
+    leftward: bool
+
+
+MEANDER = (
+    Part(0, 0, False, False, False),
+    Part(0, 1, True, False, False),
+    Part(1, 1, True, False, False),
+    Part(1, 0, False, True, True),
+    Part(2, 0, False, False, False),
+    Part(2, 1, False, False, False),
+    Part(2, 2, False, False, False),
+    Part(1, 2, True, True, True),
+    Part(0, 2, True, True, True),
+)
+"""From one corner to the next one, as Hilbert's curve."""
+
+
+def peano_variants(digits: int) -> Iterator[Curve]:
+    """Make every curve of side ``3**digits`` whose nine parts lie as Peano's: his own is the first.
+
+    Each part is a smaller curve between the same corners, or that curve transposed: the same parts are
+    transposed in every curve at every level.
+    """
+    for transposed in product((False, True), repeat=9):
+        parts = []
+        for k, is_transposed in enumerate(transposed):
+            column, row = divmod(k, 3)
+            upward, leftward = column % 2 == 1, row % 2 == 1
+            parts.append(Part(2 - row if upward else row, column, is_transposed, upward, leftward))
+        yield _curve(tuple(parts), digits)
+
+
+def meander(digits: int) -> Curve:
+    """Make Wunderlich's meander of side ``3**digits``."""
+    return _curve(MEANDER, digits)
+
+
+def _curve(parts: tuple[Part, ...], digits: int) -> Curve:
+    positions = np.zeros((1, 1), np.int64)
+    for _ in range(digits):
+        positions = _larger(positions, parts)
+    return Curve(positions)
+
+
+def _larger(curve: NDArray[np.int64], parts: tuple[Part, ...]) -> NDArray[np.int64]:
+    """Return the positions of the curve made of nine copies of a smaller one."""
+    side = len(curve)
+    whole = np.empty((3 * side, 3 * side), np.int64)
+    for k, part in enumerate(parts):
+        copy = curve.T if part.transposed else curve
+        copy = copy[:: -1 if part.upward else 1, :: -1 if part.leftward else 1]
+        rows = slice(part.row * side, (part.row + 1) * side)
+        columns = slice(part.column * side, (part.column + 1) * side)
+        whole[rows, columns] = copy + k * side**2
+    return whole
+
+
 def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
     counts = analysis.segment_counts(curve)
     axes.imshow(counts, cmap="Greens", vmin=0, vmax=8, alpha=0.6)
@@ -200,8 +263,8 @@ def _draw_variants(axes: Axes) -> dict[str, int]:
     maxima = [
         int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in peano_variants(VARIANT_DIGITS)
     ]
-    values, numbers = np.unique(maxima, return_counts=True)
-    axes.bar_label(axes.bar(values, numbers, 0.6, color="0.6"))
+    counts = _histogram(maxima)
+    axes.bar_label(axes.bar([int(v) for v in counts], list(counts.values()), 0.6, color="0.6"))
     axes.set(
         xlabel="maximum of the segments in interior 3x3 neighbourhoods",
         ylabel="curves",
@@ -209,4 +272,4 @@ def _draw_variants(axes: Axes) -> dict[str, int]:
         xlim=(0.4, 5.6),
         xticks=range(1, 6),
     )
-    return {str(v): int(n) for v, n in zip(values, numbers, strict=True)}
+    return counts

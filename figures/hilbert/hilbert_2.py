@@ -1,6 +1,7 @@
 """Hilbert paper Fig. 2: differences of positions between neighbouring pixels, over radical inverses."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -27,6 +28,8 @@ CHECKERBOARD = "phi_2 < 1/2 in one colour of a checkerboard"
 FREQUENT = "the most frequent differences above 1"
 MIRRORED = "correlation with the image mirrored at the diagonal"
 MULTIPLES = "share of the differences above 1 that are multiples of"
+
+BOX = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 
 NOTE = (
     "The numbers are differences of positions above 1; red ones are multiples of the row's base, so that "
@@ -64,18 +67,10 @@ def _draw(axes: Axes, curve: Curve, base: int) -> None:
     axes.plot(*curve.path(), color=BLUE, lw=1.5, alpha=0.7)
     for differences, step in zip(analysis.neighbour_differences(curve), ((0.5, 0), (0, 0.5)), strict=True):
         for v, u in np.argwhere(differences > 1):
-            is_multiple = differences[v, u] % base == 0
-            axes.text(
-                u + step[0],
-                v + step[1],
-                str(differences[v, u]),
-                fontsize=8,
-                ha="center",
-                va="center",
-                color=VERMILLION if is_multiple else "black",
-                weight="bold" if is_multiple else "normal",
-                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6},
-            )
+            bold: dict[str, Any] = {"color": VERMILLION, "weight": "bold"}
+            look = bold if differences[v, u] % base == 0 else {}
+            text = str(differences[v, u])
+            axes.text(u + step[0], v + step[1], text, fontsize=8, ha="center", va="center", bbox=BOX, **look)
 
 
 def _measure(curve: Curve) -> dict:
@@ -120,12 +115,12 @@ def _moved(positions: NDArray[np.int64]) -> dict[str, NDArray[np.int64]]:
 
 
 def _claims(measured: dict) -> Claims:
-    binary = ("Hilbert", "Moore")
+    binary, morton = ("Hilbert", "Moore"), measured["Morton"]
     return {
-        "the Morton index is either odd or even per column: phi_2 < 1/2 in even columns": measured["Morton"][
+        "the Morton index is either odd or even per column: phi_2 < 1/2 in even columns": morton[
             EVEN_COLUMNS
         ],
-        "its second bit is on and off along the rows": measured["Morton"][ROW_BIT],
+        "its second bit is on and off along the rows": morton[ROW_BIT],
         "curves in base 2 show a checkerboard": {
             name: measured[name][CHECKERBOARD] for name in ("Morton", *binary)
         },
@@ -136,10 +131,9 @@ def _claims(measured: dict) -> Claims:
             name: max(of["share of the edges whose difference stays"].values()) > 0.5
             for name, of in measured.items()
         },
-        "many neighbours differ by 3 on the Hilbert curve: no other difference above 1 is as frequent": next(
-            iter(measured["Hilbert"][FREQUENT])
-        )
-        == "3",
+        "many neighbours differ by 3 on the Hilbert curve: no other difference above 1 is as frequent": (
+            next(iter(measured["Hilbert"][FREQUENT])) == "3"
+        ),
         "Hilbert and Moore have more multiples of 3 than a third": {
             name: measured[name][MULTIPLES]["3"] > 1 / 3 for name in binary
         },

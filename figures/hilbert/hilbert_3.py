@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.making.schema import Claims
-from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, enumerated, square, structure
+from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, POWER, SHARE, enumerated, square, structure
 from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import sequences
 
@@ -39,27 +39,22 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _claims(measured: dict) -> Claims:
-    share = {
-        name: {row: numbers["share of the strongest 1 % of frequencies"] for row, numbers in rows.items()}
-        for name, rows in measured.items()
-    }
+    share = {name: {row: of[SHARE] for row, of in rows.items()} for name, rows in measured.items()}
+    together = {name: rows["superimposed"] for name, rows in share.items()}
     return {
         "all have regular structures: more than twice the share of white noise": {
             name: min(rows.values()) > 0.1 for name, rows in share.items()
         },
         "they resemble masks of blue noise: less than half of white noise at low frequencies": {
-            f"{name}, {row}": of["power at low frequencies"] < 0.5
-            for name, rows in measured.items()
-            for row, of in rows.items()
+            f"{name}, {row}": of[POWER] < 0.5 for name, rows in measured.items() for row, of in rows.items()
         },
         "Morton, phi_2: nothing but stripes and other structures": share["Morton"]["phi_2"] > 0.99,
         "superimposed, Hilbert and Moore are less regular than each of the three": {
-            f"{name}, {row}": share[name]["superimposed"] < share[name][row]
+            f"{name}, {row}": together[name] < share[name][row]
             for name in ("Hilbert", "Moore")
             for row in ("phi_2", "phi_3", "phi_5")
         },
-        "superimposed, Hilbert and Moore are less regular than Morton and Peano": max(
-            share["Hilbert"]["superimposed"], share["Moore"]["superimposed"]
-        )
-        < min(share["Morton"]["superimposed"], share["Peano"]["superimposed"]),
+        "superimposed, Hilbert and Moore are less regular than Morton and Peano": (
+            max(together["Hilbert"], together["Moore"]) < min(together["Morton"], together["Peano"])
+        ),
     }

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures.making.schema import Claims
-from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, Curve, enumerated, square, structure
+from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, SHARE, Curve, enumerated, square, structure
 from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import sequences
 
@@ -26,7 +26,9 @@ SOURCES = {
 """Sequences and their coordinates."""
 SCRAMBLED = ("phi_2, digit scrambling", "phi_2, Owen scrambling")
 
-SHARE = "share of the strongest 1 % of frequencies"
+IN_COLUMNS = "leading bit is one in each column, and alternates from column to column"
+ON_CURVE = "leading bit alternates along the curve"
+ON_EDGES = "leading bit differs across every edge of two pixels"
 
 NOTE = (
     f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share of the "
@@ -76,13 +78,9 @@ def _halves(curve: Curve, image: NDArray[np.float64]) -> dict[str, bool]:
     x, y = curve.path()
     along = upper[y, x]
     return {
-        "leading bit is one in each column, and alternates from column to column": bool(
-            np.all(upper == upper[0]) and np.all(upper[0, 1:] != upper[0, :-1])
-        ),
-        "leading bit alternates along the curve": bool(np.all(along[1:] != along[:-1])),
-        "leading bit differs across every edge of two pixels": bool(
-            np.all(upper[1:] != upper[:-1]) and np.all(upper[:, 1:] != upper[:, :-1])
-        ),
+        IN_COLUMNS: bool(np.all(upper == upper[0]) and np.all(upper[0, 1:] != upper[0, :-1])),
+        ON_CURVE: bool(np.all(along[1:] != along[:-1])),
+        ON_EDGES: bool(np.all(upper[1:] != upper[:-1]) and np.all(upper[:, 1:] != upper[:, :-1])),
     }
 
 
@@ -92,19 +90,15 @@ def _claims(measured: dict, leading: dict[str, list[NDArray[np.bool_]]]) -> Clai
     }
     return {
         "scrambling phi_2 does not help with Morton: the stripes stay": all(
-            measured["Morton"][row]["leading bit is one in each column, and alternates from column to column"]
+            measured["Morton"][row][IN_COLUMNS]
             and abs(measured["Morton"][row][SHARE] - measured["Morton"]["phi_2"][SHARE]) < 0.01
             for row in SCRAMBLED
         ),
         "however phi_2 is scrambled, pixels that follow each other on a curve are in different halves": all(
-            measured[name][row]["leading bit alternates along the curve"]
-            for name in CURVES
-            for row in SCRAMBLED
+            measured[name][row][ON_CURVE] for name in CURVES for row in SCRAMBLED
         ),
         "for Hilbert, Moore and Peano so are all pixels that share an edge": all(
-            measured[name][row]["leading bit differs across every edge of two pixels"]
-            for name in ("Hilbert", "Moore", "Peano")
-            for row in SCRAMBLED
+            measured[name][row][ON_EDGES] for name in ("Hilbert", "Moore", "Peano") for row in SCRAMBLED
         ),
         "the leading bit is the same by digit and by Owen scrambling, up to one flip for all": {
             name: bool(len(np.unique(np.not_equal(*pair))) == 1) for name, pair in leading.items()

@@ -83,17 +83,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         )
     measured[PASSES] = {"64 spp": diffusion.measures(_randomised(scene, side), exact, area)}
     shown["1 spp"]["reference"] = diffusion.shown(exact.image)
-    rows = {
-        count: Row(
-            row,
-            captions={
-                name: f"filtered error {measured[name][count]['filtered error']:.4f}"
-                for name in row
-                if name in measured
-            },
-        )
-        for count, row in shown.items()
-    }
+    rows = {}
+    for count, row in shown.items():
+        errors = {name: measured[name][count]["filtered error"] for name in row if name in measured}
+        rows[count] = Row(row, captions={name: f"filtered error {of:.4f}" for name, of in errors.items()})
     left, top, part = side // 4, side * 2 // 5, side // 2
     near = np.s_[top : top + part, left : left + part]
     count = f"{MAGNIFIED} spp"
@@ -128,9 +121,8 @@ def _randomised(scene: Any, side: int) -> NDArray[np.float64]:
 def _smooth(image: NDArray) -> NDArray[np.bool_]:
     """Return the half of the pixels where the image varies least, relatively."""
     grey = image.mean(axis=2)
-    steep = ndimage.gaussian_gradient_magnitude(grey, 1.0) / np.maximum(
-        ndimage.gaussian_filter(grey, 1.0), 1e-6
-    )
+    level = np.maximum(ndimage.gaussian_filter(grey, 1.0), 1e-6)
+    steep = ndimage.gaussian_gradient_magnitude(grey, 1.0) / level
     return steep < np.median(steep)
 
 
@@ -154,9 +146,6 @@ def _claims(measured: dict[str, dict[str, Any]]) -> dict[str, Any]:
     def parts(name: str, spp: int) -> list[float]:
         return measured[name][f"{spp} spp"]["filtered error of parts"]
 
-    def gap(name: str) -> float:
-        return abs(of(GLOBAL, 64, "filtered error") - of(name, 64, "filtered error"))
-
     return {
         "about the same l2-error as the global sequence, at 1 to 64 samples": {
             name: all(1 / SAME < ratio(name, spp, "RMS error") < SAME for spp in COUNTS) for name in ALONG
@@ -171,12 +160,12 @@ def _claims(measured: dict[str, dict[str, Any]]) -> dict[str, Any]:
             for name in ALONG
         },
         "observable differences vanish: filtered errors differ by less than 1/255 at 64 samples": {
-            name: gap(name) < STEP for name in ALONG
+            name: abs(of(GLOBAL, 64, "filtered error") - of(name, 64, "filtered error")) < STEP
+            for name in ALONG
         },
-        "randomising each pass sacrifices convergence: more error than 64 samples of one sequence": of(
-            PASSES, 64, "RMS error"
-        )
-        > of("contiguous", 64, "RMS error"),
+        "randomising each pass sacrifices convergence: more error than 64 samples of one sequence": (
+            of(PASSES, 64, "RMS error") > of("contiguous", 64, "RMS error")
+        ),
         "one sequence to shift and to sample shows artefacts: more filtered error than a shifted lattice": {
             f"{spp} spp": of(ITSELF, spp, "filtered error") > of("shifted lattice", spp, "filtered error")
             for spp in (4, 16)

@@ -222,14 +222,11 @@ def _compared(rows: list[dict]) -> dict:
         "times as long as the fastest of ours": ratios,
     }
     if theirs:
-        means = [
-            row["mean over the reference's"]
-            for row in rows
-            if row["sampler"] in theirs and row["spp"] >= most["spp"]
-        ]
+        many = [row for row in rows if row["sampler"] in theirs and row["spp"] >= most["spp"]]
+        mean = float(np.mean([row["mean over the reference's"] for row in many]))
         found |= {
             "fastest of Mitsuba's": min(theirs, key=lambda name: times[name]),
-            "mean of Mitsuba's images of most samples over the reference's": float(np.mean(means)),
+            "mean of Mitsuba's images of most samples over the reference's": mean,
         }
     return found
 

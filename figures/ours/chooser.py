@@ -50,16 +50,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for (kind, smooth), level in product(KINDS.items(), LEVELS):
             table += [_cell(use, kind, smooth, level, spp, filtered) for spp in SETTINGS[use].spps]
         progress((k + 1) / len(USES) / len(MEASURES))
+    certain = [row for row in table if row["margin"] is not None]
     return _draw(table), {
         "table": table,
         "measured": {
             "least error in cells": {
-                use: _counts(
-                    [row for row in table if row["use"] == use and row["margin"] is not None], "sampler"
-                )
-                for use in USES
+                use: _counts([row for row in certain if row["use"] == use], "sampler") for use in USES
             },
-            "cells where none differs": sum(row["margin"] is None for row in table),
+            "cells where none differs": len(table) - len(certain),
         },
         "note": _note(table),
     }

@@ -6,10 +6,10 @@ import jax
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
 
 import analysis
 from analysis import design_samples
+from figures.shared.sheets import marks
 from qmcjax import samplers, scenes
 from qmcjax.core import student
 
@@ -60,9 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         f"Points that know their scene have {ranges[0]} of the errors of designed tiles,\n"
         f"and {ranges[1]} after a pan by 8 pixels"
     )
-    for axes, (count, row) in zip(
-        np.atleast_1d(figure.subplots(1, len(counts))), measured.items(), strict=True
-    ):
+    panels = np.atleast_1d(figure.subplots(1, len(counts)))
+    for axes, (count, row) in zip(panels, measured.items(), strict=True):
         _draw(axes, count, row)
     text = ", ".join(
         f"{camera} {np.exp(np.mean(np.log(of))):.2f}, from {min(of):.2f} to {max(of):.2f}"
@@ -87,9 +86,8 @@ def _measured(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int
     of_class, of_scene = found[:KEYS], found[KEYS:].reshape(designs, len(PANS))
     middle, (low, high) = of_class.mean(), student.interval(of_class)
     gains = np.exp(np.log(of_scene).mean(axis=0)) / middle
-    return dict(zip(CAMERAS, gains.tolist(), strict=True)) | {
-        "half interval": float((high - low) / 2 / middle)
-    }
+    half = float((high - low) / 2 / middle)
+    return {**dict(zip(CAMERAS, gains.tolist(), strict=True)), "half interval": half}
 
 
 def _draw(axes: Axes, count: str, row: dict[str, dict[str, float]]) -> None:
@@ -103,6 +101,5 @@ def _draw(axes: Axes, count: str, row: dict[str, dict[str, float]]) -> None:
     axes.axhline(1, color="0.4", linewidth=0.8)
     axes.set(yscale="log", xticks=places, title=count, ylabel="filtered error / that of tiles for the class")
     axes.set_xticklabels(list(row), rotation=20)
-    for axis in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
-        axis(StrMethodFormatter("{x:g}"))
+    marks.plain_numbers(axes)
     axes.legend(fontsize=8)

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,13 +13,12 @@ from numpy.typing import NDArray
 import analysis
 from analysis.tables.make_designed_tiles import TILES
 from figures import plot
-from figures.shared.integrands import integrands_of_dims
+from figures.shared import judged
+from figures.shared.integrands import integrand_classes, integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
-from figures.shared.turns import in_turns, median
 from qmcjax import render, samplers, scenes
 from qmcjax.choosing import CANDIDATES
-from qmcjax.core import student
 
 OURS = "designed tiles"
 RIVALS = (
@@ -64,18 +62,18 @@ PLAIN = 1.03
 """How much larger than those of Owen-scrambled points errors of pixels may be."""
 
 NOTE = (
-    "{side} x {side} pixels, {keys} keys, the square of the error averaged over {count} integrands each "
-    "of {classes}, that are the same in all pixels; none was used in the design, which knows kernels of "
-    "half spaces only, in four dimensions of their projections, too. Errors are relative to independent "
-    "samples, one a pixel; filters are Gaussians of 1.5 pixels. {verdicts} At 1, 4, 16 spp geometric "
-    "means of the four classes are {means}; {goals} were asked, for other integrands of such classes. "
-    "Errors of pixels by themselves are {plain} of those of Owen-scrambled points in each pixel; at most "
-    "{allowed} was asked. More than 16 samples are tiles of 16 in equal boxes. Rendering {side} x {side} "
-    "pixels at 4 spp of x y takes {slower:.2f} of the time of Owen-scrambled points in rows. What bounds "
-    "it: uniformity over keys. Tiles of free points have about 5 % (2-D) to 13 % (4-D) smaller errors at "
-    "one sample, since they stay away from the faces of the cube; but their mean is not the integral. "
-    "Neighbours have the same integrand here. In scenes with edges on the screen they do not, and the "
-    "gain is less, or none: the table of recommend has such scenes."
+    f"{{side}} x {{side}} pixels, {{keys}} keys, the square of the error averaged over {COUNT} integrands "
+    f"each of {', '.join(CLASSES)}, that are the same in all pixels; none was used in the design, which "
+    "knows kernels of half spaces only, in four dimensions of their projections, too. Errors are relative to "
+    "independent samples, one a pixel; filters are Gaussians of 1.5 pixels. {verdicts} At 1, 4, 16 spp "
+    "geometric means of the four classes are {means}; {goals} were asked, for other integrands of such "
+    "classes. Errors of pixels by themselves are {plain} of those of Owen-scrambled points in each pixel; at "
+    f"most {PLAIN} was asked. More than 16 samples are tiles of 16 in equal boxes. Rendering {{side}} x "
+    "{side} pixels at 4 spp of x y takes {slower:.2f} of the time of Owen-scrambled points in rows. What "
+    "bounds it: uniformity over keys. Tiles of free points have about 5 % (2-D) to 13 % (4-D) smaller errors "
+    "at one sample, since they stay away from the faces of the cube; but their mean is not the integral. "
+    "Neighbours have the same integrand here. In scenes with edges on the screen they do not, and the gain "
+    "is less, or none: the table of recommend has such scenes."
 )
 
 
@@ -101,11 +99,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         (dims, spp): _verdict(filtered, dims, spp, size.rivals) for dims in DIMS for spp in size.counts
     }
     owen = {
-        key: plain[dims, OURS, spp].mean() / plain[dims, "(0,2), Owen", spp].mean()
-        for key in verdicts
-        for dims, spp in [key]
+        (dims, spp): plain[dims, OURS, spp].mean() / plain[dims, "(0,2), Owen", spp].mean()
+        for dims, spp in verdicts
     }
-    slower = _slower(size.side)
+    ours, rows = (
+        CANDIDATES[name].make(2, size.side, size.side, 4, 1) for name in (OURS, "raster, Owen-Sobol'")
+    )
+    slower = integrand_classes.time_ratio(ours, rows, size.side, 4)
     progress(0.85)
     pictures = {name: _picture(name, size.side) for name in size.scenes}
     low, high = (of(ratio for _, _, ratio, _, _ in verdicts.values()) for of in (min, max))
@@ -128,15 +128,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(
             side=size.side,
             keys=size.keys,
-            count=COUNT,
-            classes=", ".join(CLASSES),
             verdicts=" ".join(of[0] for of in verdicts.values()),
             means="; ".join(
                 f"{d}-D " + ", ".join(f"{of.mean():.3f}" for of in each) for d, each in first.items()
             ),
             goals="; ".join(f"{d}-D " + ", ".join(map(str, of.values())) for d, of in GOALS.items()),
             plain=", ".join(f"{of:.2f} ({d}-D, {s} spp)" for (d, s), of in owen.items() if s > 1),
-            allowed=PLAIN,
             slower=slower,
         ),
     }
@@ -148,10 +145,7 @@ Found = dict[tuple[int, str, int], NDArray[np.float64]]
 
 def _errors(image: NDArray) -> NDArray[np.float64]:
     """Return filtered and RMS errors of each class, shape (2, classes), relative to white noise."""
-    parts = np.split(image, len(CLASSES), axis=2)
-    filtered = [analysis.filtered_error(part, np.zeros_like(part)) / WHITE for part in parts]
-    # Channels of an image are averaged by the one, summed by the other.
-    return np.array([filtered, [np.sqrt(np.square(part).mean()) for part in parts]])
+    return integrand_classes.of_classes(image, len(CLASSES)) / [[WHITE], [1]]
 
 
 def _means(measured: dict, kind: int) -> Found:
@@ -165,11 +159,10 @@ def _verdict(
     """Return in words, and numbers, how our errors compare with the best other sampler's."""
     best = min(rivals, key=lambda name: float(found[dims, name, spp].mean()))
     logs = np.log(found[dims, OURS, spp]) - np.log(found[dims, best, spp])
-    low, high = np.exp(student.interval(logs))
-    ratio = float(np.exp(logs.mean()))
+    ratio, low, high = judged.of_logarithms(logs)
     certain = "less than" if high < 1 else "more than" if low > 1 else "undecided beside"
     text = f"{dims}-D, {spp} spp: {ratio:.2f} ({low:.2f} to {high:.2f}) of {best}, {certain} it."
-    return text, best, ratio, float(low), float(high)
+    return text, best, ratio, low, high
 
 
 def _listed(found: Found) -> dict[str, dict[str, float]]:
@@ -177,19 +170,6 @@ def _listed(found: Found) -> dict[str, dict[str, float]]:
     for (dims, name, spp), of in found.items():
         listed.setdefault(f"{dims}-D, {spp} spp", {})[name] = float(of.mean())
     return listed
-
-
-def _product(point: jax.Array) -> jax.Array:
-    return point[..., 0] * point[..., 1]
-
-
-def _slower(side: int) -> float:
-    def frame(name: str) -> Callable[[int], jax.Array]:
-        sampler = CANDIDATES[name].make(2, side, side, 4, 1)
-        return lambda _: analysis.pixel_means(_product, sampler, side, side, 4)
-
-    taken = in_turns({name: frame(name) for name in (OURS, "raster, Owen-Sobol'")}, 5)
-    return median(taken[OURS]) / median(taken["raster, Owen-Sobol'"])
 
 
 def _picture(name: str, side: int) -> dict[str, NDArray]:
@@ -228,7 +208,8 @@ def _draw(
     axes.set(xticks=[], yticks=[])
     axes.set_title("one tile: the sample of each pixel,\nx as red, y as blue", fontsize=8)
     axes = add_axes(figure, 400, height + 150, width, height - 20)
-    plot.spectrum({name: _power(of) for name, of in shown.items()}, title="Spectra of errors, 1 spp", ax=axes)
+    spectra = {name: integrand_classes.mean_spectrum(of) for name, of in shown.items()}
+    plot.spectrum(spectra, title="Spectra of errors, 1 spp", ax=axes)
     axes.legend().remove()
     cases = [("filtered", filtered), ("of each pixel", plain)]
     for k, (dims, (what, found)) in enumerate((d, case) for case in cases for d in DIMS):
@@ -263,8 +244,3 @@ def _tile(spp: int) -> NDArray[np.float64]:
     y, x = np.mgrid[:side, :side].astype(np.uint32)
     points = np.asarray(samplers.designed(side, side, spp, 1)(x, y, 0))
     return np.stack([points[..., 0], np.full((side, side), 0.5), points[..., 1]], axis=-1)
-
-
-def _power(found: NDArray) -> NDArray[np.float64]:
-    each = [analysis.error_spectrum(error, np.zeros_like(error)) for error in np.moveaxis(found, 2, 0)]
-    return np.mean(each, axis=0)

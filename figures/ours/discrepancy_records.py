@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.tables import SEQUENCES
 from analysis.tables.make_discrepancy_records import FILES, MEASURES, SIZES
 from figures import plot
-from figures.shared.sheets import point_plots, text_tables
+from figures.shared.sheets import marks, point_plots, text_tables
 from qmcjax import sequences
 
 OPTIMAL = {16: 0.0739, 20: 0.0604}
@@ -131,7 +131,7 @@ def _published(dims: int, n: int, found: float) -> dict:
     if dims == 2 and n in OPTIMAL:
         known = {"proven optimum": OPTIMAL[n]}
     if not known:
-        return {"published": None, "source": None, "of published": None}
+        return dict.fromkeys(("published", "source", "of published"))
     least = min(known, key=lambda name: known[name])
     return {"published": known[least], "source": least, "of published": found / known[least]}
 
@@ -165,55 +165,42 @@ def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], part
         _panel(layout[panel], dims, curves[dims])
     for name, values in (("proven optimum", OPTIMAL), *PUBLISHED.items()):
         shown = {n: n * value for n, value in values.items() if n in curves[2]["record"]}
-        mark = MARKS[name]
-        layout["a"].plot(
-            list(shown), list(shown.values()), ls="", marker=mark.marker, color=mark.color, ms=6, label=name
-        )
+        marks.curve(layout["a"], shown, MARKS[name], ls="", ms=6, label=name)
     selected = {n: SUBSETS * value for n, value in curves[6][SOBOL].items() if 30 <= n <= 240}
-    layout["e"].plot(
-        list(selected),
-        list(selected.values()),
-        color=MARKS["permutations"].color,
-        ls="--",
-        marker="_",
-        label="35 % below, most of 2306.15276",
-    )
+    look = MARKS["permutations"]._replace(marker="_", line="--")
+    marks.curve(layout["e"], selected, look, ms=6, lw=1.5, label="35 % below, most of 2306.15276")
     for panel in "abcde":
         layout[panel].legend(frameon=False, loc="upper left", fontsize=7, ncols=2 if panel == "a" else 1)
     _l2_panel(layout["f"], parts)
     for panel, some in (("g", rows[:lines]), ("h", rows[lines:])):
-        text_tables.draw(
-            layout[panel],
-            ["dims", "n", "D* found", "published", "by", "part", SOBOL, "seconds"],
-            [
-                [
-                    str(row["dims"]),
-                    str(row["n"]),
-                    f"{row['record']:.7f}",
-                    "-" if row["published"] is None else f"{row['published']:g}",
-                    row["source"] or "-",
-                    "-" if row["of published"] is None else f"{row['of published']:.3f}",
-                    f"{row[SOBOL]:.5f}",
-                    f"{row['seconds']:.0f}",
-                ]
-                for row in some
-            ],
-            widths=[0.7, 0.8, 1.3, 1.2, 1.8, 0.8, 1.1, 1.0],
-        )
+        heads = ["dims", "n", "D* found", "published", "by", "part", SOBOL, "seconds"]
+        widths = [0.7, 0.8, 1.3, 1.2, 1.8, 0.8, 1.1, 1.0]
+        text_tables.draw(layout[panel], heads, list(map(_cells, some)), widths=widths)
     return figure
+
+
+def _cells(row: dict) -> list[str]:
+    """Return a row of the table."""
+    known = row["published"] is not None
+    return [
+        str(row["dims"]),
+        str(row["n"]),
+        f"{row['record']:.7f}",
+        f"{row['published']:g}" if known else "-",
+        row["source"] or "-",
+        f"{row['of published']:.3f}" if known else "-",
+        f"{row[SOBOL]:.5f}",
+        f"{row['seconds']:.0f}",
+    ]
 
 
 def _l2_panel(axes: Axes, parts: list[dict]) -> None:
     """Draw what part of Sobol's L2 discrepancies remains."""
     for (kind, line), dims in itertools.product(L2_STYLES.items(), SIZES["periodic"]):
-        shown = {
-            row["n"]: row["record"] / row[SOBOL]
-            for row in parts
-            if (row["kind"], row["dims"]) == (kind, dims)
-        }
-        axes.plot(
-            list(shown), list(shown.values()), line, color=f"C{dims}", marker=".", label=f"{kind}, {dims}-D"
-        )
+        of_kind = [row for row in parts if (row["kind"], row["dims"]) == (kind, dims)]
+        shown = {row["n"]: row["record"] / row[SOBOL] for row in of_kind}
+        look = plot.Style(f"C{dims}", ".", line)
+        marks.curve(axes, shown, look, ms=6, lw=1.5, label=f"{kind}, {dims}-D")
     axes.set_xscale("log", base=2)
     axes.set(ylim=(0, None), xlabel="number of points n", ylabel="part of the first n points of Sobol'")
     axes.set_title("periodic L2 and root of average squared discrepancy", fontsize=9)
@@ -224,17 +211,7 @@ def _l2_panel(axes: Axes, parts: list[dict]) -> None:
 def _panel(axes: Axes, dims: int, curves: dict[str, dict[int, float]]) -> None:
     for name, values in curves.items():
         drawn = RECORDS if name == "record" else CONSTRUCTED[dims][name][0]
-        label = "found" if name == "record" else name
-        axes.plot(
-            list(values),
-            list(values.values()),
-            color=drawn.color,
-            marker=drawn.marker,
-            ls=drawn.line,
-            lw=1.2,
-            ms=5,
-            label=label,
-        )
+        marks.curve(axes, values, drawn, lw=1.2, ms=5, label="found" if name == "record" else name)
     sizes = [n for n in curves["record"] if not n & (n - 1)]
     axes.set_xscale("log", base=2)
     axes.xaxis.set_major_locator(FixedLocator(sizes))

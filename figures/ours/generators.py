@@ -14,7 +14,7 @@ import analysis
 from figures import plot
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from figures.shared.sheets import point_plots, text_tables
+from figures.shared.sheets import marks, point_plots, text_tables
 from qmcjax import sequences
 
 DIMS = 8
@@ -202,18 +202,9 @@ def _draw(size: Size, table: dict, convergence: dict) -> Figure:
     panels = bottom.subplots(1, len(INTEGRANDS))
     for panel, integrand in zip(panels, INTEGRANDS, strict=True):
         for name, generator in GENERATORS.items():
-            row = convergence[name][integrand]
-            panel.loglog(
-                [int(n) for n in row],
-                list(row.values()),
-                generator.marker,
-                ls="-",
-                lw=1,
-                ms=5,
-                color=generator.color,
-                label=name,
-            )
-        panel.set(title=integrand, xlabel="points", ylabel="RMS error")
+            look = plot.Style(generator.color, generator.marker)
+            marks.curve(panel, convergence[name][integrand], look, ms=5, label=name)
+        panel.set(title=integrand, xlabel="points", ylabel="RMS error", yscale="log")
         panel.set_xscale("log", base=2)
         panel.xaxis.set_minor_locator(NullLocator())
         panel.grid(True)

@@ -34,16 +34,16 @@ MARKS = {"few": "o", "many": "s"}
 NOTE = (
     "Top left: intervals of qmcjax.integrate with replicates, in {cells} cells: {integrands} integrands "
     "and a skewed one, in 1 to 8 dimensions, {sequences}, {sizes} points, {replicates} replicates, up "
-    "to {trials} trials a cell; bars of {sigmas:g} standard deviations of a binomial, for all cells "
+    f"to {{trials}} trials a cell; bars of {SIGMAS:g} standard deviations of a binomial, for all cells "
     "of an integrand. Where rounding or resolution widens an interval, it may hold the integral more "
     "often than it says: {one_sided} cells are tested on one side. {below} of {tests} tests (cells "
-    "and levels) lie below their level by more than {sigmas:g} sigma, by the binomial itself, {above} "
-    'above; "{skewed}" is not tested: its errors are skewed, and the docstring of integrate says so. '
-    "Top middle: share of trials that call any two of several identical samplers different, which "
+    f"and levels) lie below their level by more than {SIGMAS:g} sigma, by the binomial itself, {{above}} "
+    f'above; "{coverage.SKEWED}" is not tested: its errors are skewed, and the docstring of integrate says '
+    "so. Top middle: share of trials that call any two of several identical samplers different, which "
     "should be 5 % at most; dotted, ranks by the bootstrap of earlier versions of analysis.compare. "
     "Top right: share of the pairs of 6 samplers that are distinguished, each with that many times "
     "the error of the one before; normal errors of 5 %. "
-    "Below: {count} integrands with values in [0, 1] and exact integrals, in "
+    f"Below: {hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in "
     "1 to 8 dimensions, Sobol', {tried} keys; few are {few[0]} replicates of {few[1]} points, many "
     "{many[0]} of {many[1]}. Width: geometric means relative to Student's interval with few replicates, over "
     "integrands and keys. The median narrows the interval with linear scrambling, which is the kind median; "
@@ -75,38 +75,32 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     _distinguished(middle, [row for row in rows if row["ratio"] == 1])
     _power(right, [row for row in rows if row["ratio"] != 1])
     held, widths = _of_kinds(kinds)
-    _kinds(lower[0], held)
-    lower[0].axvline(interval_kinds.LEVEL, color="0.6", lw=0.8, zorder=0)
-    lower[0].set(
-        title="100 integrands: intervals of 95 %", xlabel="part of the intervals that contain the integral"
-    )
-    _kinds(lower[1], widths)
-    lower[1].axvline(1, color="0.6", lw=0.8, zorder=0)
+    _kinds(lower[0], held, interval_kinds.LEVEL)
+    lower[0].set_title("100 integrands: intervals of 95 %")
+    lower[0].set_xlabel("part of the intervals that contain the integral")
+    _kinds(lower[1], widths, 1)
     lower[1].set(title="their width", xlabel="width / Student's width, few replicates", xscale="log")
     marked = dict(zip(*lower[0].get_legend_handles_labels()[::-1], strict=True))
     lower[0].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.6, -0.12), ncols=3)
     last = {(kind, "few"): interval_kinds.by_class(stop.held, stop.of_class) for kind, stop in stops.items()}
-    _kinds(lower[2], last)
-    lower[2].axvline(interval_kinds.LEVEL, color="0.6", lw=0.8, zorder=0)
+    _kinds(lower[2], last, interval_kinds.LEVEL)
     lower[2].set(title="to a tolerance", xlabel="part that contain the integral")
     ratio = kinds[interval_kinds.BERNSTEIN, "many"].width / kinds["betting", "many"].width
+    bernstein = float(np.exp(np.log(ratio).mean()))
     results = sum(stop.held.size for stop in stops.values())
     tested = _tested(cells)
     note = NOTE.format(
         **tested,
         cells=len(cells),
         integrands=len(coverage.INTEGRANDS) - 1,
-        skewed=coverage.SKEWED,
         sequences=_listed({cell.sequence for cell in cells}),
         sizes=_listed({cell.n for cell in cells}),
         replicates=_listed({cell.replicates for cell in cells}),
         trials=max(cell.trials for cell in cells),
-        sigmas=SIGMAS,
-        count=hundred_integrands.COUNT,
         tried=tried,
         **sizes,
         nested=widths["quantile", "few"]["smooth"],
-        bernstein=float(np.exp(np.log(ratio).mean())),
+        bernstein=bernstein,
         least=float(ratio.min()),
         most=float(ratio.max()),
         stops=results,
@@ -119,9 +113,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             | {f"{level:.0%}": _share(cells, k) for k, level in enumerate(coverage.LEVELS)},
             "hundred integrands: held": {", ".join(case): of for case, of in held.items()},
             "hundred integrands: width / Student's": {", ".join(case): of for case, of in widths.items()},
-            "empirical Bernstein / betting, width": list(
-                map(float, (np.exp(np.log(ratio).mean()), ratio.min(), ratio.max()))
-            ),
+            "empirical Bernstein / betting, width": [bernstein, float(ratio.min()), float(ratio.max())],
             "to a tolerance": {
                 kind: {
                     "held": float(stop.held.mean()),
@@ -199,8 +191,9 @@ def _of_kinds(found: dict[interval_kinds.Case, interval_kinds.Intervals]) -> tup
     return held, {case: {k: float(np.exp(v)) for k, v in of.items()} for case, of in logs.items()}
 
 
-def _kinds(axes: Axes, means: Means) -> None:
-    """Draw a row for each class, with marks for kinds of intervals."""
+def _kinds(axes: Axes, means: Means, wanted: float) -> None:
+    """Draw a row for each class, with marks for kinds of intervals, and a line at what is wanted."""
+    axes.axvline(wanted, color="0.6", lw=0.8, zorder=0)
     names = list(next(iter(means.values())))
     for k, ((kind, size), of) in enumerate(means.items()):
         y = np.arange(len(names)) + 0.7 * ((k + 0.5) / len(means) - 0.5)
@@ -239,18 +232,9 @@ def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
         of = [row for row in rows if row["keys"] == keys]
         for rule, style in STYLES.items():
             label = f"{keys} keys" if rule == "Holm" else None
-            axes.plot(
-                [row["ratio"] for row in of],
-                [row[rule] for row in of],
-                f"o{style}",
-                ms=4,
-                color=f"C{color}",
-                label=label,
-            )
-    axes.set(
-        title="6 different samplers",
-        xlabel="ratio of the errors of neighbours",
-        ylabel="part of the pairs distinguished",
-    )
+            ratios, parts = zip(*((row["ratio"], row[rule]) for row in of), strict=True)
+            axes.plot(ratios, parts, f"o{style}", ms=4, color=f"C{color}", label=label)
+    axes.set(xlabel="ratio of the errors of neighbours", ylabel="part of the pairs distinguished")
+    axes.set_title("6 different samplers")
     axes.set_ylim(-0.02, 1.02)
     axes.legend(title="dotted: bootstrap")

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._rc import BLACK
+from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
+from figures.shared.sheets import marks
 from qmcjax import orders, samplers, sequences
 from qmcjax.choosing import CANDIDATES
-from qmcjax.core import student
 
 OURS = "optimised, joint"
 TILES = "designed tiles"
@@ -35,12 +36,12 @@ Maker = Callable[[int], samplers.Sampler]
 """From a key."""
 
 NOTE = (
-    "{side} x {side} pixels, {keys} keys. Integrands of all coordinates, the same in all pixels, {count} of "
-    "each class ({classes}); none was searched with. Filtered errors are after a Gaussian of 1.5 pixels. "
-    "Points are ratios of errors of the optimised order to those of others, geometric means over "
-    "the classes, with intervals of 95 % over keys: below 1, ours are smaller. Over the best without a "
-    "tile they are {best}. Plain errors, over those of the same sampler, are {plain}. Goals for filtered "
-    "errors: {goals}."
+    "{side} x {side} pixels, {keys} keys. Integrands of all coordinates, the same in all pixels, "
+    f"{COUNT} of each class ({', '.join(CLASSES)}); none was searched with. Filtered errors are after a "
+    "Gaussian of 1.5 pixels. Points are ratios of errors of the optimised order to those of others, "
+    "geometric means over the classes, with intervals of 95 % over keys: below 1, ours are smaller. Over the "
+    "best without a tile they are {best}. Plain errors, over those of the same sampler, are {plain}. Goals "
+    "for filtered errors: {goals}."
 )
 
 
@@ -88,7 +89,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for done, (dims, spp) in enumerate(cells, start=1):
         logs = {name: measured(of, dims, side, spp, keys) for name, of in makers(dims, side, spp).items()}
         ratios.setdefault(dims, {})[spp] = {
-            name: [_with_interval((logs[OURS] - of)[:, kind]) for kind in (0, 1)]
+            name: [list(judged.of_logarithms((logs[OURS] - of)[:, kind])) for kind in (0, 1)]
             for name, of in logs.items()
             if name != OURS
         }
@@ -111,8 +112,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(
             side=side,
             keys=keys,
-            count=COUNT,
-            classes=", ".join(CLASSES),
             best=", ".join(best.values()),
             plain=", ".join(f"{value:.2f}" for value in plain.values()),
             goals=", ".join(
@@ -120,10 +119,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             ),
         ),
     }
-
-
-def _with_interval(logarithms: NDArray[np.float64]) -> list[float]:
-    return [float(np.exp(value)) for value in (logarithms.mean(), *student.interval(logarithms))]
 
 
 def _draw(ratios: dict[int, dict[int, dict[str, list[list[float]]]]]) -> Figure:
@@ -142,19 +137,9 @@ def _panel(axes: Axes, dims: int, rows: dict[int, dict[str, list[list[float]]]],
         found = [(k, of[name][0]) for k, of in enumerate(rows.values()) if name in of]
         if not found:
             continue
-        middle, low, high = np.array([values for _, values in found]).T
-        style = plot.style(name, names)
-        axes.errorbar(
-            np.array([k for k, _ in found]) + 0.12 * (place - (len(names) - 1) / 2),
-            middle,
-            [middle - low, high - middle],
-            color=style.color,
-            marker="o",
-            ls="",
-            ms=5,
-            capsize=3,
-            label=name,
-        )
+        places = np.array([k for k, _ in found]) + 0.12 * (place - (len(names) - 1) / 2)
+        look = plot.Style(plot.style(name, names).color, "o")
+        marks.ratios(axes, places, [ratio for _, ratio in found], look, label=name)
     for k, spp in enumerate(rows):
         if spp in GOALS[dims]:
             axes.plot([k - 0.4, k + 0.4], [GOALS[dims][spp]] * 2, color="0.5", lw=1, ls="--")

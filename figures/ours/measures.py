@@ -83,16 +83,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for done, (name, sequence) in enumerate(POINT_SETS.items(), start=1):
         table[name] = measures(point_plots.block(sequence(m), 2**m), m)
         progress(done / len(POINT_SETS))
+    pair = (point_plots.block(POINT_SETS[name](m), 2**m) for name in ("Sobol'", "Larcher-Pillichshammer"))
+    one, other = (points[np.lexsort(points.T)] for points in pair)
     return _draw(table, m), {
         "measured": {
             "points": 2**m,
             **table,
-            "the first points of Sobol' and Larcher-Pillichshammer are one set": _same_set(
-                *(
-                    point_plots.block(POINT_SETS[name](m), 2**m)
-                    for name in ("Sobol'", "Larcher-Pillichshammer")
-                )
-            ),
+            "the first points of Sobol' and Larcher-Pillichshammer are one set": np.array_equal(one, other),
         },
         "claims": {
             "the Larcher-Pillichshammer net has less star discrepancy than other nets and lattices": {
@@ -111,10 +108,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "first component of Sobol's makes the Hammersley net, theirs the Larcher-Pillichshammer net. The "
         "wrap-around and the periodic discrepancy do not tell the digital nets apart.",
     }
-
-
-def _same_set(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    return np.array_equal(one[np.lexsort(one.T)], other[np.lexsort(other.T)])
 
 
 def _draw(table: dict[str, dict[str, float | None]], m: int) -> Figure:

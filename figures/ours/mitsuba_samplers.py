@@ -19,6 +19,7 @@ from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
 from figures.shared.rendered import mitsuba_samplers_measured as measured
 from figures.shared.rendered.mitsuba_samplers_measured import Images, Rates, Size
+from figures.shared.sheets import marks
 from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
@@ -45,15 +46,15 @@ SIZES = {
 }
 
 NOTE = (
-    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image "
-    "by each sampler: Mitsuba's own, and ours as the plug-in of qmcjax.bridges.mitsuba. Ours have 8 "
-    "dimensions; behind them the plug-in hands out pairs with fresh keys. {lamp}References are means of "
-    "{replicates} images of 64 multijittered samples. {explained} Their RMS errors: {noise}. At {most} "
+    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image by "
+    "each sampler: Mitsuba's own, and ours as the plug-in of qmcjax.bridges.mitsuba. Ours have 8 dimensions; "
+    "behind them the plug-in hands out pairs with fresh keys. {lamp}References are means of {replicates} "
+    f"images of 64 multijittered samples. {diffusion.EXPLAINED} Their RMS errors: {{noise}}. At {{most}} "
     "samples the RMS error of independent samples is {ratios} times that of Owen-scrambled Sobol' points in "
-    "each pixel; the goal was {goal} on two scenes. {verdict} Least of all: {best}; after the filter: "
-    "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at {timed_spp} samples, "
-    "paths of up to 8 edges, medians of {turns} images in turns, on all threads. {rates}At one sample "
-    "Mitsuba's three are the same points."
+    f"each pixel; the goal was {GOAL} on two scenes. {{verdict}} Least of all: {{best}}; after the filter: "
+    "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at "
+    f"{measured.TIMED_SPP} samples, paths of up to 8 edges, medians of {{turns}} images in turns, on all "
+    "threads. {rates}At one sample Mitsuba's three are the same points."
 )
 
 RATE = "{what}: of independent samples {speed:.2f} million per second; of others as parts of it: {ratios}. "
@@ -87,7 +88,7 @@ def make(
         for run, image in of.items()
         if run.seed == measured.KEY
     ]
-    errors = {(row["scene"], row["sampler"], row["spp"]): row for row in rows}
+    errors = _by_case(rows)
     most = size.counts[-1]
     ratios = {
         name: errors[name, measured.shown("independent"), most]["RMS error"]
@@ -101,6 +102,7 @@ def make(
         }
         for what in ("RMS error", "filtered error")
     }
+    reached = f"It is reached on {sum(ratio >= GOAL for ratio in ratios.values())} of {len(ratios)}."
     numbers = {
         "measured": {
             f"RMS error of independent samples / Owen's, {most} spp": ratios,
@@ -116,16 +118,13 @@ def make(
             edges=_listed({name: str(EDGES[name]) for name in found}),
             lamp=LAMP if "Cornell box" in found else "",
             replicates=size.replicates,
-            explained=diffusion.EXPLAINED,
             noise=_listed({name: f"{np.sqrt(np.mean(of.error**2)):.1e}" for name, of in exact.items()}),
             most=most,
             ratios=_listed({name: f"{ratio:.2f}" for name, ratio in ratios.items()}),
-            goal=GOAL,
-            verdict=_verdict(ratios),
+            verdict="Drafts have one scene." if len(ratios) < 3 else reached,
             best=_listed(least["RMS error"]),
             filtered=_listed(least["filtered error"]),
             timed_side=size.timed_side,
-            timed_spp=measured.TIMED_SPP,
             turns=size.turns,
             rates="".join(_said(what, of, size) for what, of in rates.items()),
         ),
@@ -136,6 +135,10 @@ def make(
         for sampler in _pictured(size)
     }
     return _drawn(size, found, exact, rows, rates), numbers, images
+
+
+def _by_case(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], dict[str, Any]]:
+    return {(row["scene"], row["sampler"], row["spp"]): row for row in rows}
 
 
 def _said(what: str, taken: dict[str, list[float]], size: Size) -> str:
@@ -154,13 +157,6 @@ def _pictured(size: Size) -> list[str]:
 
 def _listed(of: dict[str, str]) -> str:
     return ", ".join(f"{value} ({name})" for name, value in of.items())
-
-
-def _verdict(ratios: dict[str, float]) -> str:
-    reached = sum(ratio >= GOAL for ratio in ratios.values())
-    if len(ratios) < 3:
-        return "Drafts have one scene."
-    return f"It is reached on {reached} of {len(ratios)}."
 
 
 def _missing() -> tuple[Figure, dict]:
@@ -192,15 +188,11 @@ def _drawn(
     rates: Rates,
 ) -> Figure:
     """Draw images of each scene in a row, and below them curves, a scene in each column."""
-    panels = []
+    panels, errors = [], _by_case(rows)
     for name, of in found.items():
         panels.append(Panel(f"{name}\nreference", diffusion.shown(exact[name].image)))
         for sampler in _pictured(size):
-            error = next(
-                row["RMS error"]
-                for row in rows
-                if (row["scene"], row["sampler"], row["spp"]) == (name, measured.shown(sampler), SHOWN_SPP)
-            )
+            error = errors[name, measured.shown(sampler), SHOWN_SPP]["RMS error"]
             caption = f"{measured.shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
             panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, measured.KEY)])))
     bars = BAR * len(size.samplers) + 190
@@ -235,18 +227,9 @@ def _drawn(
 
 def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], size: Size) -> None:
     for sampler in size.samplers:
-        chosen = [row for row in rows if (row["scene"], row["sampler"]) == (scene, measured.shown(sampler))]
-        drawn = _style(sampler)
-        axes.plot(
-            [row["spp"] for row in chosen],
-            [row[what] for row in chosen],
-            drawn.line,
-            color=drawn.color,
-            marker=drawn.marker,
-            ms=4,
-            lw=1,
-            label=measured.shown(sampler),
-        )
+        name = measured.shown(sampler)
+        chosen = {row["spp"]: row[what] for row in rows if (row["scene"], row["sampler"]) == (scene, name)}
+        marks.curve(axes, chosen, _style(sampler), label=name)
     axes.set(xscale="log", yscale="log", xlabel="samples per pixel", ylabel=what)
     axes.set_xticks(size.counts, list(map(str, size.counts)))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -277,9 +260,4 @@ def _draw_spectra(axes: Axes, scene: str, images: Images, exact: diffusion.Refer
         drawn = _style(sampler)
         axes.plot(frequency / max(image[area].shape[:2]), mean, drawn.line, color=drawn.color, lw=1.2)
     axes.axhline(1, color="0.6", lw=0.8, zorder=0)
-    axes.set(
-        xlim=(0, 0.5),
-        ylim=(0, None),
-        xlabel="cycles per pixel",
-        ylabel=f"power, {SPECTRUM_SPP} spp",
-    )
+    axes.set(xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel=f"power, {SPECTRUM_SPP} spp")

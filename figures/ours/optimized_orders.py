@@ -1,10 +1,8 @@
 """Orders with searched permutations beside the samplers of the papers: what a filter leaves of errors."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
-import jax
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -12,13 +10,12 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._errors import rms
-from figures.shared.integrands import integrand_classes
-from figures.shared.integrands.diffusing_samplers import Maker, drawn, in_rows, keyed, keyless, ours
+from figures.shared.integrands import integrand_classes, screen_space
 from figures.shared.integrands.integrand_classes import CLASSES
 from figures.shared.sheets import text_tables
 from figures.shared.sheets.image_grid import GAP, Panel, add_axes, image_grid
-from figures.shared.turns import in_turns, median
-from qmcjax import orders, samplers
+from qmcjax import orders, samplers, sequences
+from qmcjax.choosing import CANDIDATES
 
 SIDE = {"draft": 64, "paper": 256}
 COUNTS = {"draft": (1, 4), "paper": (1, 4, 16, 64)}
@@ -49,6 +46,60 @@ Compared = dict[str, dict[str, dict[str, float]]]
 """By number of samples, kind of error, and class."""
 
 
+Maker = Callable[[int, int, int], samplers.Sampler]
+"""From a side, a number of samples and a key."""
+
+
+KEYLESS = (
+    "dither, vectors",
+    "Z0",
+    "Hilbert, Halton (2,3)",
+    "Hilbert, Halton (3,5)",
+    "Moore, Halton (2,3)",
+    "Peano, Halton (2,5)",
+    "Hilbert, shifted lattice",
+    "Hilbert, segments (3,5)",
+    "Hilbert, partitioned",
+)
+"""Those samplers of the papers that diffuse errors and have nothing random."""
+
+KEYED = {
+    "dither, rotated": "dither mask",
+    "ranked keys": "ranked keys",
+    "Z, hash": "Z, hash",
+    "Hilbert, Owen-Halton": "Hilbert, Halton (2,3)",
+    "Hilbert, Owen-Sobol'": "Hilbert, Owen-Sobol'",
+}
+"""Those with keys, and what they are called among the candidates."""
+
+
+def keyless() -> dict[str, Maker]:
+    """Return those that have nothing random."""
+    methods = screen_space.methods()
+    return {name: lambda side, spp, _, make=methods[name].make: make(side, spp) for name in KEYLESS}
+
+
+def keyed() -> dict[str, Maker]:
+    """Return those with keys."""
+    made = {name: _candidate(called) for name, called in KEYED.items()}
+    return made | {"Z, ART": lambda side, spp, key: samplers.z(side, side, spp, key, "art")}
+
+
+def _candidate(name: str) -> Maker:
+    make = CANDIDATES[name].make
+    return lambda side, spp, key: make(2, side, side, spp, key)
+
+
+ours, in_rows = _candidate("optimised orders"), _candidate("raster, Owen-Sobol'")
+
+
+def drawn(side: int, spp: int, key: int) -> samplers.Sampler:
+    """Return the same with permutations that are drawn: blocks of the same kind in Z's order."""
+    return samplers.contiguous(
+        orders.scrambled_morton(side, side, key), sequences.owen(sequences.sobol(2), key), spp
+    )
+
+
 def _measured(maker: Maker, side: int, spp: int, made_for: int, keys: int) -> tuple[NDArray, Errors]:
     """Return the errors with the first key, and measures over all of them."""
     images = [integrand_classes.errors(maker(side, made_for, key), side, spp) for key in range(1, keys + 1)]
@@ -58,33 +109,26 @@ def _measured(maker: Maker, side: int, spp: int, made_for: int, keys: int) -> tu
     }
 
 
-def _frame(sampler: samplers.Sampler, side: int, spp: int, _: int) -> jax.Array:
-    return analysis.pixel_means(_product, sampler, side, side, spp)
-
-
-def _product(point: jax.Array) -> jax.Array:
-    return point[..., 0] * point[..., 1]
-
-
 def _geometric(values: Any) -> float:
     return float(np.exp(np.mean(np.log(list(values)))))
 
 
 NOTE = (
     "{side} x {side} pixels. Integrands of the two coordinates that a pixel samples, the same in all pixels, "
-    "{count} of each class: random half-planes and discs, exp(-8 |p - c|^2), and cos(2 a x) y^b; none was "
-    "used in the search. Errors are in standard deviations of the integrand, filtered ones what a Gaussian "
-    "of 1.5 pixels leaves, and root mean squares over the integrands of a class and {keys} key(s), or of one "
-    "image where nothing is random. The best is that of {rivals} samplers of the papers, for each class by "
-    "itself{limited}. The geometric means of filtered errors over the classes, ours over the best, are "
-    "{means}; the goals were {goals}. {verdict} RMS errors, not filtered, are {rms} of those of the best. "
-    "Of what the same scrambled blocks leave in drawn permutations, filtered errors are {drawn}. With the "
-    "first samples of {most} they are {first} of those of a sampler made for so many, at most {worst:.2f} "
-    "in a class; the goal was {allowed}. A frame of x y takes {slower:.2f} of the time that it takes along "
-    "rows by the same scrambled sequence. What bounds the gain: a mask or keys are arranged for one "
-    "point set, while the search knows no scrambling. That each aligned square keeps a contiguous block "
-    "costs nothing that was found: free permutations of a tile, annealed by the same cost, end above ours "
-    "(analysis/tables/make_optimized_orders.py, also for what was tried for the first samples)."
+    f"{integrand_classes.COUNT} of each class: random half-planes and discs, exp(-8 |p - c|^2), and cos(2 a "
+    "x) y^b; none was used in the search. Errors are in standard deviations of the integrand, filtered ones "
+    "what a Gaussian of 1.5 pixels leaves, and root mean squares over the integrands of a class and {keys} "
+    "key(s), or of one image where nothing is random. The best is that of {rivals} samplers of the papers, "
+    "for each class by itself{limited}. The geometric means of filtered errors over the classes, ours over "
+    "the best, are {means}; the goals were {goals}. {verdict} RMS errors, not filtered, are {rms} of those "
+    "of the best. Of what the same scrambled blocks leave in drawn permutations, filtered errors are "
+    "{drawn}. With the first samples of {most} they are {first} of those of a sampler made for so many, at "
+    f"most {{worst:.2f}} in a class; the goal was {PROGRESSIVE}. A frame of x y takes {{slower:.2f}} of the "
+    "time that it takes along rows by the same scrambled sequence. What bounds the gain: a mask or keys are "
+    "arranged for one point set, while the search knows no scrambling. That each aligned square keeps a "
+    "contiguous block costs nothing that was found: free permutations of a tile, annealed by the same cost, "
+    "end above ours (analysis/tables/make_optimized_orders.py, also for what was tried for the first "
+    "samples)."
 )
 
 
@@ -121,12 +165,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         spp: _geometric(_ratios(measured[OURS][spp], measured["drawn permutations"][spp]).values())
         for spp in best
     }
-    frames = {
-        name: partial(_frame, maker(side, most, 1), side, most)
-        for name, maker in ((OURS, ours), ("rows", in_rows))
-    }
-    taken = in_turns(frames, 5)
-    slower = median(taken[OURS]) / median(taken["rows"])
+    slower = integrand_classes.time_ratio(ours(side, most, 1), in_rows(side, most, 1), side, most)
     goals = {f"{spp} spp": GOALS.get(spp, GOAL) for spp in counts}
     figure = _draw(shown, best, compared, against_drawn, first)
     return figure, {
@@ -143,7 +182,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "note": NOTE.format(
             side=side,
-            count=integrand_classes.COUNT,
             keys=keys,
             rivals=len(theirs),
             limited="" if quality == "paper" else ", of which drafts have only those that are shown",
@@ -155,7 +193,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             most=most,
             first=_listed({n: _geometric(of.values()) for n, of in first.items()}),
             worst=max(max(of.values()) for of in first.values()),
-            allowed=PROGRESSIVE,
             slower=slower,
         ),
     }
@@ -184,12 +221,6 @@ def _best(measured: dict[str, dict[str, Errors]], spp: int) -> dict[str, tuple[s
     return found
 
 
-def _power(found: NDArray) -> NDArray[np.float64]:
-    """Return the mean spectrum over all integrands."""
-    each = [analysis.error_spectrum(error, np.zeros_like(error)) for error in np.moveaxis(found, 2, 0)]
-    return np.mean(each, axis=0)
-
-
 def _draw(
     shown: dict[int, dict[str, NDArray]],
     best: Best,
@@ -208,11 +239,8 @@ def _draw(
         for name in SHOWN:
             error = images[name][..., :1]
             left = analysis.filtered_error(error, np.zeros_like(error))
-            panels.append(
-                Panel(
-                    f"{name}, {spp} spp\nfiltered error {left:.4f}", error[:CROP, :CROP, 0], (-spread, spread)
-                )
-            )
+            caption = f"{name}, {spp} spp\nfiltered error {left:.4f}"
+            panels.append(Panel(caption, error[:CROP, :CROP, 0], (-spread, spread)))
     rows, below = len(CLASSES) + 3, 320
     height = 34 * (rows + 2)
     title = (
@@ -224,7 +252,8 @@ def _draw(
     plot.order(orders.optimized(16, 16, 1, 1), title="16 x 16 pixels in order, 1 spp", ax=axes)
     for k, (spp, images) in enumerate(shown.items()):
         axes = add_axes(figure, 380 + 410 * k, height + 110, 310, 220)
-        plot.spectrum({name: _power(of) for name, of in images.items()}, title=f"{spp} spp", ax=axes)
+        spectra = {name: integrand_classes.mean_spectrum(of) for name, of in images.items()}
+        plot.spectrum(spectra, title=f"{spp} spp", ax=axes)
         axes.legend().remove()
     axes.legend(loc="center left", bbox_to_anchor=(1.05, 0.5), frameon=False)
     across = int(figure.get_size_inches()[0] * figure.dpi)
@@ -252,8 +281,8 @@ def _rows(best: Best, compared: Compared, drawn: dict[str, float], first: Ratios
         f"{name.split()[0]} spp": (_geometric(of.values()), "orders made for so many")
         for name, of in first.items()
     }
-    return [[name, *(text for spp in best for text in _cells(of.get(spp)))] for name, of in rows.items()]
-
-
-def _cells(found: tuple[float, str] | None) -> tuple[str, str]:
-    return (f"{found[0]:.2f}", found[1]) if found else ("", "")
+    cells = {
+        name: {spp: (f"{ratio:.2f}", other) for spp, (ratio, other) in of.items()}
+        for name, of in rows.items()
+    }
+    return [[name, *(text for spp in best for text in of.get(spp, ("", "")))] for name, of in cells.items()]

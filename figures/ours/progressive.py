@@ -4,22 +4,23 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-import analysis
 from figures import plot
 from figures.making import finished_cells
-from figures.shared.integrands.first_samples import lengths, prefix_errors
+from figures.shared import judged
+from figures.shared.integrands import integrand_classes, integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
-from figures.shared.turns import in_turns, median
+from figures.shared.sheets import marks
 from qmcjax import samplers
 from qmcjax.choosing import CANDIDATES
-from qmcjax.core import student
 
 OURS = "progressive"
 ORDERS = ("optimised orders", "Hilbert, Owen-Sobol'", "Z, hash")
@@ -58,20 +59,20 @@ TITLE = (
 )
 
 NOTE = (
-    "{side} x {side} pixels, {keys} keys, {count} integrands each of {classes}, the same in all pixels; none "
-    "was used in the search. Errors are what a Gaussian of 1.5 pixels leaves of an image without its mean, "
-    "root mean squares in a class and geometric means over classes, relative to independent samples, one "
-    "per pixel. Above: errors of the first samples over those of samplers made for their number, the best "
-    "order ({orders}) or the best of these and designed tiles, with Student's intervals of 95 % over keys. "
-    "The goals were {goal_2} in 2-D, {goal_4} in 4-D; {verdicts}. Below: errors also of numbers that are no "
-    "powers of two; they are at most {between} of the larger error of both neighbouring powers. RMS errors "
-    "of pixels, not filtered, are at most {plain} of those of the best order. A frame of x y with {spp} "
-    "samples takes {slower:.2f} of the time of optimised orders. What bounds it: all numbers of samples "
-    "share one permutation of each square. By the closed form of the search, in 2-D, those for one number "
-    "alone in the same nets are as good as the best order. Beside the order, nets in 2-D leave a pixel only "
-    "which half of its samples comes first; searches over that gained nothing to speak of. Designed tiles "
-    "are not stratified along the axes, and end at 16 samples. Above {all} samples only {best} are made for "
-    "each number."
+    f"{{side}} x {{side}} pixels, {{keys}} keys, {COUNT} integrands each of {', '.join(CLASSES)}, the same "
+    "in all pixels; none was used in the search. Errors are what a Gaussian of 1.5 pixels leaves of an image "
+    "without its mean, root mean squares in a class and geometric means over classes, relative to "
+    "independent samples, one per pixel. Above: errors of the first samples over those of samplers made for "
+    "their number, the best order ({orders}) or the best of these and designed tiles, with Student's "
+    f"intervals of 95 % over keys. The goals were {GOALS[2]} in 2-D, {GOALS[4]} in 4-D; {{verdicts}}. Below: "
+    "errors also of numbers that are no powers of two; they are at most {between} of the larger error of "
+    "both neighbouring powers. RMS errors of pixels, not filtered, are at most {plain} of those of the best "
+    f"order. A frame of x y with {TIMED_SPP} samples takes {{slower:.2f}} of the time of optimised orders. "
+    "What bounds it: all numbers of samples share one permutation of each square. By the closed form of the "
+    "search, in 2-D, those for one number alone in the same nets are as good as the best order. Beside the "
+    "order, nets in 2-D leave a pixel only which half of its samples comes first; searches over that gained "
+    "nothing to speak of. Designed tiles are not stratified along the axes, and end at 16 samples. Above "
+    f"{ALL_UP_TO} samples only {{best}} are made for each number."
 )
 
 
@@ -95,7 +96,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for name in size.others(spp):
                 cells[f"{name} {dims} {spp}"] = partial(theirs, dims, name, spp)
     measured = finished_cells.shared("errors", cells, lambda part: progress(0.95 * part))
-    slower = _slower()
+    optimized = samplers.optimized(TIMED_SIDE, TIMED_SIDE, TIMED_SPP, 1)
+    sampler = samplers.progressive(TIMED_SIDE, TIMED_SIDE, 1)
+    slower = integrand_classes.time_ratio(sampler, optimized, TIMED_SIDE, TIMED_SPP)
     ratios = {
         (dims, among): {
             spp: _ratio(measured, dims, spp, [name for name in size.others(spp) if name in names], prefixes)
@@ -124,20 +127,58 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(
             side=size.side,
             keys=size.keys,
-            count=COUNT,
-            classes=", ".join(CLASSES),
             orders=", ".join(size.orders),
-            goal_2=GOALS[2],
-            goal_4=GOALS[4],
             verdicts=_verdicts(ratios),
             between=_by_dims(between),
             plain=_by_dims(plain),
-            spp=TIMED_SPP,
             slower=slower,
-            all=ALL_UP_TO,
             best=" and ".join(size.orders[:2]),
         ),
     }
+
+
+TOGETHER = 64
+"""Samples whose values are summed in float32."""
+
+WHITE = 1 / (2 * np.sqrt(np.pi) * 1.5)
+"""What the filter leaves of white noise of standard deviation 1."""
+
+
+def lengths(most: int) -> tuple[int, ...]:
+    """Return numbers of samples: all up to 16, then 4 in each octave."""
+    octaves = [k << m for m in range(2, 13) for k in (5, 6, 7, 8)]
+    return tuple(n for n in (*range(1, 17), *(n for n in octaves if n > 16)) if n <= most)
+
+
+@partial(jax.jit, static_argnums=(1, 2))
+def _sum(sampler: samplers.Sampler, side: int, dims: int, start: Array, stop: Array) -> Array:
+    """Return the sums of the values of the integrands over some samples of all pixels."""
+    wanted = tuple(range(dims))
+    state = sampler.prepare_image(side, side, wanted)
+
+    def add(number: Array, total: Array) -> Array:
+        sample = jnp.full((side, side), number, jnp.uint32)
+        return total + integrands_of_dims.values(sampler.points(state, sample, wanted, jnp.float32))
+
+    return lax.fori_loop(start, stop, add, jnp.zeros((side, side, len(CLASSES) * COUNT)))
+
+
+def prefix_errors(
+    sampler: samplers.Sampler, side: int, dims: int, counts: tuple[int, ...]
+) -> NDArray[np.float64]:
+    """Return filtered and RMS errors of the first samples, shape (counts, 2): geometric means over classes.
+
+    Of images without their means, relative to independent samples, one per pixel.
+    """
+    deviation = integrands_of_dims.moments(dims)[1]
+    total, found = np.zeros((side, side, len(deviation))), []
+    for start, stop in zip((0, *counts), counts, strict=False):
+        for first in range(start, stop, TOGETHER):
+            total += np.asarray(_sum(sampler, side, dims, first, min(first + TOGETHER, stop)))
+        image = (total - total.mean(axis=(0, 1))) / stop / deviation
+        of_classes = integrand_classes.of_classes(image, len(CLASSES)) / [[WHITE], [1]]
+        found.append([np.exp(np.mean(np.log(of))) for of in of_classes])
+    return np.array(found)
 
 
 class Ratio(NamedTuple):
@@ -159,9 +200,9 @@ def _ratio(measured: dict, dims: int, spp: int, names: list[str], prefixes: tupl
     best = min(names, key=lambda name: float(_middle(measured[f"{name} {dims} {spp}"])))
     ours = measured[f"{OURS} {dims}"][:, prefixes.index(spp)]
     logs = np.log(ours) - np.log(measured[f"{best} {dims} {spp}"])
-    low, high = np.exp(student.interval(logs[:, 0]))
+    _, low, high = judged.of_logarithms(logs[:, 0])
     middle, plain = np.exp(logs.mean(axis=0))
-    return Ratio(best, float(middle), float(low), float(high), float(plain))
+    return Ratio(best, float(middle), low, high, float(plain))
 
 
 def _between(found: NDArray, prefixes: tuple[int, ...]) -> float:
@@ -194,23 +235,6 @@ def _by_dims(found: dict[int, float]) -> str:
     return ", ".join(f"{of:.2f} ({dims}-D)" for dims, of in found.items())
 
 
-def _product(point: Array) -> Array:
-    return point[..., 0] * point[..., 1]
-
-
-def _slower() -> float:
-    made = {
-        OURS: samplers.progressive(TIMED_SIDE, TIMED_SIDE, 1),
-        "optimised orders": samplers.optimized(TIMED_SIDE, TIMED_SIDE, TIMED_SPP, 1),
-    }
-
-    def frame(sampler: samplers.Sampler) -> Callable[[int], Array]:
-        return lambda _: analysis.pixel_means(_product, sampler, TIMED_SIDE, TIMED_SIDE, TIMED_SPP)
-
-    taken = in_turns({name: frame(sampler) for name, sampler in made.items()}, 5)
-    return median(taken[OURS]) / median(taken["optimised orders"])
-
-
 def _draw(title: str, measured: dict, ratios: dict, size: Size, prefixes: tuple[int, ...]) -> Figure:
     figure = Figure(figsize=(12, 8), layout="constrained")
     figure.suptitle(title)
@@ -232,19 +256,10 @@ def _draw(title: str, measured: dict, ratios: dict, size: Size, prefixes: tuple[
 def _ratios(axes: Axes, dims: int, ratios: dict) -> None:
     for shift, among in ((0.97, "the best order"), (1.03, "the best sampler")):
         row = ratios[dims, among]
-        middle, low, high = np.array([(of.middle, of.low, of.high) for of in row.values()]).T
+        shown = [(of.middle, of.low, of.high) for of in row.values()]
         style = plot.style(among, ("the best order", "the best sampler"))
-        axes.errorbar(
-            np.array(list(row)) * shift,
-            middle,
-            [middle - low, high - middle],
-            color=style.color,
-            marker=style.marker,
-            ms=4,
-            lw=1,
-            capsize=2,
-            label=f"over {among} for this number",
-        )
+        look = {"ms": 4, "lw": 1, "ls": "-", "capsize": 2, "label": f"over {among} for this number"}
+        marks.ratios(axes, np.array(list(row)) * shift, shown, style, **look)
     axes.axhline(1, color="0.3", lw=0.8)
     axes.axhline(GOALS[dims], color="0.3", lw=0.8, ls="--", label="goal, over the best order")
     axes.set_title(f"{dims}-D")

@@ -83,10 +83,8 @@ def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str,
         rows = measured[kind]
         sizes = np.array([row["side"] ** 2 * row["spp"] for row in rows], float)
         busy = [row["processor seconds"] for row in rows]
-        for of, line, clock in (
-            (busy, "o-", "processors"),
-            ([row["seconds"] for row in rows], "x--", "clock"),
-        ):
+        seconds = [row["seconds"] for row in rows]
+        for of, line, clock in ((busy, "o-", "processors"), (seconds, "x--", "clock")):
             label = f"{name}, {clock}"
             times.loglog(sizes, np.array(of) / sizes * 1e9, line, ms=4, lw=1, color=f"C{number}", label=label)
         beyond = [row["beyond"] for row in rows]
@@ -134,9 +132,8 @@ def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[di
     for color, (name, rows) in zip(COLORS, measured.items(), strict=False):
         n, seconds = np.array(rows["n"], float), np.array(rows["seconds"])
         slope, (power, logs) = _slope(n, seconds), rows["theory"]
-        label = f"{name}: {_grows(power, logs)}" + (
-            "" if slope is None else f", measured $n^{{{slope:.2f}}}$"
-        )
+        exponent = "" if slope is None else f", measured $n^{{{slope:.2f}}}$"
+        label = f"{name}: {_grows(power, logs)}{exponent}"
         style = "o-" if rows["dims"] == 2 else "^-"
         times.loglog(n, seconds, style, ms=4, color=color, label=label)
         expected = n**power * np.log(n) ** logs
@@ -169,14 +166,12 @@ def _of_measures(table: list[dict[str, Any]]) -> dict[str, Any]:
     """Return what the note says of measures."""
     known = [row for row in table if row[MEMORY] is not None]
     more = [row for row in known if row[MEMORY] > ALLOWED]
-    others = "; more take " + ", ".join(
-        f"{row['measure']} ({row[MEMORY]:.1f} at n = {row['n']})" for row in more
-    )
+    named = [f"{row['measure']} ({row[MEMORY]:.1f} at n = {row['n']})" for row in more]
     return {
         "held": len(known) - len(more),
         "all": len(known),
         "allowed": ALLOWED,
-        "others": others if more else "",
+        "others": f"; more take {', '.join(named)}" if more else "",
     }
 
 

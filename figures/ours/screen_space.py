@@ -9,17 +9,8 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.making.schema import Claims
-from figures.shared.integrands.screen_space import (
-    CENTRE,
-    FAMILIES,
-    INTEGRALS,
-    RADIUS,
-    SHARPNESS,
-    SIDE,
-    Measures,
-    measure,
-    methods,
-)
+from figures.shared.integrands import screen_space
+from figures.shared.integrands.screen_space import FAMILIES, INTEGRALS, Measures
 
 COUNTS = (1, 4, 16, 64)
 BINS = 32
@@ -37,14 +28,14 @@ LARGE = 64
 
 NOTE = (
     "{side} x {side} pixels, {counts} samples per pixel. Each pixel estimates integrals of the two "
-    f"coordinates that it samples, the same in every pixel: x y, a disc of radius {RADIUS}, x + y < 1, and "
-    f"exp(-{SHARPNESS:.0f} |p - {CENTRE}|^2), the bump. An image of the slider has one of them in each "
-    "quarter, in this order, and would be flat there without error. Errors are against the exact integrals; "
-    "power is 1 for white noise, low is the radial mean below 1/16 of a cycle per pixel, filtered the RMS "
-    "error after a Gaussian of 1.5 pixels; images are taken as periodic. The global sequences show their "
-    "dimensions 2 and 3, since 0 and 1 are the pixel. Peano's curve fills 3**k pixels a side, of which a "
-    "part is used. One key for what is random. At one sample per pixel, segments and the shifted lattice are "
-    "the contiguous blocks of their Halton components."
+    f"coordinates that it samples, the same in every pixel: x y, a disc of radius {screen_space.RADIUS}, x + "
+    f"y < 1, and exp(-{screen_space.SHARPNESS:.0f} |p - {screen_space.CENTRE}|^2), the bump. An image of the "
+    "slider has one of them in each quarter, in this order, and would be flat there without error. Errors "
+    "are against the exact integrals; power is 1 for white noise, low is the radial mean below 1/16 of a "
+    "cycle per pixel, filtered the RMS error after a Gaussian of 1.5 pixels; images are taken as periodic. "
+    "The global sequences show their dimensions 2 and 3, since 0 and 1 are the pixel. Peano's curve fills "
+    "3**k pixels a side, of which a part is used. One key for what is random. At one sample per pixel, "
+    "segments and the shifted lattice are the contiguous blocks of their Halton components."
 )
 
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -54,7 +45,7 @@ def make(
     quality: str, progress: Callable[[float], None]
 ) -> tuple[Figure, dict, dict[str, NDArray[np.float64]]]:
     """Measure all methods, draw spectra of their errors by families, and hand their images out."""
-    side = SIDE[quality]
+    side = screen_space.SIDE[quality]
     exact = np.broadcast_to(list(INTEGRALS.values()), (side, side, len(INTEGRALS)))
     images = {f"exact: {', '.join(INTEGRALS)}": _quarters(exact)}
     powers: dict[int, dict[str, Curve]] = {}
@@ -62,8 +53,8 @@ def make(
     claims: Claims = {}
     for done, spp in enumerate(COUNTS, start=1):
         powers[spp], found = {}, {}
-        for name, method in methods().items():
-            image, found[name] = measure(method, side, spp)
+        for name, method in screen_space.methods().items():
+            image, found[name] = screen_space.measure(method, side, spp)
             powers[spp][name] = _radial_power(image - exact)
             images[f"{name}, {spp} spp"] = _quarters(image)
         measured[f"{spp} spp"] = found

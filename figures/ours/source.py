@@ -104,8 +104,6 @@ def _drawn(found: Nanoseconds, spp: int) -> Figure:
     axes.legend(frameon=False)
     times = [of[XLA] / of[C] for of in found.values() if C in of]
     if times:
-        axes.set_title(
-            f"Samplers as C source code, on one core, {spp} samples per pixel:\n"
-            f"{min(times):.1f} to {max(times):.0f} times XLA's rates"
-        )
+        title = f"Samplers as C source code, on one core, {spp} samples per pixel:\n"
+        axes.set_title(f"{title}{min(times):.1f} to {max(times):.0f} times XLA's rates")
     return figure

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.making import stbn
+from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.animations import FRAMES, METHODS, Animation, Frame, errors, image
 from figures.shared.sheets.moving_picture import moving_picture
@@ -50,12 +51,13 @@ MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
 """Columns of the moving picture."""
 
 NOTE = (
-    "{side} x {side} pixels, {frames} frames, {keys} keys. Root mean squares over half-spaces, balls, bumps "
-    "and products, {count} of each, the same in all pixels and frames, relative to white noise after the "
-    "same filter; geometric means over keys. Filters in space are Gaussians of 1.5 pixels; the moving "
-    "average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. Frames repeat without end: "
-    "shifts by the golden ratio jump once in {frames} frames. Without a tile, {goals} were asked, the last "
-    "of blocks. The moving picture is a soft shadow of one sample per pixel and frame. {verdicts}{published}"
+    f"{{side}} x {{side}} pixels, {FRAMES} frames, {{keys}} keys. Root mean squares over half-spaces, balls, "
+    f"bumps and products, {integrands_of_dims.COUNT} of each, the same in all pixels and frames, relative to "
+    "white noise after the same filter; geometric means over keys. Filters in space are Gaussians of 1.5 "
+    "pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. Frames "
+    f"repeat without end: shifts by the golden ratio jump once in {FRAMES} frames. Without a tile, {{goals}} "
+    "were asked, the last of blocks. The moving picture is a soft shadow of one sample per pixel and frame. "
+    "{verdicts}{published}"
 )
 
 TEXTURE = (
@@ -163,9 +165,7 @@ def make(
     folder = stbn.path()
     note = NOTE.format(
         side=side,
-        frames=FRAMES,
         keys=keys,
-        count=integrands_of_dims.COUNT,
         goals=", ".join(map(str, GOALS)),
         verdicts=" ".join(
             f"{case}: {'; '.join(f'{label}: {one}' for label, one in of.items())}."
@@ -196,8 +196,7 @@ def make(
 
 def _with_interval(logs: NDArray[np.float64]) -> list[float]:
     """Return a geometric mean and the ends of its interval, the mean itself without variance."""
-    ends = student.interval(logs) if np.ptp(logs) else (logs.mean(), logs.mean())
-    return [float(np.exp(value)) for value in (logs.mean(), *ends)]
+    return list(judged.of_logarithms(logs)) if np.ptp(logs) else [float(np.exp(logs.mean()))] * 3
 
 
 def _drawn(tables: Mapping[str, Mapping[str, NDArray[np.float64]]], spectra: Mapping[str, Any]) -> Figure:

@@ -90,7 +90,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         if panel.limit is not None
     }
     return figure, {
-        "measured": {name: {k: _keyed(v) for k, v in of.items()} for name, of in measured.items()}
+        "measured": {
+            name: {label: {f"{at:g}": error for at, error in of.items()} for label, of in curves.items()}
+            for name, curves in measured.items()
+        }
         | {"an image shows errors from": broken}
         | _documented(measured),
         "note": f"{point_precision.NOTE.format(count=count)} {ray_precision.NOTE.format(count=rays)}",
@@ -142,7 +145,3 @@ def _documented(measured: Mapping[str, Curves]) -> dict[str, bool]:
 def _first(curve: Mapping[float, float], limit: float) -> float | None:
     """Return the first place where errors are above a limit."""
     return next((at for at, error in curve.items() if error > limit), None)
-
-
-def _keyed(curve: Mapping[float, float]) -> dict[str, float]:
-    return {f"{at:g}": error for at, error in curve.items()}

@@ -33,10 +33,10 @@ NOTE = (
     "heuristic; one triangle a leaf. All but the last two ways take the split with the least c(j) of Eq. 4.1 "
     "that they look at: of three axes, of one curve, of two pairs of clusters. 2-means is with the metric "
     "for boxes; 'of centres' clusters these as points. Quadratic splits look at all pairs of boxes, which is "
-    "too much for more than {most} of them; 'filled' keeps 40 % of the boxes in either group. The fan: {fan} "
-    "triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic splits is "
-    "{depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, "
-    "is for the same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
+    f"too much for more than {QUADRATIC} of them; 'filled' keeps 40 % of the boxes in either group. The fan: "
+    f"{FAN} triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic "
+    "splits is {depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, is for the "
+    "same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
 )
 
 
@@ -75,7 +75,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             marks[name] = _embree(mesh())
         progress(done / len(meshes))
     fan = _fan()
-    names = tuple(way for way in measured["one knot"] if way != "triangles")
+    others = [way for way in measured["one knot"] if way not in ("triangles", SAH)]
     claims = {
         "along the Hilbert curve trees are worse than by three axes": {
             mesh: _nodes(of, "Hilbert order") > 1 for mesh, of in measured.items()
@@ -94,24 +94,21 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for mesh, of in measured.items()
             for way in ("2-means", CENTRES)
         },
-        "quadratic splits degrade a fan to something like a list: a depth of half its triangles": fan[
-            "quadratic split"
-        ]
-        > FAN / 2,
+        "quadratic splits degrade a fan to something like a list: a depth of half its triangles": (
+            fan["quadratic split"] > FAN / 2
+        ),
     }
     numbers = {
         "measured": {"meshes": measured, "Embree, nanoseconds a ray": marks, "depth of the fan": fan},
         "claims": claims,
         "note": NOTE.format(
             side=side,
-            most=QUADRATIC,
-            fan=FAN,
             depth=fan["quadratic split"],
             least=fan[SAH],
             embree="" if EMBREE else " Embree is not installed here.",
         ),
     }
-    return _draw(measured, marks, names), numbers
+    return _draw(measured, marks, others), numbers
 
 
 def _nodes(of: dict[str, Any], way: str) -> float:
@@ -147,10 +144,9 @@ def _fan() -> dict[str, int]:
     angle = np.pi / 2 * 0.9 ** np.arange(FAN + 1)
     rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     low, high = mesh_models.corners(np.stack([0 * rim[:-1], rim[:-1], rim[1:]], axis=1))
+    ways = _ways(low, high)
     return {
-        "quadratic split": leaf_depths(trees.quadratic_split_tree(low, high))[0],
-        "quadratic split, filled": leaf_depths(trees.quadratic_split_tree(low, high, fill=0.4))[0],
-        SAH: leaf_depths(trees.surface_area_tree(low, high))[0],
+        name: leaf_depths(ways[name]())[0] for name in ("quadratic split", "quadratic split, filled", SAH)
     }
 
 
@@ -166,13 +162,12 @@ def _embree(mesh: mesh_models.Mesh, side: int = 256, turns: int = 5) -> float:
     return median(taken) / len(origin) * 1e9
 
 
-def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], names: tuple[str, ...]) -> Figure:
+def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: list[str]) -> Figure:
     figure = Figure(figsize=(15.0, 2.4 + 0.23 * len(measured)), layout="constrained")
     figure.suptitle(
         "Most other builders need more nodes than the surface area heuristic (thesis Sect. 4.1.3, 4.1.4)",
         fontsize=11,
     )
-    others = names[1:]
     rows = []
     for mesh, of in measured.items():
         row = [f"{mesh}, {of['triangles']}", f"{of[SAH]['nodes of a primary ray']:.1f}"]

@@ -1,5 +1,9 @@
 """Statements about means, judged by intervals: true, false, or neither."""
 
+from collections.abc import Iterable, Mapping
+from itertools import product
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -18,6 +22,25 @@ def ratio(first: ArrayLike, second: ArrayLike) -> dict[str, float]:
     """Return the geometric mean of ratios of positive values, and the ends of its interval of 95 %."""
     logs = np.log(np.asarray(first, np.float64) / np.asarray(second, np.float64))
     return {end: float(np.exp(value)) for end, value in interval(logs).items()}
+
+
+class Ratio(NamedTuple):
+    """A geometric mean of ratios, and the ends of its interval of 95 %."""
+
+    middle: float
+    low: float
+    high: float
+
+
+def of_logarithms(values: ArrayLike) -> Ratio:
+    """Return the geometric mean of ratios of the independent cases, whose logarithms are given."""
+    logs = np.asarray(values, np.float64)
+    return Ratio(*(float(np.exp(value)) for value in (logs.mean(), *student.interval(logs))))
+
+
+def ratios(cases: Mapping[str, Mapping[str, ArrayLike]], one: str, other: str) -> dict[str, dict[str, float]]:
+    """Return the ratio of the positive values of two names in each case."""
+    return {case: ratio(of[one], of[other]) for case, of in cases.items()}
 
 
 def below(values: ArrayLike, limit: float) -> bool | str:
@@ -50,6 +73,13 @@ def falls(counts: ArrayLike, values: ArrayLike) -> bool | str:
     slope, _, _, _, error = stats.linregress(x, y)
     half = stats.t.ppf(0.975, len(x) - 2) * error
     return True if slope + half < 0 else False if slope - half > 0 else UNDECIDED
+
+
+def all_smaller(
+    of: Mapping[str, ArrayLike], ones: Iterable[str], others: Iterable[str], factor: float = 1.0
+) -> bool | str:
+    """Return whether positive values of some names are below ``factor`` times those of all others."""
+    return all_of(*(smaller(of[one], of[other], factor) for one, other in product(ones, others)))
 
 
 def all_of(*found: bool | str) -> bool | str:

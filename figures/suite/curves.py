@@ -11,6 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from figures.plot import Style, rc, style
 from figures.shared.rivals import RIVALS
+from figures.shared.sheets import marks
 from figures.suite.entries import Entry
 from figures.suite.results import BASE, Measured, Score, by_samples, families
 
@@ -93,14 +94,8 @@ def _picture(
             axes[0].set_ylabel("error / error of random samples")
             handles = {h.get_label(): h for panel in axes for h in panel.get_legend_handles_labels()[0]}
             named = [name for name in styles if name in handles]
-            figure.legend(
-                [handles[name] for name in named],
-                named,
-                loc="outside lower center",
-                ncols=4,
-                frameon=False,
-                handlelength=4,
-            )
+            shown, look = [handles[name] for name in named], {"frameon": False, "handlelength": 4}
+            figure.legend(shown, named, loc="outside lower center", ncols=4, **look)
             buffer = io.StringIO()
             figure.savefig(buffer, format="svg", metadata={"Date": None})
         finally:
@@ -124,23 +119,14 @@ def _panel(
         middle, low, high = np.array(list(known.values())).T
         there = (low > 0) & np.isfinite(high)
         low, high = np.where(there, low, middle), np.where(there, high, middle)
-        drawn, theirs = styles[name], bool(entries[name].project)
-        axes.plot(
-            x,
-            middle,
-            ls=drawn.line,
-            color=drawn.color,
-            marker=drawn.marker,
-            ms=4 if theirs else 6,
-            mfc="white" if theirs else drawn.color,
-            lw=0.9 if theirs else 2,
-            zorder=2 if theirs else 3,
-            label=name,
-        )
-        if theirs:
-            axes.vlines(x, low, high, color=drawn.color, lw=0.9, zorder=2)
+        color, of_entry = styles[name].color, {spp: score.middle for spp, score in known.items()}
+        if entries[name].project:
+            look = {"ms": 4, "mfc": "white", "lw": 0.9, "zorder": 2}
+            axes.vlines(x, low, high, color=color, lw=0.9, zorder=2)
         else:
-            axes.fill_between(x, low, high, color=drawn.color, alpha=0.15, lw=0)
+            look = {"ms": 6, "lw": 2, "zorder": 3}
+            axes.fill_between(x, low, high, color=color, alpha=0.15, lw=0)
+        marks.curve(axes, of_entry, styles[name], label=name, **look)
     axes.axhline(1, color="black", lw=0.8, zorder=1)
     axes.set_xscale("log", base=2)
     axes.set_yscale("log")

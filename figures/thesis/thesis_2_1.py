@@ -42,30 +42,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     axes = figure.subplots()
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")
-        axes.annotate(
-            f"$N_{{{i},3}}$",
-            (u[column.argmax()], column.max()),
-            xytext=(0, 3),
-            textcoords="offset points",
-            ha="center",
-            fontsize=9,
-            color=f"C{i % 10}",
-        )
+        look = {"ha": "center", "fontsize": 9, "color": f"C{i % 10}"}
+        top = u[column.argmax()], column.max()
+        axes.annotate(f"$N_{{{i},3}}$", top, xytext=(0, 3), textcoords="offset points", **look)
     axes.set(xlim=(-0.15, 8.15), ylim=(0, 1.1), xlabel="u", xticks=sorted(set(KNOTS)))
     axes.set_title("Cubic B-spline basis functions, end knots four times each (thesis Fig. 2.1)", fontsize=10)
     axes.grid(alpha=0.3)
+    off = float(abs(values.sum(axis=1) - 1).max())
+    counts = sorted({int(n) for n in nonzero})
     measured = {
         "functions": COUNT,
         "difference": difference,
-        "sum minus 1, at most": float(abs(values.sum(axis=1) - 1).max()),
-        "functions that do not vanish inside a span": sorted({int(n) for n in nonzero}),
+        "sum minus 1, at most": off,
+        "functions that do not vanish inside a span": counts,
     }
     claims = {
         "the inverted triangular scheme avoids dividing by zero": bool(np.isfinite(values).all()),
         "it computes the functions of Eq. 2.2": difference < 1e-12,
-        "p functions do not vanish": measured["functions that do not vanish inside a span"] == [DEGREE],
+        "p functions do not vanish": counts == [DEGREE],
         "nonnegativity": bool((values >= 0).all()),
-        "partition of unity": measured["sum minus 1, at most"] < 1e-12,
+        "partition of unity": off < 1e-12,
         "local support: zero outside [u_i, u_(i+p+1)]": bool((values[outside] == 0).all()),
         "the curve begins at the first and ends at the last control point": bool(
             (values[0] == np.eye(COUNT)[0]).all() and (values[-1] == np.eye(COUNT)[-1]).all()

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared.sheets.trajectories import CORNER, CURVE, FINE, at, draw, legend, table
-from qmcjax.tracing import motion
+from figures._errors import slope
+from figures.shared.sheets.trajectories import CORNER, CURVE, FINE, at, draw, legend, pair, table
 
 SHOWN = 16
 PIECES = tuple(2**k for k in range(3, 13))
@@ -26,20 +26,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     exact = {name: curve.by_arc_length(1).length for name, curve in CURVES.items()}
     sums = {name: [float(table(curve, n)[1][-1]) for n in PIECES] for name, curve in CURVES.items()}
     errors = {name: [1 - found / exact[name] for found in of] for name, of in sums.items()}
-    slopes = {
-        name: float(np.polyfit(np.log(PIECES[2:]), np.log(of[2:]), 1)[0]) for name, of in errors.items()
-    }
+    slopes = {name: slope(dict(zip(PIECES[2:], of[2:], strict=True))) for name, of in errors.items()}
 
-    figure = Figure(figsize=(10, 4.3), layout="constrained")
-    figure.suptitle("The length of a curve by linear segments (thesis Fig. 2.4)")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = pair("The length of a curve by linear segments (thesis Fig. 2.4)", 10)
     draw(left, CURVE)
-    _draw_segments(left, CURVE)
+    ends = at(CURVE, np.linspace(CURVE.knots[0], CURVE.knots[-1], SHOWN + 1))
+    left.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN} linear segments")
     legend(figure)
     for (name, of), color, marker in zip(errors.items(), ("C0", "C4"), "ov", strict=True):
-        right.loglog(
-            PIECES, of, color=color, marker=marker, ms=4, label=f"curve {name}, slope {slopes[name]:.2f}"
-        )
+        label = f"curve {name}, slope {slopes[name]:.2f}"
+        right.loglog(PIECES, of, color=color, marker=marker, ms=4, label=label)
     right.set(xlabel="linear segments", ylabel="missing part of the length")
     right.grid(alpha=0.3)
     right.legend(frameon=False)
@@ -61,8 +57,3 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "as fast as without": slopes["with a corner"] < 0.9 * slopes["smooth"],
     }
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
-
-
-def _draw_segments(axes, curve: motion.Nurbs) -> None:
-    ends = at(curve, np.linspace(curve.knots[0], curve.knots[-1], SHOWN + 1))
-    axes.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN} linear segments")

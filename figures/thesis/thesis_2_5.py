@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, legend, table
+from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, legend, pair, table
 
 SHOWN = 16
 COUNTS = tuple(2**k for k in range(3, 11))
@@ -31,30 +31,24 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     divided = {count: CURVE.by_arc_length(count) for count in COUNTS}
     for count, segments in divided.items():
         part = np.linspace(0, 1, count * INSIDE + 1)
-        distance = np.linalg.norm(at(segments, part) - _curve_at(part, u, lengths), axis=1)
+        # Points of the curve at parts of its length, by Eq. 2.6 with the fine table.
+        exact = at(CURVE, np.interp(part * lengths[-1], lengths, u))
+        distance = np.linalg.norm(at(segments, part) - exact, axis=1)
         errors.append(float(distance.max() / segments.length))
         bounds.append(segments.bound / segments.length)
         chords = np.linalg.norm(np.diff(segments.points, axis=0), axis=1)
         spread.append(float(chords.max() / chords.min()))
         at_ends.append(float(distance[::INSIDE].max() / segments.length))
-    areas = {
-        "control points": float(ConvexHull(CURVE.control).volume),
-        **{f"ends of {n} segments": float(ConvexHull(divided[n].points).volume) for n in (SHOWN, COUNTS[-1])},
-    }
+    hulls = {f"ends of {n} segments": ConvexHull(divided[n].points) for n in (SHOWN, COUNTS[-1])}
+    inside = {name: float(hull.volume) for name, hull in hulls.items()}
+    outer = float(ConvexHull(CURVE.control).volume)
     unequal = {str(times): _table_error(times, u, lengths) for times in (1, 4, 16)}
+    few, _, many = unequal.values()
 
-    figure = Figure(figsize=(10, 4.3), layout="constrained")
-    figure.suptitle("Linear segments of the same length (thesis Fig. 2.5)")
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = pair("Linear segments of the same length (thesis Fig. 2.5)", 10)
     draw(left, CURVE)
-    left.plot(
-        *divided[SHOWN].points.T,
-        "o-",
-        color="C1",
-        ms=4,
-        lw=0.8,
-        label=f"{SHOWN} segments of equal length",
-    )
+    label = f"{SHOWN} segments of equal length"
+    left.plot(*divided[SHOWN].points.T, "o-", color="C1", ms=4, lw=0.8, label=label)
     legend(figure)
     right.loglog(COUNTS, bounds, "k:", label="bound that comes with the segments")
     right.loglog(COUNTS, errors, "o-", color="C1", ms=4, label="largest error")
@@ -69,7 +63,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "segments": of_count,
         "error at the ends of segments, at most": max(at_ends),
         "slope of the error": float(np.polyfit(np.log(COUNTS[2:]), np.log(errors[2:]), 1)[0]),
-        "area of the convex hull": areas,
+        "area of the convex hull": {"control points": outer, **inside},
         "table": unequal,
     }
     claims = {
@@ -79,17 +73,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "segments are of the same length, too: within 1 % from 256 of them on": all(
             ratio < 1.01 for count, ratio in zip(COUNTS, spread, strict=True) if count >= 256
         ),
-        "the segments' bounds are tighter than the control points'": max(list(areas.values())[1:])
-        < areas["control points"],
-        "for accuracy the table should have more pieces than there are segments": unequal["1"]
-        > 4 * unequal["16"],
+        "the segments' bounds are tighter than the control points'": max(inside.values()) < outer,
+        "for accuracy the table should have more pieces than there are segments": few > 4 * many,
     }
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
-
-
-def _curve_at(part: NDArray, u: NDArray, lengths: NDArray) -> NDArray[np.float64]:
-    """Return the points of the curve at parts of its length, by Eq. 2.6 with the fine table."""
-    return at(CURVE, np.interp(part * lengths[-1], lengths, u))
 
 
 def _table_error(times: int, u: NDArray, lengths: NDArray) -> float:

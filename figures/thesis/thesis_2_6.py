@@ -1,6 +1,7 @@
 """Thesis Fig. 2.6: the box of a rectangle under continuous rotation."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -40,13 +41,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         path = _turned(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), np.linspace(0.0, stop, ANGLES))
         brute = path.min(axis=(0, 1)), path.max(axis=(0, 1))
         at_corner = path[:, -1, 0]
+        reached = np.linspace(0, stop, ANGLES)[at_corner.argmax()]
         measured[name] = {
             "area / brute force": _volume(low[:2], high[:2]) / _volume(brute[0][:2], brute[1][:2]),
             "largest x of the upper-left corner": float(at_corner.max()),
             "its distance from the origin": float(np.hypot(*corner)),
-            "degrees at which it is reached": -float(
-                np.degrees(np.linspace(0, stop, ANGLES)[at_corner.argmax()])
-            ),
+            "degrees at which it is reached": -float(np.degrees(reached)),
         }
         _draw(panel, name, stop, highest if stop < highest else stop, low, high)
     legend(figure)
@@ -116,10 +116,9 @@ def _in_random_frames() -> dict[str, list[float]]:
     """Return the volumes of boxes over those of brute force, by both ways."""
     random = np.random.default_rng(KEY)
     found: dict[str, list[float]] = {"thesis": [], "rotation_box": []}
+    unit = _grid([0, 1], [0, 1], [0, 1])
     for _ in range(ROTATIONS):
-        corners = random.normal(size=3) + random.uniform(0.1, 1, 3) * (
-            np.stack(np.meshgrid([0, 1], [0, 1], [0, 1]), -1).reshape(-1, 3)
-        )
+        corners = random.normal(size=3) + random.uniform(0.1, 1, 3) * unit
         axis, (start, end) = random.normal(size=3), random.uniform(-np.pi, np.pi, 2)
         path = _turned(corners, axis, np.linspace(start, end, 2000)).reshape(-1, 3)
         exact = _volume(path.min(axis=0), path.max(axis=0))
@@ -127,23 +126,22 @@ def _in_random_frames() -> dict[str, list[float]]:
         # Rows of the frame: the axis is its last, so that its coordinate w stays.
         frame = np.linalg.svd(axis[None, :])[2][[1, 2, 0]]
         inside = path @ frame.T
-        ends = np.stack(np.meshgrid(*np.stack([inside.min(axis=0), inside.max(axis=0)], 1)), -1).reshape(
-            -1, 3
-        )
-        back = ends @ frame
+        back = _grid(*np.stack([inside.min(axis=0), inside.max(axis=0)], 1)) @ frame
         found["thesis"].append(_volume(back.min(axis=0), back.max(axis=0)) / exact)
     return found
+
+
+def _grid(*coordinates: Any) -> NDArray:
+    """Return the points that have one of some coordinates along each axis."""
+    return np.stack(np.meshgrid(*coordinates), -1).reshape(-1, len(coordinates))
 
 
 def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high: NDArray) -> None:
     def turned(angle: float) -> NDArray:
         return _turned(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), np.array([angle]))[0, :, :2]
 
-    axes.add_patch(
-        Rectangle(
-            (low[0], low[1]), *(high - low)[:2], color="gold", alpha=0.5, lw=0, label="box of the rotation"
-        )
-    )
+    look: dict[str, Any] = {"color": "gold", "alpha": 0.5, "lw": 0, "label": "box of the rotation"}
+    axes.add_patch(Rectangle((low[0], low[1]), *(high - low)[:2], **look))
     for corner in range(4):
         arc = [turned(angle)[corner] for angle in np.linspace(0, stop, 60)]
         axes.plot(*np.transpose(arc), color="0.5", lw=0.7)
@@ -153,7 +151,7 @@ def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high
         (highest, "C2", "upper-left corner at its largest x"),
     )
     for angle, color, label in kinds:
-        if label == "start" or label == "end" or angle != stop:
+        if label in ("start", "end") or angle != stop:
             axes.add_patch(Polygon(turned(angle), fill=False, edgecolor=color, lw=1.5, label=label))
             axes.plot(*turned(angle)[-1], "o", color=color, ms=5)
     axes.plot(0, 0, "k+", ms=8)

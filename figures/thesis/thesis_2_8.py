@@ -1,6 +1,7 @@
 """Thesis Fig. 2.8: a ball that jumps touches the floor only if segments end where its direction jumps."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -44,10 +45,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panel.plot(*np.asarray(path.points).T, "o-", color=color, ms=4, lw=1, label="linear segments")
         panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75))
         panel.set_axis_off()
-        panel.set_title(
-            f"{SEGMENTS} segments, {name}\nturns at {floating[name][SEGMENTS]:.1%} of its height", fontsize=8
-        )
-    for panel in axes[:2]:
+        title = f"{SEGMENTS} segments, {name}\nturns at {floating[name][SEGMENTS]:.1%} of its height"
+        panel.set_title(title, fontsize=8)
         panel.legend(fontsize=8, loc="upper left")
     for (name, of), color in zip(floating.items(), COLORS, strict=True):
         axes[2].plot(COUNTS, list(of.values()), ".-", color=color, lw=0.8, label=name)
@@ -72,11 +71,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _approximated(segments: int, corners: Sequence[float]) -> motion.LinearSegments:
-    return motion.approximated(_path, 0.0, 1.0, segments, corners)
-
-
-def _path(times: Any) -> Any:
-    return at(BALL, times)
+    path: Any = partial(at, BALL)
+    return motion.approximated(path, 0.0, 1.0, segments, corners)
 
 
 def _floats(path: motion.LinearSegments) -> float:

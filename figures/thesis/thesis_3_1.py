@@ -31,8 +31,8 @@ NOTE = (
     "edge; rays are across the page. On the right, for the two rays, the signed area between each edge and "
     "the ray: a quadratic of time whose roots are when the ray crosses the edge's line. While all three "
     "areas have one sign the ray hits. In {count} random configurations the state of the ray when the "
-    "shutter opens, turned over at each root where the ray is between the ends of the edge, makes the "
-    "same intervals as visible_intervals in float32 within {tolerance}, but in {off}. The fourth corner of a "
+    "shutter opens, turned over at each root where the ray is between the ends of the edge, makes the same "
+    f"intervals as visible_intervals in float32 within {TOLERANCE}, but in {{off}}. The fourth corner of a "
     "patch is, as a median, {off_plane:.2f} of its mean side off the plane of the other three."
 )
 
@@ -59,27 +59,24 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     mine, theirs = _toggled(opened, closed), theirs[shown:]
     same = np.array([_close(a, b) for a, b in zip(mine, theirs, strict=True)])
     off = _off_plane(opened, closed)
+    far_off = float(np.mean(off > 0.01))
     covered = [sum(b - a for a, b in spans) for spans in theirs]
     measured = {
         "intervals": found,
         "random configurations": count,
         "as in the library": int(same.sum()),
         "hit at some time": float(np.mean(np.array(covered) > 0)),
-        "patches off a plane by 1 % of their side": float(np.mean(off > 0.01)),
+        "patches off a plane by 1 % of their side": far_off,
         "distance of the fourth corner over the side, median": float(np.median(off)),
     }
     claims = {
-        "patches usually are not planar: more than 95 % are off by 1 % of their side": float(
-            np.mean(off > 0.01)
-        )
-        > 0.95,
+        "patches usually are not planar: more than 95 % are off by 1 % of their side": far_off > 0.95,
         "each time an edge is crossed, an interval starts or ends: 99.5 % of configurations": bool(
             same.mean() >= 0.995
         ),
     }
     note = NOTE.format(
         count=count,
-        tolerance=TOLERANCE,
         off=int((~same).sum()),
         off_plane=measured["distance of the fourth corner over the side, median"],
     )
@@ -96,10 +93,7 @@ def _scene(axes: Any) -> None:
     for part in np.linspace(0, 1, 9):
         ends = [_at(OPENED[k], CLOSED[k], part) for k in (first, last)]
         axes.plot(*np.array(ends)[:, :2].T, color=COLORS[PATCH], lw=0.7, zorder=4)
-        line = (
-            (1 - part) * OPENED[first] + part * OPENED[last],
-            (1 - part) * CLOSED[first] + part * CLOSED[last],
-        )
+        line = [_at(corners[first], corners[last], part) for corners in (OPENED, CLOSED)]
         axes.plot(*np.array(line)[:, :2].T, color=COLORS[PATCH], lw=0.7, zorder=4)
     for corners, color, name in ((OPENED, "#7fc97f", "open"), (CLOSED, "#ffe066", "close")):
         axes.fill(*corners[:, :2].T, facecolor=color, edgecolor="k", lw=0.8, alpha=0.85, zorder=3)
@@ -184,14 +178,9 @@ def _seen(opened: jax.Array, closed: jax.Array) -> tracing.VisibleIntervals:
 
 def _library(opened: NDArray, closed: NDArray) -> list[list[tuple[float, float]]]:
     found = _seen(opened, closed)
-    start, end, used = (
-        np.asarray(found.start, float),
-        np.asarray(found.end, float),
-        np.asarray(found.shape) >= 0,
-    )
-    return [
-        list(zip(a[u].tolist(), b[u].tolist(), strict=True)) for a, b, u in zip(start, end, used, strict=True)
-    ]
+    start, end, shape = (np.asarray(part, float) for part in (found.start, found.end, found.shape))
+    rows = zip(start, end, shape >= 0, strict=True)
+    return [list(zip(a[used].tolist(), b[used].tolist(), strict=True)) for a, b, used in rows]
 
 
 def _close(one: list[tuple[float, float]], other: list[tuple[float, float]]) -> bool:

@@ -42,26 +42,32 @@ SIGMA = 1.5
 
 NOTE = (
     "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row of "
-    "boxes is in focus. {side} x {side} pixels; lines are `tracing.lens_line` with {spp} samples per pixel "
-    "each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} "
-    "on the lens; its variance is taken off from mean square errors. 'Points' are images by points on the "
-    "lens that all pixels share (Fig. 3.8), 'samples of the lens' are Owen-scrambled in each pixel, as many "
-    "as all lines have. Bands are what errors have in common: shown values (sRGB, 8 bits) less those of the "
-    "reference, blurred by a Gaussian of {sigma:g} pixels, are multiplied for two independent randomisations "
-    "and averaged over windows of {window} x {window} pixels; the root of the largest mean must be below "
-    "{steps:g} steps, about 1 % of contrast. Noise cancels but for what samples of the lens show, which have "
-    "no bands. A bound of {steps:g} on single pixels after the blur, without a second randomisation, failed "
-    "by noise alone: it is worst in the shadows and on far squares, where textures are sampled. A sample of "
-    "a line takes {ratio:.0f} times as long as one of the lens here, where rays are traced by compiled loops "
-    "if Numba is there, and visibility along lines by XLA: at equal time samples of the lens have less "
-    "error, unless what is seen is dear to shade."
+    f"boxes is in focus. {{side}} x {{side}} pixels; lines are `tracing.lens_line` with {SPP} samples per "
+    "pixel each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is "
+    "{origin} on the lens; its variance is taken off from mean square errors. 'Points' are images by points "
+    "on the lens that all pixels share (Fig. 3.8), 'samples of the lens' are Owen-scrambled in each pixel, "
+    "as many as all lines have. Bands are what errors have in common: shown values (sRGB, 8 bits) less those "
+    f"of the reference, blurred by a Gaussian of {SIGMA:g} pixels, are multiplied for two independent "
+    f"randomisations and averaged over windows of {WINDOW} x {WINDOW} pixels; the root of the largest mean "
+    f"must be below {STEPS:g} steps, about 1 % of contrast. Noise cancels but for what samples of the lens "
+    f"show, which have no bands. A bound of {STEPS:g} on single pixels after the blur, without a second "
+    "randomisation, failed by noise alone: it is worst in the shadows and on far squares, where textures are "
+    "sampled. A sample of a line takes {ratio:.0f} times as long as one of the lens here, where rays are "
+    "traced by compiled loops if Numba is there, and visibility along lines by XLA: at equal time samples of "
+    "the lens have less error, unless what is seen is dear to shade."
 )
+
+
+Errors = dict[str, dict[int, float]]
+Images = dict[str, dict[int, NDArray]]
+"""By way, and number of lines, points or samples."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render the scene by lines, points and samples of the lens, and measure errors and banding."""
     side, most, even = SIDE[quality], MOST[quality], EVEN[quality]
     scene = _scene()
+    sobol = sequences.sobol(len(scene.needs))
     exact = _reference(scene, side, REFERENCE_SPP[quality])
     progress(0.2)
     lines, seconds = _of_lines(scene, most, side, True, 1, lambda part: progress(0.2 + 0.4 * part))
@@ -69,12 +75,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     plain, _ = _of_lines(scene, even, side, False, 1, lambda part: progress(0.8 + 0.1 * part))
     samples, of_sample = {}, 0.0
     for k in range((SAMPLED[quality] // SPP).bit_length()):
-        sampler = samplers.independent(sequences.sobol(len(scene.needs)), 1)
+        sampler = samplers.independent(sobol, 1)
         samples[SPP * 2**k], seconds_of = timed(scene_images.replicate, scene, sampler, side, SPP * 2**k)
         of_sample = seconds_of.clock / (SPP * 2**k)
     points = {}
     for k in range(most.bit_length()):
-        sampler = samplers.interleaved(sequences.sobol(len(scene.needs)), 2**k)
+        sampler = samplers.interleaved(sobol, 2**k)
         points[2**k] = scene_images.image(scene, sampler, side, 2**k)
     progress(0.95)
 
@@ -92,9 +98,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "lines": {n: others[:: 16 // n].mean(axis=0) for n in counts if n <= 16},
         "points": points,
         "samples of the lens": {
-            n: scene_images.replicate(
-                scene, samplers.independent(sequences.sobol(len(scene.needs)), 2), side, SPP * n
-            )
+            n: scene_images.replicate(scene, samplers.independent(sobol, 2), side, SPP * n)
             for n in counts
             if n <= 16
         },
@@ -106,6 +110,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     whole = {n: _error(image, exact) for n, image in samples.items()}
     ratio = seconds / (SPP * of_sample)
     chosen = min(16, even)
+    evenly, redistributed = (errors[way][chosen] for way in ("lines, evenly", "lines"))
     numbers = {
         "measured": {
             "RMS error": _by_name(errors),
@@ -117,18 +122,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "the mean of lines approximates depth of field: each doubling up to 16 lines has less error": all(
                 errors["lines"][n] > errors["lines"][2 * n] for n in (1, 2, 4, 8)
             ),
-            "redistribution is important: without it at least twice the error": errors["lines, evenly"][
-                chosen
-            ]
-            > 2 * errors["lines"][chosen],
-            "16 lines show no banding: blurred structure of less than 2 steps of 255": bands["lines"][16]
-            < STEPS,
+            "redistribution is important: without it at least twice the error": evenly > 2 * redistributed,
+            "16 lines show no banding: blurred structure of less than 2 steps of 255": (
+                bands["lines"][16] < STEPS
+            ),
         },
-        "note": NOTE.format(
-            side=side, spp=SPP, origin=exact.origin, sigma=SIGMA, window=WINDOW, steps=STEPS, ratio=ratio
-        ),
+        "note": NOTE.format(side=side, origin=exact.origin, ratio=ratio),
     }
-    return _draw(lines[:: most // 8], images, exact.image, errors, bands, whole, ratio), numbers
+    at_equal_time = {n / (SPP * ratio): error for n, error in whole.items()}
+    return _draw(lines[:: most // 8], images, exact.image, errors, bands, at_equal_time), numbers
 
 
 def _scene() -> DirectLight:
@@ -162,8 +164,7 @@ def _reference(scene: DirectLight, side: int, spp: int) -> diffusion.Reference:
         scene_images.replicate(scene, samplers.independent(sobol, 2**20 + k), side, each)
         for k in range(REPLICATES)
     ]
-    error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
-    return diffusion.Reference(np.mean(images, axis=0), error, f"estimated from {spp} samples per pixel")
+    return diffusion.of_replicates(images, f"estimated from {spp} samples per pixel")
 
 
 @pytree
@@ -225,18 +226,17 @@ def _banding(one: NDArray, other: NDArray, exact: NDArray) -> float:
     return float(np.sqrt(max(means.max(), 0.0)))
 
 
-def _by_name(table: dict[str, dict[int, float]]) -> dict[str, dict[str, float]]:
+def _by_name(table: Errors) -> dict[str, dict[str, float]]:
     return {way: {str(count): value for count, value in of.items()} for way, of in table.items()}
 
 
 def _draw(
     lines: NDArray,
-    images: dict[str, dict[int, NDArray]],
+    images: Images,
     exact: NDArray,
-    errors: dict[str, dict[int, float]],
-    bands: dict[str, dict[int, float]],
-    whole: dict[int, float],
-    ratio: float,
+    errors: Errors,
+    bands: Errors,
+    at_equal_time: dict[float, float],
 ) -> Figure:
     size, below = 192, 420
     eight = [Panel(f"line {k + 1} of 8", shown(image)) for k, image in enumerate(lines)]
@@ -262,19 +262,19 @@ def _draw(
     )
     figure = image_grid(title, [*eight, *means, *differences], 8, size, below)
     styles = {
-        "lines": (BLUE, "o", "-"),
-        "lines, evenly": (VERMILLION, "s", "-"),
-        "points": (BLACK, "^", "-"),
-        "samples of the lens": (ORANGE, "D", "-"),
+        "lines": (BLUE, "o"),
+        "lines, evenly": (VERMILLION, "s"),
+        "points": (BLACK, "^"),
+        "samples of the lens": (ORANGE, "D"),
     }
     left, right = (add_axes(figure, start, 64, 560, below - 130) for start in (110, 1010))
-    for way, (color, marker, line) in styles.items():
-        style = {"color": color, "marker": marker, "ls": line, "ms": 4, "label": way}
+    for way, (color, marker) in styles.items():
+        style = {"color": color, "marker": marker, "ms": 4, "label": way}
         left.plot(list(errors[way]), list(errors[way].values()), **style)
         if way in bands:
             right.plot(list(bands[way]), list(bands[way].values()), **style)
-    counts = np.array(list(whole))
-    left.plot(counts / (SPP * ratio), list(whole.values()), ":", color=GREEN, label="lens, at equal time")
+    times, of_lens = list(at_equal_time), list(at_equal_time.values())
+    left.plot(times, of_lens, ":", color=GREEN, label="lens, at equal time")
     right.axhline(STEPS, color=GREY, lw=0.8)
     left.set(title="RMS error, linear RGB", ylabel="RMS error")
     right.set(title="Bands: errors in common, after a blur", ylabel="steps of 255")

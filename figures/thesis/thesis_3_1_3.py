@@ -35,18 +35,18 @@ CLOSE_TO = 1e-6
 QUANTILE = 99
 
 NOTE = (
-    "Frames: an animation of a soft disc whose frames are means of {count} images at consecutive times. The "
-    "ring buffer is `qmcjax.sliding_means`: the image that is {count} frames old is replaced, and the sum "
+    f"Frames: an animation of a soft disc whose frames are means of {COUNT} images at consecutive times. The "
+    f"ring buffer is `qmcjax.sliding_means`: the image that is {COUNT} frames old is replaced, and the sum "
     "taken anew, in float64. 'Subtracted': that image is drawn again and subtracted from the accumulated "
-    "one, and the new one added, in float32, {frames} times, {small} x {small} pixels. Rounding errors stay "
-    "in the sum; they are a walk, and grow about as the root of the frames. Accumulation buffers of "
+    f"one, and the new one added, in float32, {{frames}} times, {SMALL} x {SMALL} pixels. Rounding errors "
+    "stay in the sum; they are a walk, and grow about as the root of the frames. Accumulation buffers of "
     "integers, as in the hardware of the time, have none. Thick line: a quadrilateral whose corners move "
-    "linearly, {side} x {side} pixels with {places} points each, is two triangles that a ray sees for the "
-    "time that `tracing.visible_intervals` tells; a colour that changes linearly is integrated over these "
-    "intervals by its value in the middle. 'Times' are means over equally spaced ones, all pixels the same. "
-    "Exactness is against {checked} points with 2048 dense times each and bisected changes in float64, among "
-    "those that the line covers for a part of the shutter; the {quantile} % quantile, since a side that "
-    "only grazes a point has roots that float32 knows less well."
+    f"linearly, {{side}} x {{side}} pixels with {PLACES**2} points each, is two triangles that a ray sees "
+    "for the time that `tracing.visible_intervals` tells; a colour that changes linearly is integrated over "
+    "these intervals by its value in the middle. 'Times' are means over equally spaced ones, all pixels the "
+    f"same. Exactness is against {CHECKED} points with 2048 dense times each and bisected changes in "
+    f"float64, among those that the line covers for a part of the shutter; the {QUANTILE} % quantile, since "
+    "a side that only grazes a point has roots that float32 knows less well."
 )
 
 
@@ -108,15 +108,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 worst["colour"] < CLOSE_TO
             ),
         },
-        "note": NOTE.format(
-            count=COUNT,
-            frames=last,
-            small=SMALL,
-            side=side,
-            places=PLACES**2,
-            checked=CHECKED,
-            quantile=QUANTILE,
-        ),
+        "note": NOTE.format(frames=last, side=side),
     }
     return _draw(panels, title, drift, errors, worst["coverage"]), numbers
 
@@ -224,28 +216,16 @@ def _draw(
     below = 400
     figure = image_grid(title, panels, 5, 256, below)
     left, right = (add_axes(figure, start, 70, 500, below - 130) for start in (130, 810))
-    left.plot(
-        list(drift), list(drift.values()), "o-", color=VERMILLION, ms=3, label="subtracted and added, float32"
-    )
+    label = "subtracted and added, float32"
+    left.loglog(list(drift), list(drift.values()), "o-", color=VERMILLION, ms=3, label=label)
     left.axhline(0.5 / 255, color=GREY, lw=0.8, label="half a step of 255")
-    left.set(
-        xscale="log",
-        yscale="log",
-        xlabel="frames",
-        ylabel="largest difference",
-        title="Rounding errors of frames (ring buffer: none)",
-    )
-    left.legend(loc="center left", frameon=False)
-    right.plot(list(errors), list(errors.values()), "o-", color=BLACK, ms=3, label="equally spaced times")
+    left.set(xlabel="frames", ylabel="largest difference")
+    left.set_title("Rounding errors of frames (ring buffer: none)")
+    right.loglog(list(errors), list(errors.values()), "o-", color=BLACK, ms=3, label="equally spaced times")
     right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % of points are below")
-    right.set(
-        xscale="log",
-        yscale="log",
-        xlabel="times per pixel",
-        ylabel="RMS error",
-        title="A thick line that moves",
-    )
+    right.set(xlabel="times per pixel", ylabel="RMS error", title="A thick line that moves")
     right.set_xticks(list(errors), [str(n) for n in errors])
     right.minorticks_off()
-    right.legend(loc="center left", frameon=False)
+    for axes in (left, right):
+        axes.legend(loc="center left", frameon=False)
     return figure

@@ -50,6 +50,13 @@ NOTE = (
 )
 
 
+Found = dict[str, dict[str, dict[str, Any]]]
+"""What is best, by kind and number of photons."""
+
+Maps = dict[str, tracing.Photons]
+"""By kind."""
+
+
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw images of the floor at one time and over the shutter, and errors over the number of photons."""
     size = SIZES[quality]
@@ -60,20 +67,31 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     exact = np.stack([_exact(x, z, time) for time in times])
     changes = np.ptp([_exact(x, z, time) for time in np.linspace(0, 1, 257)], axis=0) > 0
     world = _world()
-    found: dict[str, dict[str, dict[str, Any]]] = {kind: {} for kind in KINDS}
-    maps: dict[str, tracing.Photons] = {}
+    found: Found = {kind: {} for kind in KINDS}
+    maps: Maps = {}
     for done, log in enumerate(size.logs, start=1):
         for kind in KINDS:
             maps[kind] = _sent(world, kind, size.logs[0], 2 ** (log - size.logs[0]))
             found[kind][f"{2**log}"] = _best(maps[kind], kind, floor, times, exact, changes, log)
         progress(0.9 * done / len(size.logs))
-    means, mean_error = _over_shutter(maps, found, size, floor, x, z, changes)
-    measured = {
-        "error": found,
+    means, mean_error = _over_shutter(maps, found, floor, changes)
+    times_more = {
         "photons for the error of intervals, still parts": _times_more(found, "still"),
         "photons for the error of intervals, moving shadow": _times_more(found, "moving"),
         "stored for the error of intervals, still parts": _times_more(found, "still", "stored"),
-        "error of the mean over the shutter, still parts": mean_error,
+    }
+    measured = {"error": found, **times_more, "error of the mean over the shutter, still parts": mean_error}
+    still, moving, stored = times_more.values()
+
+    def falls(kind: str) -> bool:
+        errors = [of["all"] for of in found[kind].values()]
+        return all(after < before for before, after in pairwise(errors))
+
+    claims = {
+        "a consistent estimator: more photons, less error": {kind: falls(kind) for kind in KINDS},
+        "still parts need fewer photons by intervals: less than half for the same error": still > 2,
+        "and less memory: fewer are stored for the same error": stored > 1,
+        "the moving shadow needs fewer, too: less than half": moving > 2,
     }
     note = NOTE.format(
         side=size.side,
@@ -85,29 +103,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure = _drawn(found, maps, means, floor, size)
     progress(1.0)
-    return figure, {"measured": measured, "claims": _claims(measured, found), "note": note}
-
-
-def _claims(measured: dict[str, Any], found: dict[str, dict[str, dict[str, Any]]]) -> dict[str, Any]:
-    def falls(kind: str) -> bool:
-        errors = [of["all"] for of in found[kind].values()]
-        return all(after < before for before, after in pairwise(errors))
-
-    return {
-        "a consistent estimator: more photons, less error": {kind: falls(kind) for kind in KINDS},
-        "still parts need fewer photons by intervals: less than half for the same error": measured[
-            "photons for the error of intervals, still parts"
-        ]
-        > 2,
-        "and less memory: fewer are stored for the same error": measured[
-            "stored for the error of intervals, still parts"
-        ]
-        > 1,
-        "the moving shadow needs fewer, too: less than half": measured[
-            "photons for the error of intervals, moving shadow"
-        ]
-        > 2,
-    }
+    return figure, {"measured": measured, "claims": claims, "note": note}
 
 
 def _world() -> tracing.World:
@@ -182,17 +178,12 @@ def _choices(kind: str, log: int) -> Iterator[tuple[float, float]]:
 
 
 def _over_shutter(
-    maps: dict[str, tracing.Photons],
-    found: dict[str, dict[str, dict[str, Any]]],
-    size: Size,
-    floor: NDArray,
-    x: NDArray,
-    z: NDArray,
-    changes: NDArray,
+    maps: Maps, found: Found, floor: NDArray, changes: NDArray
 ) -> tuple[dict[str, NDArray], dict[str, float]]:
     """Return means over the shutter by the most photons, and their errors in still parts."""
     radius, count = list(found["intervals"].values())[-1]["radius"], 16
     times = (np.arange(count) + 0.5) / count
+    x, z = floor[..., 0], floor[..., 2]
     images = {"exact": np.mean([_exact(x, z, time) for time in (np.arange(256) + 0.5) / 256], axis=0)}
     for kind, of_kind in maps.items():
         # Windows side by side: each photon counts once.
@@ -201,7 +192,7 @@ def _over_shutter(
     return images, errors
 
 
-def _times_more(found: dict[str, dict[str, dict[str, Any]]], part: str, counted: str | None = None) -> float:
+def _times_more(found: Found, part: str, counted: str | None = None) -> float:
     """Return how many more photons of one time are needed for an error that intervals reach."""
 
     def curve(kind: str) -> tuple[NDArray, NDArray]:
@@ -216,13 +207,7 @@ def _times_more(found: dict[str, dict[str, dict[str, Any]]], part: str, counted:
     return float(np.exp(needed - of_intervals[row]))
 
 
-def _drawn(
-    found: dict[str, dict[str, dict[str, Any]]],
-    maps: dict[str, tracing.Photons],
-    means: dict[str, NDArray],
-    floor: NDArray,
-    size: Size,
-) -> Figure:
+def _drawn(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, size: Size) -> Figure:
     log = size.logs[-1]
     x, z = floor[..., 0], floor[..., 2]
     limits = (0.0, 1.2)

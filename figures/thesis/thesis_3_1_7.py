@@ -61,12 +61,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for part, n in PARTS.items():
             of, image = measured[name][part], old.copy()
             image.ravel()[pixels[0][: SIDE**2 // n]] = new.ravel()[pixels[0][: SIDE**2 // n]]
-            panels.append(
-                Panel(
-                    f"{name}, {part}\nhole {of['largest gap']:.2f}, error {of['error']:.3f}",
-                    image,
-                )
-            )
+            caption = f"{name}, {part}\nhole {of['largest gap']:.2f}, error {of['error']:.3f}"
+            panels.append(Panel(caption, image))
         of_frame = measured[name]["frameless"]["filtered error"]
         panels.append(Panel(f"{name}, frameless\nfiltered error {of_frame:.4f}", frames[0]))
         progress(0.3 + 0.2 * done)
@@ -78,17 +74,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     numbers = {
         "measured": measured,
         "claims": _claims(measured, each_once),
-        "note": NOTE.format(side=SIDE, m=_bits(), keys=keys, log=np.log(SIDE**2 / 2)),
+        "note": NOTE.format(side=SIDE, m=(SIDE**2).bit_length() - 1, keys=keys, log=np.log(SIDE**2 / 2)),
     }
     return figure, numbers
 
 
 def _claims(measured: dict, each_once: dict[str, bool]) -> dict:
     nets = "Sobol'", "Owen-scrambled"
+    random = measured["random"]
 
-    def less(what: str) -> dict[str, bool]:
+    def less(what: str, factor: float = 1.0) -> dict[str, bool]:
         return {
-            f"{name}, {part}": measured[name][part][what] < measured["random"][part][what]
+            f"{name}, {part}": measured[name][part][what] < factor * random[part][what]
             for name in nets
             for part in PARTS
         }
@@ -98,21 +95,13 @@ def _claims(measured: dict, each_once: dict[str, bool]) -> dict:
         "nets are well suited: smaller largest gaps than at random": less("largest gap"),
         "nets are well suited: less error of what is filled in than at random": less("error"),
         "nets are well suited: frameless motion blur has less filtered error than at random": {
-            name: measured[name]["frameless"]["filtered error"]
-            < measured["random"]["frameless"]["filtered error"]
+            name: measured[name]["frameless"]["filtered error"] < random["frameless"]["filtered error"]
             for name in nets
         },
-        "they are seemingly random: no wave is twice the strongest of random pixels": {
-            f"{name}, {part}": measured[name][part]["strongest wave"]
-            < RANDOM * measured["random"][part]["strongest wave"]
-            for name in nets
-            for part in PARTS
-        },
+        "they are seemingly random: no wave is twice the strongest of random pixels": less(
+            "strongest wave", RANDOM
+        ),
     }
-
-
-def _bits() -> int:
-    return (SIDE**2).bit_length() - 1
 
 
 def _of_points(sequence: sequences.Sequence) -> NDArray[np.int64]:

@@ -28,12 +28,12 @@ AWAY = 99.0
 """Where triangles are that are not there."""
 
 NOTE = (
-    "Above, the distances along one ray of {candidates} triangles that move linearly, while it hits them; "
-    "dashed where what is seen changes. Below, what is seen, by visible_intervals: at {times} times it is "
-    "what is nearest by nearest_hit. On the right, intervals that {rays} rays see of {triangles} random "
-    "triangles, by the number m of those that they hit at any of {dense} times: rays in the middle hit most, "
-    "and are covered by near ones for long. The thesis's worst case of "
-    "O(m^2) is of events, ends and crossings, that may be seen; of these here at most {ratio:.1f} m are."
+    f"Above, the distances along one ray of {CANDIDATES} triangles that move linearly, while it hits them; "
+    f"dashed where what is seen changes. Below, what is seen, by visible_intervals: at {TIMES} times it is "
+    f"what is nearest by nearest_hit. On the right, intervals that {{rays}} rays see of {TRIANGLES} random "
+    f"triangles, by the number m of those that they hit at any of {DENSE} times: rays in the middle hit "
+    "most, and are covered by near ones for long. The thesis's worst case of O(m^2) is of events, ends and "
+    "crossings, that may be seen; of these here at most {ratio:.1f} m are."
 )
 
 
@@ -47,10 +47,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     alone = np.where(there, opened, AWAY), np.where(there, closed, AWAY)
     middle = np.zeros((RAYS[quality], 3), np.float32)
     time = (np.arange(TIMES) + 0.5) / TIMES
-    distance = np.asarray(
-        _distances(opened[:CANDIDATES], closed[:CANDIDATES], jnp.asarray(time, jnp.float32))
-    )
-    spans = _spans(alone[0], alone[1], middle)[0]
+    some = opened[:CANDIDATES], closed[:CANDIDATES]
+    distance = np.asarray(_distances(*some, jnp.asarray(time, jnp.float32)))
+    spans = _spans(*alone, middle)[0]
     wrong = int(np.sum(_shown(spans, time) != _nearest(distance)))
     above, below = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     _draw(above, below, time, distance, spans)
@@ -83,9 +82,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "the visible segments are what is nearest at each time": wrong == 0,
         "the worst case of m^2 is far: at most 3 m intervals": ratio <= 3,
     }
-    note = NOTE.format(
-        candidates=CANDIDATES, times=TIMES, rays=RAYS[quality], triangles=TRIANGLES, dense=DENSE, ratio=ratio
-    )
+    note = NOTE.format(rays=RAYS[quality], ratio=ratio)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
 

@@ -189,17 +189,12 @@ def _drawn(measured: Mapping[str, Any]) -> Figure:
         panel.set(title=scene, xlabel=what.replace("their number", "triangles"), ylabel=RATIO)
         _ticks(panel, numbers)
     cases = measured[ALL]
+    numbers = [int(n) for n in cases]
     for k, (name, color) in enumerate((("sampled", "C2"), ("analytic", "C3"))):
-        axes[-1].loglog(
-            [int(n) for n in cases],
-            [case["microseconds a sample"][k] for case in cases.values()],
-            "o-",
-            color=color,
-            label=f"time, {name}",
-            ms=4,
-        )
+        times = [case["microseconds a sample"][k] for case in cases.values()]
+        axes[-1].loglog(numbers, times, "o-", color=color, label=f"time, {name}", ms=4)
     axes[-1].set(title="moving triangles", xlabel="triangles", ylabel="microseconds per sample")
-    _ticks(axes[-1], [int(n) for n in cases])
+    _ticks(axes[-1], numbers)
     first, last = axes[0].get_legend_handles_labels(), axes[-1].get_legend_handles_labels()
     figure.legend(first[0] + last[0], first[1] + last[1], loc="outside lower center", ncols=5)
     return figure

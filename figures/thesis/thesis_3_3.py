@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from figures._errors import rms
 from figures._rc import BLUE, GREY, VERMILLION
 from figures.shared.rendered import predicted_scene
-from figures.shared.rendered.predicted_scene import shown
+from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 
@@ -70,14 +70,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     errors = {name: rms(image - truth[middle]) for name, image in images.items()}
     box = (predicted_scene.seen(size.side, 0.5).number == predicted_scene.BOX).reshape(size.side, size.side)
     of_box = {name: rms(image[box] - truth[middle][box]) for name, image in images.items()}
+    blended, predicted, _ = of_box.values()
     apart = {
         str(2**level): float(np.mean([rms(a - b) for a, b in zip(truth, truth[2**level :], strict=False)]))
         for level in range(LEVELS, -1, -1)
     }
+    full = corrected.samples == size.spp
     failed = {
-        str(level): float(
-            np.mean([corrected.samples[s.middle] == size.spp for s in corrected.steps if s.level == level])
-        )
+        str(level): float(np.mean([full[step.middle] for step in corrected.steps if step.level == level]))
         for level in range(1, LEVELS + 1)
     }
     visited = sorted([0, count - 1, *(step.middle for step in raw.steps)])
@@ -90,10 +90,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     claims: dict[str, Any] = {
         "the recursion visits each interval once": visited == list(range(count)),
-        "blending is a poor approximation: at least twice the error of the prediction, of what moves": of_box[
-            "linear blend"
-        ]
-        > 2 * of_box["prediction"],
+        "blending is a poor approximation: at least twice the error of the prediction, of what moves": (
+            blended > 2 * predicted
+        ),
         "images are more similar the nearer they are": all(b < a for a, b in pairwise(apart.values())),
         "the prediction gets better on lower levels: fewer pixels fail": all(
             b < a for a, b in pairwise(failed.values())
@@ -104,13 +103,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         Panel("first interval", shown(raw.images[0])),
         Panel("middle interval, truth", shown(truth[middle])),
         Panel("last interval", shown(raw.images[-1])),
-        *(
-            Panel(
-                f"middle, {name}\nRMS error {errors[name]:.3f}, on the box {of_box[name]:.3f}", shown(image)
-            )
-            for name, image in images.items()
-        ),
     ]
+    for name, image in images.items():
+        caption = f"middle, {name}\nRMS error {errors[name]:.3f}, on the box {of_box[name]:.3f}"
+        panels.append(Panel(caption, shown(image)))
     title = (
         "A prediction of the middle of the shutter (thesis, Fig. 3.3 and 3.4)\n"
         f"our scene, {size.side} x {size.side} pixels, {size.spp} samples per pixel"
@@ -130,15 +126,8 @@ def _recursion(axes: Axes, steps: tuple[tracing.Step, ...], count: int) -> None:
             axes.annotate("", (step.middle, -step.level), (parent, -levels[parent]), arrowprops=arrow)
     for number, level in levels.items():
         axes.plot([number, number], [-level, -LEVELS - 0.65], color=GREY, lw=0.6, ls=":", zorder=0)
-        axes.text(
-            number,
-            -level,
-            f"$i_{number}$",
-            ha="center",
-            va="center",
-            fontsize=9,
-            bbox={"boxstyle": "circle,pad=0.25", "fc": "white", "ec": "0.3"},
-        )
+        circle = {"boxstyle": "circle,pad=0.25", "fc": "white", "ec": "0.3"}
+        axes.text(number, -level, f"$i_{number}$", ha="center", va="center", fontsize=9, bbox=circle)
     axes.set(xlim=(-0.6, count - 0.4), ylim=(-LEVELS - 0.7, 0.5), yticks=-np.arange(LEVELS + 1))
     axes.set_yticklabels(["sampled", *(f"level {level}" for level in range(1, LEVELS + 1))])
     axes.set_xticks([])

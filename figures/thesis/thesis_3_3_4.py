@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures._rc import BLACK, BLUE
 from figures.shared.rendered import predicted_scene, scene_images
-from figures.shared.rendered.predicted_scene import shown
+from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import samplers, sequences, tracing
 
@@ -46,6 +46,13 @@ NOTE = (
 )
 
 
+Errors = dict[str, dict[str, dict[str, float]]]
+"""By kind, samples of a pixel, and region."""
+
+Regions = dict[str, NDArray[np.bool_]]
+"""Which pixels are of what."""
+
+
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw errors over samples with and without prediction, and where the bias is."""
     size = SIZES[quality]
@@ -53,8 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     scene = predicted_scene.scene()
     exact = predicted_scene.sampled(side, size.exact, quality)
     progress(0.1)
-    regions: dict[str, NDArray[np.bool_]] = {}
-    errors: dict[str, dict[str, dict[str, float]]] = {"predicted": {}, "plain": {}}
+    regions: Regions = {}
+    errors: Errors = {"predicted": {}, "plain": {}}
     biases: dict[str, dict[str, float]] = {}
     mean = exact
     fraction: dict[str, float] = {}
@@ -69,17 +76,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         spent = float(np.mean([one.samples.mean() for one in found])) * count
         images = np.stack([one.image for one in found]).astype(np.float64)
         if not regions:
-            regions, mean = (
-                _regions(side, np.mean([one.images for one in found], axis=0)),
-                images.mean(axis=0),
-            )
+            regions = _regions(side, np.mean([one.images for one in found], axis=0))
+            mean = images.mean(axis=0)
         spp = _BATCH * max(round(spent / _BATCH), 1)
         plain = np.stack([_plain(side, spp, key, quality) for key in range(size.keys)])
         at = f"{spp}"
-        errors["predicted"][at], errors["plain"][at] = (
-            _errors(images, exact, regions),
-            _errors(plain, exact, regions),
-        )
+        errors["predicted"][at] = _errors(images, exact, regions)
+        errors["plain"][at] = _errors(plain, exact, regions)
         biases[at] = _biases(images, exact, regions)
         if done == 1:
             excess = _excess(images, exact, regions)
@@ -110,11 +113,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
     }
     note = NOTE.format(side=side, exact=size.exact, contrast=CONTRAST, keys=size.keys, **ends)
-    return _drawn(size, exact, mean, errors, biases, regions), {
-        "measured": measured,
-        "claims": claims,
-        "note": note,
-    }
+    figure = _drawn(size, exact, mean, errors, biases, regions)
+    return figure, {"measured": measured, "claims": claims, "note": note}
 
 
 def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:
@@ -128,7 +128,7 @@ def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:
     return np.asarray(total) / (spp // _BATCH)
 
 
-def _regions(side: int, images: NDArray) -> dict[str, NDArray[np.bool_]]:
+def _regions(side: int, images: NDArray) -> Regions:
     """Return which pixels are of what, by the images of the intervals."""
     kinds = [predicted_scene.seen(side, time).number.reshape(side, side) for time in np.linspace(0, 1, 33)]
     box = np.any([kind == predicted_scene.BOX for kind in kinds], axis=0)
@@ -142,23 +142,23 @@ def _regions(side: int, images: NDArray) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def _errors(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
+def _errors(images: NDArray, exact: NDArray, regions: Regions) -> dict[str, float]:
     return {name: rms(images[:, region] - exact[region]) for name, region in regions.items()}
 
 
-def _biases(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
+def _biases(images: NDArray, exact: NDArray, regions: Regions) -> dict[str, float]:
     """Return the RMS bias in each region: the error of means over keys without what is left of noise."""
     squares = (images.mean(axis=0) - exact) ** 2 - images.var(axis=0, ddof=1) / len(images)
     return {name: float(np.sqrt(max(squares[region].mean(), 0))) for name, region in regions.items()}
 
 
-def _excess(images: NDArray, exact: NDArray, regions: dict[str, NDArray]) -> dict[str, float]:
+def _excess(images: NDArray, exact: NDArray, regions: Regions) -> dict[str, float]:
     """Return squared errors of means over keys over what their noise explains: 1 without a bias."""
     squares, noise = (images.mean(axis=0) - exact) ** 2, images.var(axis=0, ddof=1) / len(images)
     return {name: float(squares[region].mean() / noise[region].mean()) for name, region in regions.items()}
 
 
-def _ratio(errors: dict[str, dict[str, dict[str, float]]], place: int) -> dict[str, float]:
+def _ratio(errors: Errors, place: int) -> dict[str, float]:
     predicted, plain = (list(errors[kind].values())[place] for kind in ("predicted", "plain"))
     return {region: plain[region] / predicted[region] for region in plain}
 
@@ -167,9 +167,9 @@ def _drawn(
     size: Size,
     exact: NDArray,
     mean: NDArray,
-    errors: dict[str, dict[str, dict[str, float]]],
+    errors: Errors,
     biases: dict[str, dict[str, float]],
-    regions: dict[str, NDArray[np.bool_]],
+    regions: Regions,
 ) -> Figure:
     most = list(biases)[-1]
     parts = sum(shade * regions[name] for name, shade in zip(REGIONS, (1.0, 0.5, 0.0), strict=True))

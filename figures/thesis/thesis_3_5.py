@@ -54,10 +54,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for done, (name, sampler) in enumerate(ways(SPP).items(), start=1):
         image = np.asarray(qj.render(BALL, sampler, side, side, SPP), np.float64)
         images[name] = image
-        errors[name] = {
-            "rms": rms(image - exact),
-            "filtered": analysis.filtered_error(image, exact),
-        }
+        errors[name] = {"rms": rms(image - exact), "filtered": analysis.filtered_error(image, exact)}
         progress(0.1 * done)
     layers, noise = _layers(side, exact, 32 if quality == "paper" else 12)
 
@@ -84,17 +81,17 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 def _claims(errors: dict[str, dict[str, float]], noise: dict[str, float]) -> dict[str, Any]:
     same, rotated, interleaved, accumulated, _ = (of["filtered"] for of in errors.values())
+    shaded, invariant = noise.values()
     return {
         "times of their own look better: less than half the filtered error": rotated < 0.5 * same,
-        "interleaving reduces artefacts drastically: less than half the filtered error": interleaved
-        < 0.5 * same,
+        "interleaving reduces artefacts drastically: less than half the filtered error": (
+            interleaved < 0.5 * same
+        ),
         "accumulated images show them, too: more than twice the filtered error of times of their own": (
             accumulated > 2 * rotated
         ),
-        "much less noise where all samples shade what is behind: less than half": noise["all samples shade"]
-        < 0.5,
-        "even noise by the variance invariant method: within 10 %": abs(noise["variance invariant"] - 1)
-        < 0.1,
+        "much less noise where all samples shade what is behind: less than half": shaded < 0.5,
+        "even noise by the variance invariant method: within 10 %": abs(invariant - 1) < 0.1,
     }
 
 

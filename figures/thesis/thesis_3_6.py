@@ -15,7 +15,8 @@ from scipy import ndimage
 
 from figures._errors import rms
 from figures.shared.rendered import predicted_scene
-from figures.shared.rendered.predicted_scene import CAMERA, shown
+from figures.shared.rendered.diffusion import shown
+from figures.shared.rendered.predicted_scene import CAMERA
 from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
@@ -41,12 +42,12 @@ MESH = 24
 
 NOTE = (
     "The scene is that of Fig. 3.3, but the camera is shaken, there and back; three intervals of the "
-    "shutter, {side} x {side} pixels. The triangles are those of {mesh} x {mesh} pixels; where they stretch, "
-    "from the box to what is behind, the prediction is a guess. What comes into the image from beside is in "
-    "no triangle: {holes} pixels, which get {spp} samples. Of a camera on a straight line, one of the two "
-    "predictions covers the border. {checks} samples of each pixel check the prediction at a contrast of "
-    "{contrast}; the error of predicted pixels, RMS, is {failed:.3f} where that fails and {kept:.3f} "
-    "elsewhere. The choice by parity is that of the code, which a test compares."
+    f"shutter, {{side}} x {{side}} pixels. The triangles are those of {MESH} x {MESH} pixels; where they "
+    "stretch, from the box to what is behind, the prediction is a guess. What comes into the image from "
+    "beside is in no triangle: {holes} pixels, which get {spp} samples. Of a camera on a straight line, one "
+    f"of the two predictions covers the border. {CHECKS} samples of each pixel check the prediction at a "
+    f"contrast of {CONTRAST}; the error of predicted pixels, RMS, is {{failed:.3f}} where that fails and "
+    "{kept:.3f} elsewhere. The choice by parity is that of the code, which a test compares."
 )
 
 
@@ -78,19 +79,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     claims = {
         "what no triangle covers is at borders of the image": bool(holes.any())
         and touching == set(range(1, count + 1)),
-        "the contrast criterion finds where predictions fail: three times the error of the others": failed
-        > 3 * kept,
+        "the contrast criterion finds where predictions fail: three times the error of the others": (
+            failed > 3 * kept
+        ),
     }
-    note = NOTE.format(
-        side=side,
-        mesh=MESH,
-        holes=int(holes.sum()),
-        spp=size.spp,
-        checks=CHECKS,
-        contrast=CONTRAST,
-        failed=failed,
-        kept=kept,
-    )
+    note = NOTE.format(side=side, holes=int(holes.sum()), spp=size.spp, failed=failed, kept=kept)
     marked = np.where(holes[..., None], [1.0, 0.0, 1.0], shown(raw.images[1]))
     panels = [
         Panel("first interval", shown(raw.images[0])),

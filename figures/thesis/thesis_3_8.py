@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import jax.numpy as jnp
@@ -59,8 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "measured": {"RMS difference from all of the lens": errors, "residual": residual},
         "claims": {
             "what a point on the lens sees is a perspective projection": residual < LINEAR,
-            "the mean of more images is nearer to depth of field": bool(
-                np.all(np.diff([*errors.values()]) < 0)
+            "the mean of more images is nearer to depth of field": all(
+                more < fewer for fewer, more in pairwise(errors.values())
             ),
         },
         "note": NOTE.format(

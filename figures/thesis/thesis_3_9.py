@@ -67,19 +67,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     pictures["a disc, exact"] = exact
 
     _, parallel, _, diameters = (error["worst"] for error in errors.values())
+    evenly, redistributed = (density[name].tolist() for name in ("evenly", "sqrt"))
     numbers = {
         "measured": {
-            "density over a disc's, in rings from the middle": {
-                name: [float(value) for value in of] for name, of in density.items()
-            },
+            "density over a disc's, in rings from the middle": {"evenly": evenly, "sqrt": redistributed},
             "RMS edge error": errors,
         },
         "claims": {
-            "evenly sampled lines are much denser at the centre: at least twice a disc": bool(
-                density["evenly"][0] > MUCH
-            ),
-            "a square root redistributes them to the density of a disc: within 5 % in all rings": bool(
-                np.max(np.abs(density["sqrt"] - 1)) < UNIFORM
+            "evenly sampled lines are much denser at the centre: at least twice a disc": evenly[0] > MUCH,
+            "a square root redistributes them to the density of a disc: within 5 % in all rings": all(
+                abs(value - 1) < UNIFORM for value in redistributed
             ),
             "long lines of many angles avoid banding: less error at edges of the worst direction": (
                 diameters < parallel

@@ -49,17 +49,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "pixels with fewer": float(np.mean(change < 0)),
             "pixels with more": float(np.mean(change > 0)),
         }
-        panels += [
-            Panel(
-                f"{name}: before\nmean {before.mean():.2f}, yellow {nodes:.0f} nodes", _false(before / nodes)
-            ),
-            Panel(f"{name}: after\nmean {after.mean():.2f}, yellow {nodes:.0f} nodes", _false(after / nodes)),
-            Panel(
-                f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
-                f"blue -{most:.0f}, red +{most:.0f}",
-                _false(0.5 + 0.5 * change / most, "RdBu_r"),
-            ),
-        ]
+        for when, visits in (("before", before), ("after", after)):
+            caption = f"{name}: {when}\nmean {visits.mean():.2f}, yellow {nodes:.0f} nodes"
+            panels.append(Panel(caption, _false(visits / nodes)))
+        caption = (
+            f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
+            f"blue -{most:.0f}, red +{most:.0f}"
+        )
+        panels.append(Panel(caption, _false(0.5 + 0.5 * change / most, "RdBu_r")))
         progress(done / len(mesh_models.MESHES))
     title = f"Nodes that a ray visits, {side} x {side} pixels\n(thesis Fig. 4.1, on our meshes)"
     claims = {
@@ -70,11 +67,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             name: of["pixels with fewer"] > of["pixels with more"] for name, of in measured.items()
         },
     }
-    return image_grid(title, panels, 3, 288), {
-        "measured": measured,
-        "claims": claims,
-        "note": NOTE.format(side=side),
-    }
+    numbers = {"measured": measured, "claims": claims, "note": NOTE.format(side=side)}
+    return image_grid(title, panels, 3, 288), numbers
 
 
 def _false(part: NDArray, colors: str = "viridis") -> NDArray[np.float64]:

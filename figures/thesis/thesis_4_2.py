@@ -108,6 +108,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress(0.4 if name == "4.2" else 0.8)
     euclid = float(np.mean([_same(_clusters(*beside[:2], 2, key).second, beside[2]) for key in range(keys)]))
     slant, side = found["4.2"], found["4.3"]
+    split = slant["heuristic"]
     worst = max(side["clusters"], key=lambda c: sum(c.areas))
     figure = Figure(figsize=(10.2, 6.4), layout="constrained")
     figure.suptitle(
@@ -117,26 +118,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         fontsize=11,
     )
     panels = figure.subplots(2, 3)
-    rows = (
-        (
-            slanted,
-            (
-                ("objects A and B", slant["objects"]),
-                ("2-means, Euclidean norm", slant["clusters"][0]),
-                ("surface area heuristic", slant["heuristic"]),
-            ),
-        ),
-        (
-            beside,
-            (
-                ("both ellipses", side["objects"]),
-                ("2-means, largest coordinate, worst pair", worst),
-                ("surface area heuristic", side["heuristic"]),
-            ),
-        ),
-    )
-    for row, (boxes, parts) in zip(panels, rows, strict=True):
-        for axes, (title, of) in zip(row, parts, strict=True):
+    above = {
+        "objects A and B": slant["objects"],
+        "2-means, Euclidean norm": slant["clusters"][0],
+        "surface area heuristic": slant["heuristic"],
+    }
+    below = {
+        "both ellipses": side["objects"],
+        "2-means, largest coordinate, worst pair": worst,
+        "surface area heuristic": side["heuristic"],
+    }
+    for row, boxes, parts in zip(panels, (slanted, beside), (above, below), strict=True):
+        for axes, (title, of) in zip(row, parts.items(), strict=True):
             _draw(axes, title, boxes[0], boxes[1], of)
     a, b = (_box_of(slanted, part) for part in (False, True))
     measured = {
@@ -159,12 +152,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             (a[0] >= b[0]).all() and (a[1] <= b[1]).all()
         ),
         "2-means assign A and B to different clusters": slant["part"] > 0.5,
-        "the heuristic splits B, and the boxes overlap much less": not _same(
-            slant["heuristic"].second, slanted[2]
-        )
-        and slant["heuristic"].overlap < 0.5 * slant["objects"].overlap,
-        "with the largest coordinate as norm the areas of clusters are not minimised": sum(worst.areas)
-        > 1.05 * sum(side["objects"].areas),
+        "the heuristic splits B, and the boxes overlap much less": (
+            not _same(split.second, slanted[2]) and split.overlap < 0.5 * slant["objects"].overlap
+        ),
+        "with the largest coordinate as norm the areas of clusters are not minimised": (
+            sum(worst.areas) > 1.05 * sum(side["objects"].areas)
+        ),
         "other first means assign each ellipse to a cluster of its own": 0 < side["part"] < 1,
     }
     return figure, {"measured": measured, "claims": claims, "note": NOTE.format(keys=keys, euclid=euclid)}

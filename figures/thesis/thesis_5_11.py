@@ -38,10 +38,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     together = np.concatenate(instances)
     shifts = np.asarray(sampler.offsets.points(INSTANCES, dtype=jnp.float64))[:, :2] * SIDE
     frames = np.asarray(sequences.sobol(2).points(SIDE * SIDE * INSTANCES, dtype=jnp.float64))
+    hit = [len(np.unique(np.floor(points * SIDE), axis=0)) for points in instances]
     measured = {
-        "pixels with one sample of each instance": [
-            len(np.unique(np.floor(i * SIDE), axis=0)) for i in instances
-        ],
+        "pixels with one sample of each instance": hit,
         "shifts in pixels": shifts.astype(int).tolist(),
         "minimum distance of the net": analysis.min_distance(point_plots.block(net, net.size)),
         "minimum distance of each instance": [analysis.min_distance(i) for i in instances],
@@ -98,10 +97,9 @@ def _claims(measured: dict, is_net: list[bool]) -> Claims:
             [bool(np.isclose(d, measured["minimum distance of the net"], rtol=1e-12)) for d in distances]
         ),
         "shifts do not keep elementary intervals": each([not found for found in is_net]),
-        "superimposed, samples lie close together: below a quarter of an instance's distance": measured[
-            "minimum distance superimposed"
-        ]
-        < 0.25 * min(distances),
+        "superimposed, samples lie close together: below a quarter of an instance's distance": (
+            measured["minimum distance superimposed"] < 0.25 * min(distances)
+        ),
         "shifts of low discrepancy have less error than random ones": {
             spp: halton[spp] < random[spp] for spp in random
         },

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -12,6 +12,7 @@ from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 M = 9
+SQUARED = "squared distance on the integer grid"
 
 
 def moved(points: NDArray[np.int64], x: int, y: int) -> NDArray[np.int64]:
@@ -47,29 +48,37 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         6, f"Iterative construction of the (0,{M},2)-permutation net (thesis Fig. 5.14)", columns=3
     )
     figure.set_size_inches(11, 4.6)
-    for letter, m, panel in zip("abcde", range(1, M + 1, 2), axes, strict=False):
-        draw(panel, unwrapped(m), unwrapped(m), 2, f"({letter}) {2**m} points")
-    net = wrapped(unwrapped(M))
-    draw(axes[-1], net, unwrapped(M), 2, "(f) wrapped")
-    direct = np.asarray(sequences.permutation_net(M).bits(jnp.arange(2**M, dtype=jnp.uint32)))
+    net = constructed(axes, range(1, M + 1, 2), unwrapped, 2)
     squared = analysis.squared_min_distance(net, side=2**M)
     return figure, {
-        "measured": {
-            "squared distance on the integer grid": squared,
-        },
-        "printed": {"squared distance on the integer grid": 512},
+        "measured": {SQUARED: squared},
+        "printed": {SQUARED: 512},
         "claims": {
             f"it is a (0,{M},2)-net": point_plots.holds_one_each(net / 2**M, M),
             "its squared distance is 2^m": squared == 2**M,
-            "it equals the direct construction, Eq. 5.44": np.array_equal(
-                net[np.argsort(net[:, 0])], direct >> np.uint32(32 - M)
-            ),
+            "it equals the direct construction, Eq. 5.44": is_direct(net, M),
         },
         "note": "Grey: the square with the net. Orange: points beyond it, and where they are wrapped to.",
     }
 
 
-def draw(axes, points: NDArray[np.int64], before: NDArray[np.int64], width: float, title: str) -> None:
+def constructed(
+    axes: list[Axes], sizes: range, unwrapped: Callable[[int], NDArray[np.int64]], width: float
+) -> NDArray[np.int64]:
+    """Draw the point sets of 2**m points for all m, then the last one wrapped, which is returned."""
+    for letter, m, panel in zip("abcde", sizes, axes, strict=False):
+        _draw(panel, unwrapped(m), unwrapped(m), width, f"({letter}) {2**m} points")
+    last = unwrapped(sizes[-1])
+    _draw(axes[-1], wrapped(last), last, width, f"({'abcdef'[len(sizes)]}) wrapped")
+    return wrapped(last)
+
+
+def is_direct(net: NDArray[np.int64], m: int) -> bool:
+    """Tell whether a net is that of the direct construction."""
+    return np.array_equal(net[np.argsort(net[:, 0])], point_plots.words(sequences.permutation_net(m), m))
+
+
+def _draw(axes: Axes, points: NDArray[np.int64], before: NDArray[np.int64], width: float, title: str) -> None:
     """Draw cells of the square and beyond as points in their centres, red if they lay beyond before."""
     n = len(points)
     size = max(1.2, 12 / n**0.4)

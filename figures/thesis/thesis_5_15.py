@@ -1,8 +1,8 @@
 """Thesis Fig. 5.15: the cases in the proof of Theorem 3, the elementary intervals of a permutation net."""
 
 from collections.abc import Callable
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -26,10 +26,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the six shapes of elementary intervals for m = 5, by case of the proof."""
     del quality, progress
     n, half = 2**M, M // 2
-    points = np.asarray(sequences.permutation_net(M).bits(jnp.arange(n, dtype=jnp.uint32))) >> np.uint32(
-        32 - M
-    )
-    points = points.astype(np.int64)
+    points = point_plots.words(sequences.permutation_net(M), M)
     figure, axes = point_plots.panels(6, "Cases in the proof for m = 5 (thesis Fig. 5.15)", columns=3)
     counts = {}
     for (log_width, case), panel in zip(CASES.items(), axes, strict=True):
@@ -41,18 +38,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         axis = 0 if log_width > half else 1
         logs = (log_width, log_height)
         strip = 2 ** (M - logs[1 - axis]) // 2
+        width, height = 2**log_width / n, 2**log_height / n
         for k in range(2 ** (M - logs[axis])):
-            corner = (k, strip) if axis == 0 else (strip, k)
-            panel.add_patch(
-                Rectangle(
-                    (corner[0] * 2**log_width / n, corner[1] * 2**log_height / n),
-                    2**log_width / n,
-                    2**log_height / n,
-                    color=("C4", "gold")[k % 2],
-                    alpha=0.5,
-                    lw=0,
-                )
-            )
+            column, row = (k, strip) if axis == 0 else (strip, k)
+            look: dict[str, Any] = {"color": ("C4", "gold")[k % 2], "alpha": 0.5, "lw": 0}
+            panel.add_patch(Rectangle((column * width, row * height), width, height, **look))
         chosen = points[:, 1 - axis] >> logs[1 - axis] == strip
         point_plots.grid(panel, 2 ** (M - log_width), 2 ** (M - log_height))
         title = f"({case}) l = {log_width}: {2**log_width} x {2**log_height}"

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
-import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
@@ -24,7 +22,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     with_origin = {}
     for m, panel in zip(SIZES, axes, strict=True):
         net = sequences.permutation_net(m)
-        words = np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
+        words = point_plots.words(net, m)
         shear = 0 if m % 2 else 2 ** (m - 2)
         measured[str(m)] = analysis.squared_min_distance(words, side=2**m, shear=shear)
         with_origin[f"m = {m}"] = bool((words == 0).all(axis=1).any())

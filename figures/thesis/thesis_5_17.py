@@ -2,15 +2,13 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
 from figures.shared.sheets import point_plots
-from figures.thesis.thesis_5_14 import draw, moved, wrapped
-from qmcjax import sequences
+from figures.thesis.thesis_5_14 import SQUARED, constructed, is_direct, moved
 
 M = 8
 START = tuple(np.array([[i + 4 * d + 1, 4 * i + y] for i in range(4)]) for d, y in enumerate((0, 2, 1, 3)))
@@ -42,23 +40,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         4, f"Iterative construction of the (0,{M},2)-permutation net (thesis Fig. 5.17)"
     )
     figure.set_size_inches(13, 3.4)
-    for letter, m, panel in zip("abc", range(4, M + 1, 2), axes, strict=False):
-        draw(panel, unwrapped(m), unwrapped(m), 1.25, f"({letter}) {2**m} points")
-    net = wrapped(unwrapped(M))
-    draw(axes[-1], net, unwrapped(M), 1.25, "(d) wrapped")
-    direct = np.asarray(sequences.permutation_net(M).bits(jnp.arange(2**M, dtype=jnp.uint32)))
+    net = constructed(axes, range(4, M + 1, 2), unwrapped, 1.25)
     squared = analysis.squared_min_distance(net, side=2**M, shear=2 ** (M - 2))
     return figure, {
-        "measured": {
-            "squared distance on the integer grid": squared,
-        },
-        "printed": {"squared distance on the integer grid": 241},
+        "measured": {SQUARED: squared},
+        "printed": {SQUARED: 241},
         "claims": {
             f"it is a (0,{M},2)-net": point_plots.holds_one_each(net / 2**M, M),
             "its squared distance is 241": squared == 241,
-            "it equals the direct construction": np.array_equal(
-                net[np.argsort(net[:, 0])], direct >> np.uint32(32 - M)
-            ),
+            "it equals the direct construction": is_direct(net, M),
         },
         "note": "Grey: the square with the net. Orange: points beyond it, and where they are wrapped to. "
         "Distance with the sheared tiling. Step 1 moves P_1 and P_3, Eq. 5.45. The sentence above it moves "

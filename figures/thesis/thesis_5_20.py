@@ -17,10 +17,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the sheared tiling, and the same points as pixels with wrapped copies of one pattern."""
     del quality, progress
     side = 2**M
-    net = np.asarray(sequences.permutation_net(M).bits(jnp.arange(side, dtype=jnp.uint32))) >> np.uint32(
-        32 - M
-    )
-    net = net.astype(np.int64)
+    net = point_plots.words(sequences.permutation_net(M), M)
     index = jnp.arange(side, dtype=jnp.uint32)
     in_row = [
         np.asarray(sequences.permutation_net_in_row(M, row, index) >> np.uint32(32 - M)).astype(np.int64)
@@ -57,8 +54,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {
         "measured": measured,
         "claims": {
-            "the 4 x 4 pixels can be tiled regularly without a decrease in minimum distance": patterned
-            == sheared,
+            "the 4 x 4 pixels can be tiled regularly without a decrease in minimum distance": (
+                patterned == sheared
+            ),
             "the same pattern in each pixel would have less": alike < sheared,
         },
     }

@@ -1,14 +1,14 @@
 """Thesis Fig. 5.21 and Table 5.1: minimum distances of (0,m,2)-nets in base 2."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
 from figures import plot
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 PRINTED = {
@@ -50,8 +50,7 @@ NOTE = (
 
 
 def _squared(name: str, m: int, sheared: bool) -> int:
-    index = jnp.arange(2**m, dtype=jnp.uint32)
-    points = np.asarray(NETS[name](m).bits(index)) >> np.uint32(32 - m)
+    points = point_plots.words(NETS[name](m), m)
     return analysis.squared_min_distance(points, side=2**m, shear=2 ** (m - 2) if sheared else 0)
 
 
@@ -87,24 +86,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     misprints = _misprints()
     numbers = {
         "measured": {
-            name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in measured.items()
-        }
-        | {
+            **_by_size(measured),
             "decimals that are not those of the printed roots": misprints,
-            "distance over that of the densest packing": {
-                name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in relative.items()
-            },
+            "distance over that of the densest packing": _by_size(relative),
         },
-        "printed": {
-            "squared distances": {
-                name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in PRINTED.items()
-            },
-            "decimals": DECIMALS,
-        },
+        "printed": {"squared distances": _by_size(PRINTED), "decimals": DECIMALS},
         "claims": _claims(measured, misprints),
         "note": NOTE,
     }
     return figure, numbers
+
+
+def _by_size(found: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float]]:
+    return {name: dict(zip(map(str, SIZES), values, strict=True)) for name, values in found.items()}
 
 
 def _relative(squared: list[int]) -> list[float]:

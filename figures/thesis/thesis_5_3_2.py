@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import jax.numpy as jnp
-import numpy as np
 from matplotlib.figure import Figure
 
 import analysis
@@ -27,7 +25,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     planar: dict[str, dict[str, bool]] = {}
     for row, m in enumerate(PRINTED):
         net = sequences.permutation_net_3d(m)
-        words = np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
+        words = point_plots.words(net, m)
         points = words / 2**m
         squared = analysis.squared_min_distance(words, side=2**m)
         planar[f"P_{m}"] = {

@@ -1,14 +1,16 @@
 """Thesis Fig. 5.5: minimum distances of two (0,m,3)-nets."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
-import jax.numpy as jnp
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 import analysis
 from figures import plot
 from figures._errors import residual
+from figures.shared.sheets import point_plots
 from qmcjax import sequences
 
 NETS = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}
@@ -22,23 +24,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     squared: dict[str, list[int]] = {name: [] for name in NETS}
     for m in sizes:
         for name, net in NETS.items():
-            words = np.asarray(net(m).bits(jnp.arange(2**m, dtype=jnp.uint32))) >> np.uint32(32 - m)
-            squared[name].append(analysis.squared_min_distance(words, side=2**m))
+            points = point_plots.words(net(m), m)
+            squared[name].append(analysis.squared_min_distance(points, side=2**m))
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
     figure = Figure(figsize=(8, 5), layout="constrained")
     axes = figure.subplots()
-    for name, values in distances.items():
-        axes.semilogy(sizes, values, marker=STYLES[name].marker, color=STYLES[name].color, label=name)
-    axes.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance in the unit cube")
+    draw_distances(axes, sizes, distances, STYLES)
     axes.set_title("(0,m,3)-nets from the Sobol' and from the modified sequence (thesis Fig. 5.5)")
-    axes.set_xticks(sizes)
-    axes.grid(alpha=0.3)
     axes.legend(frameon=False)
-    plain, modified = (squared[name] for name in NETS)
-    not_ahead = [m for m, a, b in zip(sizes, plain, modified, strict=True) if b <= a]
+    not_ahead = [m for m, a, b in zip(sizes, *squared.values(), strict=True) if b <= a]
     roughness = {name: residual(np.log(values)) for name, values in distances.items()}
+    plain, modified = roughness.values()
     numbers = {
         "measured": {
             "squared distance on the integer grid": {
@@ -56,12 +54,22 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "the distances at m = 13 are those printed": {
                 name: abs(float(distances[name][12]) - value) < 0.6e-8 for name, value in PRINTED.items()
             },
-            "the modified net's distance decreases smoothly, unlike that of the Sobol' net": roughness[
-                "modified (C'1, C'2)"
-            ]
-            < 0.5 * roughness["Sobol'"],
+            "the modified net's distance decreases smoothly, unlike that of the Sobol' net": (
+                modified < 0.5 * plain
+            ),
         },
         "note": "At m = 1 and 2 both nets have the same distance. The thesis goes up to m = 23, "
         "and so does paper quality; a draft goes to 16.",
     }
     return figure, numbers
+
+
+def draw_distances(
+    axes: Axes, sizes: range, distances: Mapping[str, NDArray], styles: Mapping[str, plot.Style]
+) -> None:
+    """Draw the distances of nets of 2**m points over m."""
+    for name, values in distances.items():
+        axes.semilogy(sizes, values, marker=styles[name].marker, color=styles[name].color, label=name)
+    axes.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance in the unit cube")
+    axes.set_xticks(sizes)
+    axes.grid(alpha=0.3)

@@ -51,9 +51,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         squared = analysis.squared_min_distance(points, side=2**M)
         column[0].set_title(name, fontsize=10)
         point_plots.scatter(column[2], points / 2**M, f"squared distance {squared} / $2^{{{2 * M}}}$")
-        measured[name.replace("$", "")] = {
-            SQUARED: squared,
-        }
+        measured[name.replace("$", "")] = {SQUARED: squared}
         is_net[name.replace("$", "")] = point_plots.holds_one_each(points / 2**M, M)
     return figure, {
         "measured": {f"the first 2**{M} points": measured},

@@ -28,8 +28,9 @@ def _claims(errors: dict, sets: plane_scenes.Sets) -> Claims:
             "all of them": _similar(list(low_discrepancy.values())),
             "all but the lattice": _similar(nets),
         },
-        "the lattice depends most on the sample count": max(fluctuations, key=lambda name: fluctuations[name])
-        == "rank-1 lattice",
+        "the lattice depends most on the sample count": (
+            max(fluctuations, key=lambda name: fluctuations[name]) == "rank-1 lattice"
+        ),
         "the lattice and all nets ahead of the jittered grid at the largest count": all(
             found[-1] < whole["jittered grid"][-1] for found in low_discrepancy.values()
         ),

@@ -42,8 +42,8 @@ def _claims(quality: str, errors: dict, sets: plane_scenes.Sets) -> Claims:
     def best(name: str, few: bool) -> dict[str, Found]:
         """Return by size and count whether a sampler has less error than all others."""
         return {
-            f"{size}, {4**k} spp": judged.all_of(
-                *(judged.smaller(of[name][:, k], of[other][:, k]) for other in of if other != name)
+            f"{size}, {4**k} spp": judged.all_smaller(
+                {each: values[:, k] for each, values in of.items()}, [name], of.keys() - {name}
             )
             for size, of in by_size.items()
             for k in range(of[name].shape[1])

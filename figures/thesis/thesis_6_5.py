@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import motion_blur
-from figures.shared.rendered.motion_blur import FULL, NETS, OTHERS
+from figures.shared.rendered.motion_blur import FULL, NETS, OTHERS, Keys
 
 CROP = (0.25, 0.6, 0.25)
 
@@ -18,9 +18,6 @@ PATTERN = 1.5
 
 
 LATTICE = "rank-1 lattice"
-
-Keys = dict[str, dict[str, list[float]]]
-"""Values of each key by size of the image and sampler."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
@@ -31,14 +28,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     figure, numbers, images = motion_blur.pictures("cornell_box", title, CROP, claims, quality, progress)
     numbers["measured"] |= {
         "keys": motion_blur.KEYS[quality],
-        "RMS error, mean over keys": {
-            size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in errors.items()
-        },
-        "strongest wave, mean over keys": {
-            size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in waves.items()
-        },
+        "RMS error, mean over keys": _means(errors),
+        "strongest wave, mean over keys": _means(waves),
     }
     return figure, numbers, images
+
+
+def _means(keys: Keys) -> dict[str, dict[str, float]]:
+    return {size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in keys.items()}
 
 
 def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
@@ -46,15 +43,8 @@ def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
 
     def ahead(size: str) -> Found:
         """Return whether both nets have less error than all others: but for the lattice by far."""
-        far = [
-            judged.smaller(sets[size][net], sets[size][name])
-            for net in NETS
-            for name in OTHERS
-            if name != LATTICE
-        ]
-        return judged.all_of(
-            *far, *(judged.smaller(errors[size][net], errors[size][LATTICE]) for net in NETS)
-        )
+        far = judged.all_smaller(sets[size], NETS, [name for name in OTHERS if name != LATTICE])
+        return judged.all_of(far, judged.all_smaller(errors[size], NETS, [LATTICE]))
 
     return {
         "the two rotated nets perform almost equally well (within 20 %)": {
@@ -64,8 +54,7 @@ def _claims(errors: Keys, waves: Keys, sets: motion_blur.Sets) -> Claims:
             size: ahead(size) for size in errors
         },
         "the full-screen nets perform worse than the rotated ones": {
-            size: judged.all_of(*(judged.smaller(of[net], of[full]) for net in NETS for full in FULL))
-            for size, of in errors.items()
+            size: judged.all_smaller(of, NETS, FULL) for size, of in errors.items()
         },
         f"full-screen nets show patterns: waves {PATTERN:g} times those of rotated ones": {
             size: judged.all_of(

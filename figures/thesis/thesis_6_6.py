@@ -7,16 +7,7 @@ from matplotlib.figure import Figure
 from figures._errors import fluctuation
 from figures.making.schema import Claims
 from figures.shared.rendered import motion_blur
-from figures.shared.rendered.motion_blur import (
-    FULL,
-    NETS,
-    OTHERS,
-    ratio,
-    slightly_smaller,
-    smaller,
-    steeper,
-    wins,
-)
+from figures.shared.rendered.motion_blur import FULL, NETS
 
 FEW = 8
 """Samples per pixel up to which there are few."""
@@ -37,28 +28,21 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 def _claims(errors: dict, waves: dict) -> Claims:
     lattice = errors["rank-1 lattice"]
-    ahead = wins(errors, NETS, OTHERS)
     few = [spp for spp in errors[NETS[0]] if spp <= FEW]
     return {
-        "the rotated nets outperform the others for almost all counts (all but one)": sum(ahead)
-        >= len(ahead) - 1,
+        **motion_blur.claims_of_both(errors),
         "the modified net performs only marginally better than the original (by less than 10 %)": (
-            slightly_smaller(errors, NETS[1], NETS[0])
+            motion_blur.slightly_smaller(errors, NETS[1], NETS[0])
         ),
         "the lattice even outperforms a net sometimes": any(
             lattice[spp] < errors[net][spp] for net in NETS for spp in lattice if spp > 1
         ),
-        "its error does not decrease as smoothly": fluctuation(lattice)
-        > max(fluctuation(errors[net]) for net in NETS),
-        "the full-screen nets perform worse than the rotated ones": smaller(errors, NETS, FULL),
+        "its error does not decrease as smoothly": all(
+            fluctuation(lattice) > fluctuation(errors[net]) for net in NETS
+        ),
+        "the full-screen nets perform worse than the rotated ones": motion_blur.smaller(errors, NETS, FULL),
         "at few samples full-screen nets show patterns, 1.5 times as strong as any of rotated ones": all(
             max(waves[full][spp] for spp in few) > 1.5 * max(waves[net][spp] for net in NETS for spp in few)
             for full in FULL
         ),
-        "the full-screen nets converge faster: a steeper slope": {
-            net: steeper(errors, full, net) for full, net in zip(FULL, NETS, strict=True)
-        },
-        "nets and lattices are superior to random samples": {
-            name: ratio(errors, name, "random") < 1 for name in (*NETS, *FULL, "rank-1 lattice")
-        },
     }

@@ -22,10 +22,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
 def _claims(sets: motion_blur.Sets) -> Claims:
     def ahead(ones: tuple[str, ...], others: tuple[str, ...]) -> dict[str, Found]:
         """Return by size whether samplers have less error than others."""
-        return {
-            size: judged.all_of(*(judged.smaller(of[one], of[other]) for one in ones for other in others))
-            for size, of in sets.items()
-        }
+        return {size: judged.all_smaller(of, ones, others) for size, of in sets.items()}
 
     return {
         "the Sobol' nets perform best": ahead(NETS + FULL, OTHERS),

@@ -6,16 +6,7 @@ from matplotlib.figure import Figure
 
 from figures.making.schema import Claims
 from figures.shared.rendered import motion_blur
-from figures.shared.rendered.motion_blur import (
-    FULL,
-    NETS,
-    OTHERS,
-    ratio,
-    slightly_smaller,
-    smaller,
-    steeper,
-    wins,
-)
+from figures.shared.rendered.motion_blur import FULL, NETS
 
 WHY = (
     " Up to 32 samples lattice and rotated nets are close, in favour of one or the other; from 64 on the "
@@ -32,21 +23,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _claims(errors: dict, waves: dict) -> Claims:
-    ahead = wins(errors, NETS, OTHERS)
     return {
-        "the rotated nets outperform the others for almost all counts (all but one)": sum(ahead)
-        >= len(ahead) - 1,
+        **motion_blur.claims_of_both(errors),
         "the lattice has more error than the nets": all(
-            ratio(errors, "rank-1 lattice", net) > 1 for net in NETS + FULL
+            motion_blur.ratio(errors, "rank-1 lattice", net) > 1 for net in NETS + FULL
         ),
-        "the full-screen nets perform better than the rotated ones": smaller(errors, FULL, NETS),
-        "over the full screen the modified net performs slightly better": slightly_smaller(
+        "the full-screen nets perform better than the rotated ones": motion_blur.smaller(errors, FULL, NETS),
+        "over the full screen the modified net performs slightly better": motion_blur.slightly_smaller(
             errors, *FULL[::-1]
         ),
-        "the full-screen nets converge faster: a steeper slope": {
-            net: steeper(errors, full, net) for full, net in zip(FULL, NETS, strict=True)
-        },
-        "nets and lattices are superior to random samples": {
-            name: ratio(errors, name, "random") < 1 for name in (*NETS, *FULL, "rank-1 lattice")
-        },
     }

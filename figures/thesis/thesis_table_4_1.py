@@ -30,7 +30,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Count trees, and draw what is printed beside."""
-    largest = LARGEST[quality]
+    largest, (catalan, trees) = LARGEST[quality], PRINTED.values()
     shapes = {m: sum(1 for _ in _shapes(m)) for m in LEAVES}
     unordered = {}
     for m in LEAVES[:largest]:
@@ -47,15 +47,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     printed = {name: dict(zip(map(str, LEAVES), of, strict=True)) for name, of in PRINTED.items()}
     claims = {
         "there are as many binary trees as printed": {
-            **{f"shapes, {m} leaves": shapes[m] == PRINTED["C_{m-1}"][m - 1] for m in LEAVES},
-            **{
-                f"over numbered leaves, {m} leaves": ordered[m] == PRINTED["C_{m-1} m!"][m - 1]
-                for m in ordered
-            },
+            **{f"shapes, {m} leaves": shapes[m] == catalan[m - 1] for m in LEAVES},
+            **{f"over numbered leaves, {m} leaves": ordered[m] == trees[m - 1] for m in ordered},
         },
         "the formulas of Eq. 4.3 and 4.4 give the numbers that are printed": all(
-            comb(2 * m - 2, m - 1) // m == PRINTED["C_{m-1}"][m - 1]
-            and factorial(2 * m - 2) // factorial(m - 1) == PRINTED["C_{m-1} m!"][m - 1]
+            comb(2 * m - 2, m - 1) // m == catalan[m - 1]
+            and factorial(2 * m - 2) // factorial(m - 1) == trees[m - 1]
             for m in LEAVES
         ),
     }
@@ -64,9 +61,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     rows = [
         [name, *(str(of[m - 1]) for m in LEAVES)]
         for name, of in (
-            ("$C_{m-1}$, thesis", PRINTED["C_{m-1}"]),
+            ("$C_{m-1}$, thesis", catalan),
             ("shapes, enumerated", list(shapes.values())),
-            ("$C_{m-1} m!$, thesis", PRINTED["C_{m-1} m!"]),
+            ("$C_{m-1} m!$, thesis", trees),
         )
     ]
     for name, of in (
@@ -78,12 +75,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     text_tables.draw(
         figure.subplots(), ["m", *map(str, LEAVES)], rows, (), [3.2, *[0.6] * 4, *[1.0] * 3, 1.2, 1.3]
     )
-    return figure, {
-        "measured": measured,
-        "printed": printed,
-        "claims": claims,
-        "note": NOTE.format(largest=largest),
-    }
+    note = NOTE.format(largest=largest)
+    return figure, {"measured": measured, "printed": printed, "claims": claims, "note": note}
 
 
 def _named(of: dict[int, int]) -> dict[str, int]:

@@ -66,7 +66,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name] = _of_mesh(mesh_models.made(name, SIZE[quality]), side)
         progress(done / (len(mesh_models.MESHES) + 1))
     growth = {name: [_growth(key, *of) for key in range(SETS[quality])] for name, of in SCALES.items()}
-    within = _within(measured)
+    reduced = {
+        name: of["primary rays"]["reduction in percent"] / of[ROWS[2]] for name, of in measured.items()
+    }
     claims = {
         "the summed area never grows": all(of[ROWS[2]] >= 0 for of in measured.values()),
         "the summed area falls by 0.92 to 17.36 percent": {
@@ -74,7 +76,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "the mean leaf depth increases": {name: of[ROWS[6]] > of[ROWS[5]] for name, of in measured.items()},
         "the largest depth increases": {name: of[ROWS[4]] > of[ROWS[3]] for name, of in measured.items()},
-        "primary rays visit fewer nodes by about as much as the area falls, within a factor of 2": within,
+        "primary rays visit fewer nodes by about as much as the area falls, within a factor of 2": {
+            name: 0.5 <= ratio <= 2 for name, ratio in reduced.items()
+        },
         "trees built over optimal subtrees have no larger summed area than before": {
             name: max(of) <= 1e-9 for name, of in growth.items()
         },
@@ -96,14 +100,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(side=side, sets=SETS[quality]),
     }
     return _draw(measured), numbers
-
-
-def _within(measured: dict[str, dict[str, Any]]) -> dict[str, bool]:
-    found = {}
-    for name, of in measured.items():
-        ratio = of["primary rays"]["reduction in percent"] / of[ROWS[2]]
-        found[name] = 0.5 <= ratio <= 2
-    return found
 
 
 def _of_mesh(mesh: mesh_models.Mesh, side: int) -> dict[str, Any]:

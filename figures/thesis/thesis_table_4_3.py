@@ -75,6 +75,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     gains = _until_nothing_changes(trees.surface_area_tree(low, low + 0.1))
     first = {name: of["reduction in percent"][0] for name, of in measured.items()}
     part = {name: first[f"{name}, 10 levels"] / first[f"{name}, all levels"] for name in mesh_models.MESHES}
+    visits = {
+        name: measured[f"{name}, 10 levels"]["nodes a primary ray visits"] for name in mesh_models.MESHES
+    }
     claims = {
         "the reduction of the area is not as large on further runs": {
             name: max(of["reduction in percent"][1:]) < of["reduction in percent"][0]
@@ -84,10 +87,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "ten levels reduce the area by less than the whole tree": {name: p < 1 for name, p in part.items()},
         "but considerably: by more than half as much": {name: p > 0.5 for name, p in part.items()},
         "after a first run of ten levels primary rays cost very slightly more": {
-            name: _visits(measured, name)[1] > _visits(measured, name)[0] for name in mesh_models.MESHES
+            name: once > before for name, (before, once, *_) in visits.items()
         },
         "after another one less than before": {
-            name: _visits(measured, name)[2] < _visits(measured, name)[0] for name in mesh_models.MESHES
+            name: twice < before for name, (before, _, twice, *_) in visits.items()
         },
     }
     numbers = {
@@ -102,10 +105,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "note": NOTE.format(side=side, small=small, fewest=min(sizes), most=max(sizes)),
     }
     return _draw(measured), numbers
-
-
-def _visits(measured: dict[str, dict[str, Any]], name: str) -> list[float]:
-    return measured[f"{name}, 10 levels"]["nodes a primary ray visits"]
 
 
 def _until_nothing_changes(tree: trees.Tree) -> list[float]:
@@ -129,15 +128,8 @@ def _draw(measured: dict[str, dict[str, Any]]) -> Figure:
         depth, nodes = of["mean leaf depth"], of["nodes a primary ray visits"]
         few = [f"{depth[k]:.2f}" for k in (0, 1, 2, 4)] + [f"{nodes[k]:.2f}" for k in (0, 1, 2, 4)]
         rows.append([name, f"{of['summed area'][0]:.2f}", *reduced, *few])
-    heads = [
-        "mesh, levels",
-        "before",
-        "run 1",
-        "run 2",
-        "run 3",
-        "run 4",
-        *("before", "run 1", "run 2", "run 4") * 2,
-    ]
+    runs = [f"run {k}" for k in range(1, RUNS + 1)]
+    heads = ["mesh, levels", "before", *runs, *("before", "run 1", "run 2", "run 4") * 2]
     groups = [
         ("summed area, and by what each run reduces it", 1, 5),
         ("mean leaf depth", 6, 9),

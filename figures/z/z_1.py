@@ -19,6 +19,7 @@ from figures.making.schema import UNDECIDED, Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers, published_keys, scene_images
 from figures.shared.sheets import image_sheets
+from figures.shared.sheets.curve_tables import SHARE, strongest_share
 from qmcjax import samplers, scenes, sequences
 
 SIDE = {"draft": 128, "paper": 256}
@@ -32,7 +33,6 @@ TILE = 64
 KEYS = 16
 """Over which the power of white noise is judged: that of one image has heavy tails."""
 
-STRONGEST = 0.01
 WHITE, BLUE = (0.67, 1.5), 0.67
 """Power at low frequencies: near to that of white noise, and below it."""
 
@@ -40,7 +40,6 @@ STRUCTURED = 1.1
 """How many times the share of white noise in the strongest frequencies tells structure."""
 
 LOW, FILTERED = "low-frequency power", "filtered error"
-SHARE = "share of the strongest 1 % of frequencies"
 
 SMOOTH = 5
 """Frequencies a side over which spectra are averaged to be drawn."""
@@ -60,9 +59,13 @@ NOTE = (
     "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
     "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
     "parts of the scene, whose errors differ with the same samples. Ranked keys have "
-    "less low-frequency power than white noise; {blue} is called blue here. Their "
+    f"less low-frequency power than white noise; {BLUE} is called blue here. Their "
     "keys are arranged for two dimensions at a time. The reference is {origin}. "
 )
+
+
+Keys = dict[str, dict[str, list[float]]]
+"""Values of each key by sampler and measure."""
 
 
 def zero_two(dims: int, key: int) -> samplers.Sampler:
@@ -102,7 +105,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         handed_out[name] = image[area]
         images[name] = diffusion.shown(image)
         spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
-        measured[name] = diffusion.measures(image, exact, area) | {SHARE: _strongest(spectra[name])}
+        measured[name] = diffusion.measures(image, exact, area) | {SHARE: strongest_share(spectra[name])}
         tile = heitz.TILE if name == published_keys.PUBLISHED else TILE
         if tile < side:
             measured[name][REPEATS] = _correlation((image - exact.image)[area], tile)
@@ -110,7 +113,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
     over_keys = _over_keys(scene, side, exact, area, square)
-    white = judged.interval(over_keys["(0,2)"][LOW])
     images["reference"] = diffusion.shown(exact.image)
     smooth = {name: ndimage.uniform_filter(of, SMOOTH, mode="wrap") for name, of in spectra.items()}
     filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
@@ -133,7 +135,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         dims=len(scene.needs),
         repeats=f"1/{side // TILE}",
         origin=exact.origin,
-        blue=BLUE,
     )
     note += (
         published_keys.note()
@@ -142,31 +143,22 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         + diffusion.EXPLAINED
     )
     fading = _fading()
-    return (
-        figure,
-        {
-            "measured": measured
-            | {
-                "correlation of Z's errors in neighbouring pixels": siblings,
-                "low-frequency power of Z for a product of coordinates": fading,
-                "low-frequency power of (0,2), 16 keys": white,
-                "low-frequency power, 16 keys": {
-                    name: judged.interval(of[LOW]) for name, of in over_keys.items()
-                },
-                "share of the strongest, 16 keys": {
-                    name: judged.interval(of[SHARE]) for name, of in over_keys.items()
-                },
-            },
-            "claims": _claims(measured, siblings, fading, over_keys),
-            "note": note,
+    numbers = {
+        "measured": measured
+        | {
+            "correlation of Z's errors in neighbouring pixels": siblings,
+            "low-frequency power of Z for a product of coordinates": fading,
+            "low-frequency power of (0,2), 16 keys": judged.interval(over_keys["(0,2)"][LOW]),
+            "low-frequency power, 16 keys": {n: judged.interval(of[LOW]) for n, of in over_keys.items()},
+            "share of the strongest, 16 keys": {n: judged.interval(of[SHARE]) for n, of in over_keys.items()},
         },
-        handed_out,
-    )
+        "claims": _claims(measured, siblings, fading, over_keys),
+        "note": note,
+    }
+    return figure, numbers, handed_out
 
 
-def _over_keys(
-    scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any
-) -> dict[str, dict[str, list[float]]]:
+def _over_keys(scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any) -> Keys:
     """Return measures of images of several keys, by the samplers that have one."""
     dims = len(scene.needs)
     pairs = padded_samplers.pairs(dims)
@@ -178,21 +170,16 @@ def _over_keys(
         name: lambda key: published_keys.beside(dims, key)[published_keys.PUBLISHED]
         for name in published_keys.beside(dims, KEY)
     }
-    found: dict[str, dict[str, list[float]]] = {}
+    found: Keys = {}
     for name, of_key in made.items():
         of = found[name] = {LOW: [], FILTERED: [], SHARE: []}
         for key in range(KEYS):
             image = scene_images.replicate(scene, of_key(key), side, 1)
             values = diffusion.measures(image, exact, area)
-            values[SHARE] = _strongest(analysis.error_spectrum(image[square], exact.image[square]))
+            values[SHARE] = strongest_share(analysis.error_spectrum(image[square], exact.image[square]))
             for measure, list_of in of.items():
                 list_of.append(values[measure])
     return found
-
-
-def _strongest(spectrum: NDArray) -> float:
-    strongest = np.sort(spectrum, axis=None)[::-1][: round(STRONGEST * spectrum.size)]
-    return float(strongest.sum() / spectrum.size)
 
 
 def _correlation(error: NDArray, tile: int) -> float:
@@ -245,7 +232,7 @@ def _claims(
     measured: dict[str, dict[str, float]],
     siblings: dict[str, float],
     fading: dict[str, float],
-    over_keys: dict[str, dict[str, list[float]]],
+    over_keys: Keys,
 ) -> Claims:
     white, share = over_keys["(0,2)"], measured["Sobol'"][SHARE]
     structured = STRUCTURED * np.array(white[SHARE])
@@ -268,15 +255,13 @@ def _claims(
         ),
         "Z has no such structure": judged.smaller(over_keys["Z"][SHARE], structured),
         "Z has less filtered error than (0,2)": judged.smaller(over_keys["Z"][FILTERED], white[FILTERED]),
-        "samples of siblings are better distributed than those of cousins: less correlated errors": siblings[
-            "siblings"
-        ]
-        < siblings["cousins"],
+        "samples of siblings are better distributed than those of cousins: less correlated errors": (
+            siblings["siblings"] < siblings["cousins"]
+        ),
         "diffusion fades with the dimension: more power at low frequencies, of 2 to 16": all(
             a < b for a, b in pairwise(fading.values())
         ),
-        "in 16 dimensions the error is no worse than white noise: at most 1.2 times its power": fading[
-            "16 dimensions"
-        ]
-        <= 1.2,
+        "in 16 dimensions the error is no worse than white noise: at most 1.2 times its power": (
+            fading["16 dimensions"] <= 1.2
+        ),
     }

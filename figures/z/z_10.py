@@ -36,16 +36,16 @@ CROPS = {
 """Scenes with their magnified areas."""
 
 NOTE = (
-    "{side} x {side} pixels, {spp} samples per pixel; scenes are the package's: sports for motion blur, "
+    f"{{side}} x {{side}} pixels, {SPP} samples per pixel; scenes are the package's: sports for motion blur, "
     "defocus for depth of field, the interior with {bounces} bounces for path tracing, the caustic for "
-    "bidirectional path tracing. Sentences are judged on {small} x {small} pixels over {keys} keys; "
-    "Sobol' has none. Errors are root mean squares over these; the ratio is of filtered to whole errors. "
-    "Artifacts are read as an error from afar, which is the filtered one, of more than {almost:g} times that "
-    "of Z, almost the best as one of less than {almost:g} times the least. (0,2): Sobol' points xored and "
-    "shuffled in each pixel. Ranked keys, after Heitz et al., are our own, another tile and order "
-    "of the samples for each pair of dimensions. Z: by hashing. What the paper shows in large images is "
-    "more than these numbers. Side by side, the four "
-    "scenes make one image: sports and defocus above the interior and the caustic. {origins}"
+    "bidirectional path tracing. Sentences are judged on {small} x {small} pixels over {keys} keys; Sobol' "
+    "has none. Errors are root mean squares over these; the ratio is of filtered to whole errors. Artifacts "
+    f"are read as an error from afar, which is the filtered one, of more than {ALMOST:g} times that of Z, "
+    f"almost the best as one of less than {ALMOST:g} times the least. (0,2): Sobol' points xored and "
+    "shuffled in each pixel. Ranked keys, after Heitz et al., are our own, another tile and order of the "
+    "samples for each pair of dimensions. Z: by hashing. What the paper shows in large images is more than "
+    "these numbers. Side by side, the four scenes make one image: sports and defocus above the interior and "
+    "the caustic. {origins}"
 )
 
 
@@ -75,9 +75,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             handed_out.setdefault(name, []).append(image)
         progress(done / len(compared))
     bounces = BOUNCES[quality]
-    note = NOTE.format(
-        side=side, small=small, spp=SPP, bounces=bounces, keys=keys, almost=ALMOST, origins=origins
-    )
+    note = NOTE.format(side=side, small=small, bounces=bounces, keys=keys, origins=origins)
     title = (
         f"Motion blur, a lens, paths and a caustic, {SPP} samples per pixel (Z paper, Fig. 10)\n"
         f"our scenes, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels\n"
@@ -137,20 +135,14 @@ def _claims(afar: dict[str, dict[str, list[float]]]) -> Claims:
             for name in others("Z")
         },
         "Z almost delivers the best quality": {
-            title: judged.all_of(*(judged.smaller(of["Z"], of[name], ALMOST) for name in others("Z")))
-            for title, of in afar.items()
+            title: judged.all_smaller(of, ["Z"], others("Z"), ALMOST) for title, of in afar.items()
         },
         "ranked keys slightly outperform Z in the sports car": published_keys.judged_by(
             lambda name: judged.smaller(afar["sports"][name], afar["sports"]["Z"])
         ),
         "ranked keys fail badly with bidirectional paths: a fifth more error than all others": (
             published_keys.judged_by(
-                lambda name: judged.all_of(
-                    *(
-                        judged.smaller(afar["caustic"][other], afar["caustic"][name], 1 / ALMOST)
-                        for other in others(name)
-                    )
-                )
+                lambda name: judged.all_smaller(afar["caustic"], others(name), [name], 1 / ALMOST)
             )
         ),
     }

@@ -1,6 +1,6 @@
 """Z paper Fig. 11: convergence of four samplers on the scenes of Fig. 1 and 10."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -28,17 +28,14 @@ SAME = 1.15
 """Up to this factor errors are almost identical."""
 
 NOTE = (
-    "{sets} sets of {each} random pixels of {side} x {side}, divided among {keys} keys; scenes of "
-    "the package for those of the paper: sports for motion blur, defocus "
-    "for depth of field, the interior for path tracing, with {bounces} bounces, and the caustic for "
-    "bidirectional path tracing. Intervals are those of the means of logarithms over the sets, as wide "
-    "as the bands: few pixels have most of the square error. "
-    "Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, with an order of the "
-    "samples for each pair of dimensions: in about the same order in all pairs, the error would level off, "
-    "as that of Z0 does in Fig. 12. Theirs has 256 dimensions of one Owen-scrambled Sobol' sequence. "
-    "'Almost identical' is "
-    f"within a factor of {SAME}. "
-    "{origins}"
+    f"{pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided among {{keys}} keys; "
+    "scenes of the package for those of the paper: sports for motion blur, defocus for depth of field, the "
+    "interior for path tracing, with {bounces} bounces, and the caustic for bidirectional path tracing. "
+    "Intervals are those of the means of logarithms over the sets, as wide as the bands: few pixels have "
+    "most of the square error. Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, "
+    "with an order of the samples for each pair of dimensions: in about the same order in all pairs, the "
+    "error would level off, as that of Z0 does in Fig. 12. Theirs has 256 dimensions of one Owen-scrambled "
+    f"Sobol' sequence. 'Almost identical' is within a factor of {SAME}. {{origins}}"
 )
 
 
@@ -81,14 +78,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         title = f"{title}: {z_renderings.EFFECTS[title]}"
         plot.convergence(counts, curves, bands=bands, floor=floor, title=title, ax=axes)
     note = NOTE.format(
-        side=side,
-        sets=pixel_sets.SETS,
-        each=PIXELS[quality],
-        keys=len(keys),
-        bounces=BOUNCES[quality],
-        origins=origins,
+        side=side, each=PIXELS[quality], keys=len(keys), bounces=BOUNCES[quality], origins=origins
     )
     last = counts[-1]
+    at_last, over_counts = _at(errors, last), _over(errors, counts)
     measured = {
         title: {
             name: {f"{spp} spp": {"RMS error": rms(values)} for spp, values in of.items()}
@@ -97,25 +90,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for title, found in errors.items()
     } | {
         "largest count": last,
-        "Z over (0,2), all counts": {
-            title: judged.ratio(pixel_sets.over_counts(of["Z"]), pixel_sets.over_counts(of["(0,2)"]))
-            for title, of in errors.items()
-        },
-        "Z over (0,2), largest count": {
-            title: judged.ratio(of["Z"][last], of["(0,2)"][last]) for title, of in errors.items()
-        },
-        "Sobol' over Z, largest count": {
-            title: judged.ratio(of["Sobol'"][last], of["Z"][last]) for title, of in errors.items()
-        },
-        "ranked keys over Z, largest count": {
-            title: judged.ratio(of["ranked keys"][last], of["Z"][last]) for title, of in errors.items()
-        },
-        "ranked keys over Sobol', all counts": {
-            title: judged.ratio(
-                pixel_sets.over_counts(of["ranked keys"]), pixel_sets.over_counts(of["Sobol'"])
-            )
-            for title, of in errors.items()
-        },
+        "Z over (0,2), all counts": judged.ratios(over_counts, "Z", "(0,2)"),
+        "Z over (0,2), largest count": judged.ratios(at_last, "Z", "(0,2)"),
+        "Sobol' over Z, largest count": judged.ratios(at_last, "Sobol'", "Z"),
+        "ranked keys over Z, largest count": judged.ratios(at_last, "ranked keys", "Z"),
+        "ranked keys over Sobol', all counts": judged.ratios(over_counts, "ranked keys", "Sobol'"),
     }
     return figure, {"measured": measured, "claims": _claims(errors), "note": note + published_keys.note()}
 
@@ -134,42 +113,48 @@ def _ways(dims: int, side: int, spp: int, keys: range) -> dict[str, list[sampler
     return found | {"Sobol'": found["Sobol'"][:1]}
 
 
+Sets = dict[str, dict[str, NDArray[np.float64]]]
+"""By scene and sampler."""
+
+
+def _at(errors: Errors, spp: int) -> Sets:
+    """Return the errors at one count, of the samplers that have it."""
+    return {
+        title: {name: of[spp] for name, of in found.items() if spp in of} for title, found in errors.items()
+    }
+
+
+def _over(errors: Errors, counts: Collection[int]) -> Sets:
+    """Return geometric means of errors over some counts, of the samplers that have all."""
+    return {
+        title: {
+            name: pixel_sets.over_counts({spp: of[spp] for spp in counts})
+            for name, of in found.items()
+            if of.keys() >= set(counts)
+        }
+        for title, found in errors.items()
+    }
+
+
 def _claims(errors: Errors) -> Claims:
+    counts = errors["sports"]["Z"].keys()
+
     def overtaken(name: str) -> dict[str, Found]:
         """Return by scene whether (0,2) and Z have more error at the sampler's largest count."""
-        last = max(errors["sports"][name])
-        return {
-            title: judged.all_of(
-                *(judged.smaller(of[name][last], of[other][last]) for other in ("(0,2)", "Z"))
-            )
-            for title, of in errors.items()
-        }
+        at = _at(errors, max(errors["sports"][name]))
+        return {title: judged.all_smaller(of, [name], ["(0,2)", "Z"]) for title, of in at.items()}
 
     def leads(name: str) -> dict[str, Found]:
         """Return by scene whether a sampler has the least geometric mean of errors, over its counts."""
-        counts = list(errors["sports"][name])
-        return {
-            title: judged.all_of(
-                *(
-                    judged.smaller(
-                        pixel_sets.over_counts(of[name]),
-                        pixel_sets.over_counts({spp: of[other][spp] for spp in counts}),
-                    )
-                    for other in ("(0,2)", "Z", "Sobol'")
-                )
-            )
-            for title, of in errors.items()
-        }
+        over = _over(errors, errors["sports"][name].keys())
+        return {title: judged.all_smaller(of, [name], ["(0,2)", "Z", "Sobol'"]) for title, of in over.items()}
+
+    def alike(found: Sets) -> dict[str, Found]:
+        return {title: judged.alike(of["Z"], of["(0,2)"], SAME) for title, of in found.items()}
 
     return {
-        "Z almost identical to (0,2), over all counts": {
-            title: judged.alike(pixel_sets.over_counts(of["Z"]), pixel_sets.over_counts(of["(0,2)"]), SAME)
-            for title, of in errors.items()
-        },
-        "Z almost identical to (0,2), at the largest count": {
-            title: judged.alike(of["Z"][max(of["Z"])], of["(0,2)"][max(of["Z"])], SAME)
-            for title, of in errors.items()
-        },
+        "Z almost identical to (0,2), over all counts": alike(_over(errors, counts)),
+        "Z almost identical to (0,2), at the largest count": alike(_at(errors, max(counts))),
         "Sobol' eventually overtakes (0,2) and Z: it has by the largest count": overtaken("Sobol'"),
         "ranked keys eventually overtake (0,2) and Z: they have by the largest count": (
             published_keys.judged_by(overtaken)

@@ -14,6 +14,7 @@ from figures._errors import rms
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, scene_images
+from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 32, "paper": 64}
@@ -59,18 +60,17 @@ NAMES = {
 } | {name: f"Z, {name}" for name in ALPHABETS}
 """In pictures."""
 
-DPI = 150
 INSET = 256
 """Pixels of the picture that an inset is wide, at most."""
 
 NOTE = (
-    "{side} x {side} pixels; insets have {spp} samples per pixel. The paper's scene is not given: here the "
-    "occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, and v. "
-    "'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that the "
-    "paper prints; 'Z joint' has one sequence of five dimensions and one order. "
-    "The reference is {origin}. Convergence: {sets} sets of {each} random pixels, divided among {keys} keys, "
-    "with intervals from the sets. Filtered errors: {small} x {small} pixels, {judged} keys. "
-    + diffusion.EXPLAINED
+    f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper's scene is not given: here "
+    "the occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, "
+    "and v. 'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that "
+    "the paper prints; 'Z joint' has one sequence of five dimensions and one order. "
+    f"The reference is {{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided "
+    "among {keys} keys, with intervals from the sets. Filtered errors: "
+    f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} keys. " + diffusion.EXPLAINED
 )
 
 
@@ -123,14 +123,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure = _sheet(insets | {"reference": exact.image}, counts, errors, exact)
     note = NOTE.format(
-        side=side,
-        spp=SPP,
-        origin=exact.origin,
-        sets=pixel_sets.SETS,
-        each=PIXELS[quality],
-        keys=len(keys),
-        small=JUDGED_SIDE,
-        judged=JUDGED_KEYS[quality],
+        side=side, origin=exact.origin, each=PIXELS[quality], keys=len(keys), judged=JUDGED_KEYS[quality]
     )
     last = counts[-1]
     measured = {
@@ -173,33 +166,25 @@ def _sheet(
     insets: dict[str, NDArray], counts: list[int], errors: Errors, exact: diffusion.Reference
 ) -> Figure:
     """Lay insets out at whole zoom, seven a row, above the graphs."""
-    top, gap, caption, graphs = 68, 12, 48, 640
-    width, height = gap + 7 * (INSET + gap), top + 2 * (INSET + caption) + graphs
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    side = len(insets["reference"])
+    side, graphs = len(insets["reference"]), 640
     title = (
         f"Variants of the Z-sampler and sizes of its alphabet, images at {SPP} spp (Z paper, Fig. 12)\n"
         f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels"
     )
-    figure.suptitle(title, y=1 - 14 / height, fontsize=10)
-    for k, (name, image) in enumerate(insets.items()):
-        row, column = divmod(k, 7)
-        zoom = INSET // len(image)
-        left, bottom = gap + column * (INSET + gap), height - top - (row + 1) * (INSET + caption)
-        axes = plot.place(figure, image, left, bottom, zoom, transfer="srgb")
+    panels = []
+    for name, image in insets.items():
         text = NAMES.get(name, name)
         if name in errors:
             text += f"\nfiltered error {diffusion.measures(image, exact)['filtered error']:.4f}"
-        axes.set_title(text, fontsize=8, pad=3)
+        panels.append(Panel(text, diffusion.shown(image)))
+    figure = image_grid(title, panels, 7, INSET, below=graphs)
     for k, (title, names) in enumerate(
         {
             "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],
             "sizes of the alphabet; Z, tree has 4096 letters": ["Z0", *ALPHABETS, "Z", "random"],
         }.items()
     ):
-        axes = figure.add_axes(
-            ((110 + 940 * k) / width, 80 / height, 640 / width, (graphs - 80 - 70) / height)
-        )
+        axes = add_axes(figure, 110 + 940 * k, 80, 640, graphs - 80 - 70)
         plot.convergence(
             counts,
             {NAMES.get(name, name): [rms(errors[name][spp]) for spp in counts] for name in names},

@@ -14,7 +14,7 @@ import analysis
 import qmcjax as qj
 from figures._errors import rms
 from figures.shared.sheets import image_sheets
-from figures.shared.sheets.curve_tables import EXPLAINED, structure
+from figures.shared.sheets.curve_tables import EXPLAINED, POWER, SHARE, structure
 from figures.shared.sheets.image_sheets import Row
 from qmcjax import samplers, sequences
 from qmcjax.core.pytrees import pytree
@@ -24,7 +24,6 @@ NODES = 128
 """Of each of three intervals of the exact image: errors are below 1e-5."""
 
 SECTORS = 16
-LOW = "power at low frequencies"
 DIRECTIONS = "standard deviation of the power over directions / mean"
 
 TOP, LEFT, CROP = 32, 96, 64
@@ -89,7 +88,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         for name, image in images.items()
     }
     captions = {name: f"RMS error {of['RMS error']:.3f}" for name, of in measured.items()}
-    low = {name: f"low frequencies: {of[LOW]:.2f}" for name, of in measured.items()}
+    low = {name: f"low frequencies: {of[POWER]:.2f}" for name, of in measured.items()}
     rows = {
         "image": Row(shown, marked=(LEFT, TOP, CROP)),
         f"magnified {SIDE // CROP} times": Row({name: image[area] for name, image in shown.items()}),
@@ -150,16 +149,17 @@ def _directions(spectrum: NDArray) -> float:
 def _claims(
     random: dict[str, float], morton: dict[str, float], scrambled: dict[str, float]
 ) -> dict[str, bool]:
-    share = "share of the strongest 1 % of frequencies"
     return {
-        "excellent error diffusion: Z0 has less than half the power at low frequencies": morton[LOW]
-        < 0.5 * random[LOW],
-        "significant aliasing: Z0 has more than twice the share of the strongest frequencies": morton[share]
-        > 2 * random[share],
-        "Z0 prefers directions: its power differs more than twice as much as that of (0,2)": morton[
-            DIRECTIONS
-        ]
-        > 2 * random[DIRECTIONS],
-        "scrambling makes it more isotropic: less than half of that": scrambled[DIRECTIONS]
-        < 0.5 * morton[DIRECTIONS],
+        "excellent error diffusion: Z0 has less than half the power at low frequencies": (
+            morton[POWER] < 0.5 * random[POWER]
+        ),
+        "significant aliasing: Z0 has more than twice the share of the strongest frequencies": (
+            morton[SHARE] > 2 * random[SHARE]
+        ),
+        "Z0 prefers directions: its power differs more than twice as much as that of (0,2)": (
+            morton[DIRECTIONS] > 2 * random[DIRECTIONS]
+        ),
+        "scrambling makes it more isotropic: less than half of that": (
+            scrambled[DIRECTIONS] < 0.5 * morton[DIRECTIONS]
+        ),
     }

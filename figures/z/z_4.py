@@ -48,13 +48,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
     accordion = curve_of(orders.accordion(CUT, CUT))
     chosen = [_rolled(unfolded(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
-    sides = {
-        "Morton": _adjacency(curve_of(orders.morton(COUNTED, COUNTED))),
-        "accordion": _adjacency(accordion),
-    }
+    morton = curve_of(orders.morton(COUNTED, COUNTED))
+    sides = {"Morton": _adjacency(morton), "accordion": _adjacency(accordion)}
+    start, end = jump = _jump(_rolled(unfolded(4, [False])[-1]))
     measured = {
         "quadrants in Morton's order": _quadrants(accordion),
-        "16 blocks: the jump from green to gray, columns and rows": _jump(_rolled(unfolded(4, [False])[-1])),
+        "16 blocks: the jump from green to gray, columns and rows": jump,
         "choices of sides for 64 or 256 blocks": len(chosen),
         "of these, the jump from green to gray stays in its column": sum(
             start[0] == end[0] for start, end in map(_jump, chosen)
@@ -62,26 +61,22 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "of these, the path is closed": sum(map(_is_closed, chosen)),
         "adjacency": sides,
     }
-    start, end = measured["16 blocks: the jump from green to gray, columns and rows"]
     claims = {
         "cutting and turning in the middle gives the accordion order": np.array_equal(
             _rolled(strips[-1]).positions, accordion.positions
         ),
-        "it swaps the blue and the gray block of Morton's order": measured["quadrants in Morton's order"]
-        == [0, 1, 3, 2],
+        "it swaps the blue and the gray block of Morton's order": _quadrants(accordion) == [0, 1, 3, 2],
         "the jump from green to gray goes from the bottom left to the top right": start[0] < end[0]
         and start[1] < end[1],
         "16 blocks with reversed cuts are a Moore curve": _is_moore(reversed_cuts),
         "adjacency is the same as Morton's or better": {
-            measure: _better(measure, *(sides[name][measure] for name in ("accordion", "Morton")))
-            for measure in sides["Morton"]
+            measure: own >= other if measure.startswith("share") else own <= other
+            for (measure, own), other in zip(
+                sides["accordion"].items(), sides["Morton"].values(), strict=True
+            )
         },
     }
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
-
-
-def _better(measure: str, accordion: float, morton: float) -> bool:
-    return accordion >= morton if measure.startswith("share") else accordion <= morton
 
 
 def unfolded(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
@@ -144,13 +139,11 @@ def _steps(curve: Curve) -> NDArray[np.float64]:
 
 
 def _adjacency(curve: Curve) -> dict[str, float]:
-    steps = _steps(curve)
+    steps, segments = _steps(curve), analysis.segment_counts(curve)[1:-1, 1:-1]
     return {
         "share of the steps to a pixel that shares an edge": float(np.mean(steps == 1)),
         "mean length of a step": float(steps.mean()),
-        "mean number of segments in 3x3 neighbourhoods": float(
-            analysis.segment_counts(curve)[1:-1, 1:-1].mean()
-        ),
+        "mean number of segments in 3x3 neighbourhoods": float(segments.mean()),
     }
 
 
@@ -164,15 +157,9 @@ def _draw(axes: Axes, curve: Curve, title: str) -> None:
     x, y = curve.path()
     axes.plot(x, y, "o", color="black", ms=24 / side)
     for k, length in enumerate(_steps(curve)):
-        is_jump = length > 1
-        style = {
-            "arrowstyle": "-",
-            "shrinkA": 0,
-            "shrinkB": 0,
-            "lw": 1.2 if is_jump else 1.5,
-            "color": BLUE if is_jump else "black",
-            "connectionstyle": f"arc3,rad={0.06 if is_jump else 0}",
-        }
+        lw, color, rad = (1.2, BLUE, 0.06) if length > 1 else (1.5, "black", 0)
+        style = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "connectionstyle": f"arc3,rad={rad}"}
+        style |= {"lw": lw, "color": color}
         axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=style)
     axes.set(title=title, xticks=[], yticks=[])
     axes.spines[:].set_visible(False)

@@ -1,6 +1,7 @@
 """Z paper Fig. 5: the permutations of a hierarchically scrambled Morton order, for 8 x 8 pixels."""
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -85,26 +86,43 @@ def _equation_5(digits: str, permutations: dict[str, list[int]]) -> int:
 
 def _draw_tree(axes: Axes, permutations: dict[str, list[int]]) -> None:
     """Write each permutation into the middle of the block whose quadrants it orders, y upward."""
+    nodes = {}
     for prefix, pi in permutations.items():
+        colour = (VERMILLION, BLUE, "black")[len(prefix)]
+        nodes[prefix] = Node(f"{pi_of(prefix)} = {''.join(map(str, pi))}", colour, colour)
+    draw_nodes(axes, nodes, 3, (12, 2))
+    axes.set_title("order of bottom left, bottom right, top left, top right")
+
+
+def pi_of(prefix: str) -> str:
+    """Return the name of the permutation at the node that digits lead to."""
+    return rf"$\pi_{{{prefix}}}$" if prefix else r"$\pi$"
+
+
+class Node(NamedTuple):
+    """What is written into a block, and the colours of that and of the lines that part its quadrants."""
+
+    text: str
+    colour: str
+    lines: str
+
+
+def draw_nodes(axes: Axes, nodes: dict[str, Node], width: float, font: tuple[float, float]) -> None:
+    """Write nodes into the middles of their blocks, by the digits that lead there, y upward.
+
+    Lines are ``width`` wide, less 1 a level; texts have the first size of ``font``, less the second a level.
+    """
+    for prefix, (text, colour, lines) in nodes.items():
         size, x, y = 1.0, 0.0, 0.0
         for digit in prefix:
             size /= 2
             x, y = x + size * (int(digit) & 1), y + size * (int(digit) >> 1)
         level = len(prefix)
-        colour = (VERMILLION, BLUE, "black")[level]
-        axes.plot([x, x + size], [y + size / 2] * 2, color=colour, lw=3 - level, zorder=-level)
-        axes.plot([x + size / 2] * 2, [y, y + size], color=colour, lw=3 - level, zorder=-level)
-        name = rf"$\pi_{{{prefix}}}$" if prefix else r"$\pi$"
-        axes.text(
-            x + size / 2,
-            y + size / 2,
-            f"{name} = {''.join(map(str, pi))}",
-            ha="center",
-            va="center",
-            fontsize=12 - 2 * level,
-            color=colour,
-            bbox={"facecolor": "white", "edgecolor": colour, "pad": 2},
-        )
+        look: dict[str, Any] = {"color": lines, "lw": width - level, "zorder": -level}
+        axes.plot([x, x + size], [y + size / 2] * 2, **look)
+        axes.plot([x + size / 2] * 2, [y, y + size], **look)
+        look = {"fontsize": font[0] - font[1] * level, "color": colour, "ha": "center", "va": "center"}
+        box = {"facecolor": "white", "edgecolor": colour, "pad": 2.5}
+        axes.text(x + size / 2, y + size / 2, text, bbox=box, **look)
     axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal")
     axes.spines[:].set_visible(True)
-    axes.set_title("order of bottom left, bottom right, top left, top right")

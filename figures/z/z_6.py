@@ -53,32 +53,33 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for axes, (name, found) in zip(panels, points.items(), strict=True):
         title = f"{name}: star discrepancy {discrepancy[name]:.9f}"
         plot.points(found, title=title, ax=axes, color="black", ms=1)
+    underlying = analysis.star_discrepancy(net)
+    rounded = analysis.star_discrepancy(np.round(points["Z"], 8))
+    ratio = discrepancy["xor-scrambled"] / discrepancy["Z"]
     measured = {
         "star discrepancy": discrepancy,
-        "star discrepancy of the underlying net": analysis.star_discrepancy(net),
-        "Z, points of 8 decimals": analysis.star_discrepancy(np.round(points["Z"], 8)),
+        "star discrepancy of the underlying net": underlying,
+        "Z, points of 8 decimals": rounded,
         "Z, the four aligned blocks of 256 x 256 pixels": blocks,
         "xor-scrambled, for keys from 1": scramblings,
-        "xor-scrambled over Z": discrepancy["xor-scrambled"] / discrepancy["Z"],
+        "xor-scrambled over Z": ratio,
+        "printed for xor-scrambled, in units of 2^-18": PRINTED["xor-scrambled"] * 2**18,
     }
-    measured["printed for xor-scrambled, in units of 2^-18"] = PRINTED["xor-scrambled"] * 2**18
-    underlying = measured["star discrepancy of the underlying net"]
     claims = {
         "the points of (a) are one low discrepancy sequence": np.array_equal(
             _sorted(points["Z"]), _sorted(net)
         ),
         "the discrepancy of (a) is that printed": {
             "points in full": _is_printed(discrepancy["Z"]),
-            "points of 8 decimals": _is_printed(measured["Z, points of 8 decimals"]),
+            "points of 8 decimals": _is_printed(rounded),
         },
-        "that of (b) is within those of random scramblings": min(scramblings)
-        <= PRINTED["xor-scrambled"]
-        <= max(scramblings),
-        "(b) is less uniform: more than ten times the discrepancy": measured["xor-scrambled over Z"] > 10,
-        "all blocks of adjacent pixels are as uniform: at most twice the discrepancy of the first": max(
-            blocks
-        )
-        <= 2 * underlying,
+        "that of (b) is within those of random scramblings": (
+            min(scramblings) <= PRINTED["xor-scrambled"] <= max(scramblings)
+        ),
+        "(b) is less uniform: more than ten times the discrepancy": ratio > 10,
+        "all blocks of adjacent pixels are as uniform: at most twice the discrepancy of the first": (
+            max(blocks) <= 2 * underlying
+        ),
     }
     return figure, {"measured": measured, "printed": PRINTED, "claims": claims, "note": NOTE}
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import jax
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
+from figures.z.z_5 import Node, draw_nodes, pi_of
 from qmcjax import orders, samplers
 
 LETTERS = "ABCDE"
@@ -53,7 +55,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure = Figure(figsize=(11, 6), layout="constrained")
     figure.suptitle("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)")
     left, right = figure.subplots(1, 2)
-    _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: _name(prefix))
+    _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: pi_of(prefix))
     _draw(right, "(b) nodes of the tree that begins with A", rules, lambda _, letter: letter)
     grids = {
         "Eq. 11, 5 letters": _grid(rules),
@@ -61,37 +63,32 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "random, 4096 letters": _grid(_rules("tree", 4096)),
         "ART, 4096 letters": _grid(_rules("art", None)),
     }
+    letters = [LETTERS[_letter(rules, digits)] for digits in ("", "0", "1", "2", "3", "00")]
+    repeated = {name: _repetitions(grid) for name, grid in grids.items()}
+    siblings = {name: _among_siblings(grid) for name, grid in grids.items()}
+    sizes = _sizes()
     measured = {
-        "letters of pi, pi_0, pi_1, pi_2, pi_3, pi_00": [
-            LETTERS[_letter(rules, digits)] for digits in ("", "0", "1", "2", "3", "00")
-        ],
-        "equal letters side by side or one above the other": {
-            name: _repetitions(grid) for name, grid in grids.items()
-        },
-        "equal letters among siblings": {name: _among_siblings(grid) for name, grid in grids.items()},
+        "letters of pi, pi_0, pi_1, pi_2, pi_3, pi_00": letters,
+        "equal letters side by side or one above the other": repeated,
+        "equal letters among siblings": siblings,
+        "bytes of tables": sizes,
     }
-    measured["bytes of tables"] = _sizes()
-    repeated = measured["equal letters side by side or one above the other"]
     claims = {
-        "pi takes the permutation in A, pi_0 to pi_3 those in B, C, D, E, and pi_00 that in A": measured[
-            "letters of pi, pi_0, pi_1, pi_2, pi_3, pi_00"
-        ]
-        == list("ABCDEA"),
-        "every occurrence of a letter reproduces the same tree: the same order of the pixels below": _similar(
-            rules
+        "pi takes the permutation in A, pi_0 to pi_3 those in B, C, D, E, and pi_00 that in A": (
+            letters == list("ABCDEA")
+        ),
+        "every occurrence of a letter reproduces the same tree: the same order of the pixels below": (
+            _similar(rules)
         ),
         "Eq. 11 avoids local repetitions": {
-            "among siblings": measured["equal letters among siblings"]["Eq. 11, 5 letters"] == 0,
+            "among siblings": siblings["Eq. 11, 5 letters"] == 0,
             "among all neighbours": repeated["Eq. 11, 5 letters"] == 0,
         },
-        "a large alphabet and a random production hardly repeat: below 1 in 1000 neighbours": repeated[
-            "random, 4096 letters"
-        ]
-        < 1e-3,
+        "a large alphabet and a random production hardly repeat: below 1 in 1000 neighbours": (
+            repeated["random, 4096 letters"] < 1e-3
+        ),
         "ART has no repetitions": repeated["ART, 4096 letters"] == 0,
-        "tables have the printed sizes": {
-            name: size == PRINTED[name] for name, size in measured["bytes of tables"].items()
-        },
+        "tables have the printed sizes": {name: size == PRINTED[name] for name, size in sizes.items()},
     }
     return figure, {
         "measured": measured,
@@ -162,32 +159,12 @@ def _similar(rules: NDArray) -> bool:
     return len(below) == len(LETTERS)
 
 
-def _name(prefix: str) -> str:
-    return rf"$\pi_{{{prefix}}}$" if prefix else r"$\pi$"
-
-
 def _draw(axes: Axes, title: str, rules: NDArray, text: Callable[[str, str], str]) -> None:
     """Write each node into the middle of its square."""
-    prefixes = [""]
+    nodes = {}
     for level in range(LEVELS):
-        for prefix in prefixes:
-            size, x, y = 1.0, 0.0, 0.0
-            for digit in prefix:
-                size /= 2
-                x, y = x + size * (int(digit) & 1), y + size * (int(digit) >> 1)
+        for prefix in map("".join, product("0123", repeat=level)):
             letter = LETTERS[_letter(rules, prefix)]
-            axes.plot([x, x + size], [y + size / 2] * 2, color="0.5", lw=2.5 - level, zorder=-level)
-            axes.plot([x + size / 2] * 2, [y, y + size], color="0.5", lw=2.5 - level, zorder=-level)
-            axes.text(
-                x + size / 2,
-                y + size / 2,
-                text(prefix, letter),
-                ha="center",
-                va="center",
-                fontsize=15 - 2.5 * level,
-                color=COLOURS[letter],
-                bbox={"facecolor": "white", "edgecolor": COLOURS[letter], "pad": 2.5},
-            )
-        prefixes = [prefix + digit for prefix in prefixes for digit in "0123"]
-    axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal", title=title)
-    axes.spines[:].set_visible(True)
+            nodes[prefix] = Node(text(prefix, letter), COLOURS[letter], "0.5")
+    draw_nodes(axes, nodes, 2.5, (15, 2.5))
+    axes.set_title(title)

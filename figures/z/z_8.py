@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import plot
+from figures.shared.sheets.image_grid import DPI, add_axes
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import owen_hash, reverse
 
@@ -20,10 +21,12 @@ SIDE, DIM = 256, 5
 CORNER = 32
 """Side of the part that is magnified, in pixels."""
 
-DPI = 150
 COMPARED = tuple(range(2, 10))
 SAMPLES = 64
 KEY = 1
+
+SWAPPED = "part of the pixels whose second sample is in the other half"
+BLOCKS = "side of the aligned blocks whose first samples share a half"
 
 NOTE = (
     "Dimensions count from 0, so that 0 and 1 are the pixel, as in PBRT; the matrices are Joe and Kuo's. "
@@ -42,37 +45,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     first, second = (_values(sampler, sample) for sample in range(2))
     measured: dict[str, Any] = {
         f"dimension {dim}": {
-            "part of the pixels whose second sample is in the other half": float(
-                np.mean((a < 0.5) != (b < 0.5))
-            ),
-            "side of the aligned blocks whose first samples share a half": _block_side(a < 0.5),
+            SWAPPED: float(np.mean((a < 0.5) != (b < 0.5))),
+            BLOCKS: _block_side(a < 0.5),
             "range of the average of two samples": [float(((a + b) / 2).min()), float(((a + b) / 2).max())],
         }
         for dim, a, b in zip(COMPARED, np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0), strict=True)
     }
     count = SAMPLES if quality == "paper" else SAMPLES // 4
-    measured["error"] = _errors(sampler, count)
     words = jnp.asarray((first[..., DIM - 2] * 2.0**32).astype(np.uint32))
-    measured["side of the blocks, Owen scrambled"] = _block_side(
-        np.asarray(reverse(owen_hash(reverse(words), jnp.uint32(KEY)))) < 2**31
-    )
+    scrambled = _block_side(np.asarray(reverse(owen_hash(reverse(words), jnp.uint32(KEY)))) < 2**31)
+    shown, errors = measured[f"dimension {DIM}"], _errors(sampler, count)
+    measured |= {"error": errors, "side of the blocks, Owen scrambled": scrambled}
     claims = {
-        "each half of dimension 5 goes with certain blocks of pixels": measured[f"dimension {DIM}"][
-            "side of the aligned blocks whose first samples share a half"
-        ]
-        > 1,
-        "the subsequent 64k samples swap the association": measured[f"dimension {DIM}"][
-            "part of the pixels whose second sample is in the other half"
-        ]
-        == 1.0,
-        "a fair distribution may call for many samples: 8 are worse than independent ones": measured["error"][
-            f"dimension {DIM}"
-        ]["n = 8"]
-        > (12 * 8) ** -0.5,
-        "Owen's scrambling keeps these blocks together": measured["side of the blocks, Owen scrambled"]
-        == measured[f"dimension {DIM}"]["side of the aligned blocks whose first samples share a half"],
+        "each half of dimension 5 goes with certain blocks of pixels": shown[BLOCKS] > 1,
+        "the subsequent 64k samples swap the association": shown[SWAPPED] == 1.0,
+        "a fair distribution may call for many samples: 8 are worse than independent ones": (
+            errors[f"dimension {DIM}"]["n = 8"] > (12 * 8) ** -0.5
+        ),
+        "Owen's scrambling keeps these blocks together": scrambled == shown[BLOCKS],
     }
-    figure = _sheet(_pictures(), measured["error"])
+    figure = _sheet(_pictures(), errors)
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
@@ -103,10 +95,7 @@ def _sheet(images: dict[str, NDArray], errors: dict[str, dict[str, float]]) -> F
         left = gap + k * (SIDE + gap)
         plot.place(figure, image, left, 2 * gap + SIDE, 1, title=name)
         plot.place(figure, image[:CORNER, :CORNER], left, gap, SIDE // CORNER)
-    axes = figure.add_axes(
-        (1 - (right - 110) / width, 80 / height, 460 / width, (height - top - 90) / height)
-    )
-    _curves(axes, errors)
+    _curves(add_axes(figure, width - right + 110, 80, 460, height - top - 90), errors)
     return figure
 
 
@@ -118,16 +107,13 @@ def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
         look = {"color": plot.style("Sobol', full screen").color, "marker": "8", "ms": 5, "zorder": 3}
         axes.plot(n, list(of.values()), **(look if is_shown else {"color": "0.75", "lw": 0.8}))
     counts = np.array([int(count.removeprefix("n = ")) for count in next(iter(errors.values()))])
+    ends = {f"dimension {DIM}": list(errors[f"dimension {DIM}"].values())[-1]}
     for power, text in ((0.5, "independent"), (1.0, "equidistant")):
         rate = 12**-0.5 * counts**-power
         axes.plot(counts, rate, ":", color="black", lw=0.8)
-        axes.annotate(
-            text, (counts[-1], rate[-1]), (4, 0), textcoords="offset points", va="center", fontsize=8
-        )
-    last = list(errors[f"dimension {DIM}"].values())[-1]
-    axes.annotate(
-        f"dimension {DIM}", (counts[-1], last), (4, 0), textcoords="offset points", va="center", fontsize=8
-    )
+        ends[text] = rate[-1]
+    for text, end in ends.items():
+        axes.annotate(text, (counts[-1], end), (4, 0), textcoords="offset points", va="center", fontsize=8)
     axes.set_xscale("log", base=2)
     axes.set_yscale("log")
     axes.set_xticks(counts, [str(count) for count in counts])

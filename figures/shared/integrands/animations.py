@@ -75,18 +75,6 @@ def _candidate(name: str) -> Maker:
     return lambda side, spp, dims, key: CANDIDATES[name].make(dims, side, side, spp, key)
 
 
-def _designed(side: int, spp: int, dims: int, key: int) -> samplers.Sampler:
-    return samplers.designed(side, side, spp, key, dims, frames=FRAMES)
-
-
-def _z_frames(side: int, spp: int, dims: int, key: int) -> samplers.Sampler:
-    return samplers.z(side, side, spp, key, dims=dims, frames=FRAMES)
-
-
-def _optimised_frames(side: int, spp: int, dims: int, key: int) -> samplers.Sampler:
-    return samplers.optimized(side, side, spp, key, dims, frames=FRAMES)
-
-
 def _hilbert_frames(side: int, spp: int, dims: int, key: int) -> samplers.Sampler:
     scrambled: Any = sequences.owen(sequences.sobol(dims), key)
     return samplers.contiguous(orders.hilbert(side, side), sequences.in_time(scrambled), spp)
@@ -103,9 +91,15 @@ METHODS: Mapping[str, Callable[..., Animation]] = {
     "optimised orders, golden shifts": golden(OPTIMISED),
     "Hilbert, Owen, new keys": new_keys(_candidate("Hilbert, Owen-Sobol'")),
     "dither mask, golden shifts": golden(_candidate("dither mask")),
-    "designed tile": over_time(_designed),
-    "Z, in time": over_time(_z_frames),
-    "optimised orders, in time": over_time(_optimised_frames),
+    "designed tile": over_time(
+        lambda side, spp, dims, key: samplers.designed(side, side, spp, key, dims, frames=FRAMES)
+    ),
+    "Z, in time": over_time(
+        lambda side, spp, dims, key: samplers.z(side, side, spp, key, dims=dims, frames=FRAMES)
+    ),
+    "optimised orders, in time": over_time(
+        lambda side, spp, dims, key: samplers.optimized(side, side, spp, key, dims, frames=FRAMES)
+    ),
     "Hilbert, Owen, in time": over_time(_hilbert_frames),
 }
 """Ways through the frames: a line each."""
@@ -116,9 +110,7 @@ def image(
     frame: Frame, rows: int, columns: int, spp: int, dims: int, of: Callable[[Array], Array] = values
 ) -> Array:
     """Return the means of a function of the points, all integrands by default, over the samples of pixels."""
-    y, x = jnp.meshgrid(
-        jnp.arange(rows, dtype=jnp.uint32), jnp.arange(columns, dtype=jnp.uint32), indexing="ij"
-    )
+    y, x = jnp.indices((rows, columns), jnp.uint32)
     found = []
     for sample in range(spp):
         points = frame.sampler(x, y, jnp.uint32(frame.first) + np.uint32(sample), dims=tuple(range(dims)))

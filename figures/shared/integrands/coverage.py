@@ -104,9 +104,8 @@ def cells(sequence: str, dtype: str, n: int, replicates: int, trials: int) -> li
             held[name] += [
                 float(low[name]) <= integrand.integral <= float(high[name]) for low, high in intervals
             ]
-            wider[name] += name == STEP or 10 * float(found.rounding[name]) > float(
-                found.standard_error[name]
-            )
+            rounding, error = float(found.rounding[name]), float(found.standard_error[name])
+            wider[name] += name == STEP or 10 * rounding > error
     return [
         Cell(name, sequence, dtype, n, replicates, trials, tuple(held[name].tolist()), wider[name])
         for name in INTEGRANDS

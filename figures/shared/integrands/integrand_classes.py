@@ -1,5 +1,6 @@
 """Classes of random integrands of two coordinates, the same in every pixel, and errors relative to theirs."""
 
+from collections.abc import Callable
 from functools import cache
 
 import jax
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures._errors import rms
+from figures.shared.turns import in_turns, median
 from qmcjax import samplers
 
 CLASSES = ("half-planes", "discs", "bumps", "waves")
@@ -62,7 +64,36 @@ def errors(sampler: samplers.Sampler, side: int, spp: int, dims: tuple[int, int]
 
 def measures(found: NDArray, classes: tuple[str, ...] = CLASSES) -> dict[str, dict[str, float]]:
     """Return RMS and filtered errors of each class, over its integrands."""
+    filtered, plain = of_classes(found, len(classes)).tolist()
     return {
-        name: {"RMS error": rms(part), "filtered error": analysis.filtered_error(part, np.zeros_like(part))}
-        for name, part in zip(classes, np.split(found, len(classes), axis=2), strict=True)
+        name: {"RMS error": one, "filtered error": left}
+        for name, one, left in zip(classes, plain, filtered, strict=True)
     }
+
+
+def of_classes(found: NDArray, count: int) -> NDArray[np.float64]:
+    """Return filtered and RMS errors of each class, over its integrands, shape (2, count)."""
+    parts = np.split(found, count, axis=2)
+    # Channels of an image are averaged by the one, summed by the other.
+    filtered = [analysis.filtered_error(part, np.zeros_like(part)) for part in parts]
+    return np.array([filtered, [rms(part) for part in parts]])
+
+
+def mean_spectrum(found: NDArray) -> NDArray[np.float64]:
+    """Return the mean spectrum of errors over all integrands."""
+    each = [analysis.error_spectrum(error, np.zeros_like(error)) for error in np.moveaxis(found, 2, 0)]
+    return np.mean(each, axis=0)
+
+
+def time_ratio(one: samplers.Sampler, other: samplers.Sampler, side: int, spp: int) -> float:
+    """Return the time of an image of x y by one sampler over that by another."""
+
+    def frame(sampler: samplers.Sampler) -> Callable[[int], Array]:
+        return lambda _: analysis.pixel_means(_product, sampler, side, side, spp)
+
+    first, second = in_turns({"one": frame(one), "other": frame(other)}, 5).values()
+    return median(first) / median(second)
+
+
+def _product(point: Array) -> Array:
+    return point[..., 0] * point[..., 1]

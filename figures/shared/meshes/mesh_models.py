@@ -61,9 +61,8 @@ def cylinder(base: Any, axis: Any, radius: float, parts: int, along: int) -> Tri
 
 def _solid(triangles: Triangles) -> Triangles:
     """Leave out triangles without area."""
-    area = np.linalg.norm(
-        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
-    )
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return triangles[area > 1e-12 * area.max()]
 
 
@@ -162,21 +161,15 @@ def knots(detail: int) -> Mesh:
     parts = []
     for k in range(count):
         one = knot(*((2, 3), (3, 2), (2, 5), (3, 4))[k % 4], 12 * detail, detail)
-        place = np.array([5.5 * (k % 5), 0, 5.5 * (k // 5)]) + np.random.default_rng(k).normal(size=3) * [
-            1,
-            0.6,
-            1,
-        ]
-        parts.append(one @ turned[k].T + place)
+        aside = np.random.default_rng(k).normal(size=3) * [1, 0.6, 1]
+        parts.append(one @ turned[k].T + (np.array([5.5 * (k % 5), 0, 5.5 * (k // 5)]) + aside))
     return Mesh(np.concatenate(parts), (-6.0, 11.0, -9.0), (11.0, 0.0, 10.0), 60.0)
 
 
 def terrain(detail: int) -> Mesh:
     """Return a landscape of waves of random directions, whose heights fall with their lengths."""
     rng = np.random.default_rng(3)
-    x, z = np.meshgrid(
-        np.linspace(0, 10, 12 * detail + 1), np.linspace(0, 10, 12 * detail + 1), indexing="ij"
-    )
+    x, z = np.meshgrid(*[np.linspace(0, 10, 12 * detail + 1)] * 2, indexing="ij")
     y = np.zeros_like(x)
     for k in range(48):
         frequency = 0.6 * 1.09**k
@@ -226,13 +219,9 @@ def _tessellated(shape: Any, detail: int) -> Triangles:
 
 def _disc(center: Any, axis: Any, radius: float, parts: int) -> Triangles:
     frame = np.linalg.svd(np.asarray(axis, float)[None])[2][1:]
-    turn, out = (
-        np.linspace(0, 2 * np.pi, 2 * parts + 1)[:, None, None],
-        np.linspace(0, radius, 3)[None, :, None],
-    )
-    return _solid(
-        surface(np.asarray(center, float) + out * (np.cos(turn) * frame[0] + np.sin(turn) * frame[1]))
-    )
+    turn, out = np.linspace(0, 2 * np.pi, 2 * parts + 1)[:, None, None], np.linspace(0, radius, 3)[:, None]
+    rings = out * (np.cos(turn) * frame[0] + np.sin(turn) * frame[1])
+    return _solid(surface(np.asarray(center, float) + rings))
 
 
 MESHES: dict[str, dict[str, Callable[[], Mesh]]] = {

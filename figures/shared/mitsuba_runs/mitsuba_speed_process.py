@@ -1,12 +1,8 @@
-"""Times of Mitsuba 3 with its samplers and ours: ``python -m`` and the name of this module.
+"""Times of Mitsuba 3 with its samplers and ours, in a process of its own.
 
-The task comes in JSON at standard input: a variant, the names of samplers, the side of images, samples per
-pixel, and the number of turns. It prints the seconds of each sampler's first image and the median of the
-others, by modes of loops, in JSON.
+A task has a variant, the names of samplers, the side of images, samples per pixel, and the number of turns.
 """
 
-import json
-import sys
 from typing import Any
 
 from figures.shared import turns
@@ -50,7 +46,3 @@ def _call(mitsuba: Any, drjit: Any, name: str, symbolic: bool, side: int, spp: i
         return 0.0
 
     return call
-
-
-if __name__ == "__main__":
-    print(json.dumps(measured(json.load(sys.stdin))))

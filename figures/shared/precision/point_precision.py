@@ -35,8 +35,9 @@ NOTE = (
 
 def points(count: int) -> Curves:
     """Return errors of coordinates of indices up to 2^32 - 1."""
+    sobol = sequences.sobol(2)
     families: dict[str, tuple[sequences.Sequence, Callable[[int], Fraction]]] = {
-        "Sobol', second component": (sequences.sobol(2), lambda i: Fraction(_sobol(i), 2**32)),
+        "Sobol', second component": (sobol, lambda i: Fraction(int(sobol.bits(jnp.uint32(i))[1]), 2**32)),
         "Halton, base 3": (sequences.halton(2), lambda i: _radical_inverse(i, 3)),
         "Halton, base 13": (sequences.halton(6), lambda i: _radical_inverse(i, 13)),
     }
@@ -52,10 +53,6 @@ def points(count: int) -> Curves:
         exact_loop = [_radical_inverse(int(i), 3) for i in chosen]
         curves["textbook loop, base 3"][2**k] = _largest(np.array(loop), exact_loop)
     return curves
-
-
-def _sobol(index: int) -> int:
-    return int(np.asarray(sequences.sobol(2).bits(jnp.uint32(index)))[1])
 
 
 def _radical_inverse(index: int, base: int) -> Fraction:
@@ -159,9 +156,8 @@ def frequencies(count: int) -> Curves:
         with jax.enable_x64(True):
             given["scene, float64"] = np.asarray(scene(jnp.asarray(drawn, jnp.float64)))
         squares = drawn[:, 0] * drawn[:, 0] + drawn[:, 1] * drawn[:, 1]
-        given["sine of radians, float32"] = np.float32(0.5) + np.float32(0.5) * np.sin(
-            np.float32(frequency) * squares
-        )
+        half, sine = np.float32(0.5), np.sin(np.float32(frequency) * squares)
+        given["sine of radians, float32"] = half + half * sine
         for name, values in given.items():
             curves[name][frequency] = float(np.abs(values - exact).max())
     return curves
@@ -177,9 +173,8 @@ def dimensions(count: int) -> Curves:
         exact = np.asarray(sequence.bits(index)).astype(np.float64) / 2**32
         given = sequence(index)
         product = np.asarray(jnp.prod(1 + 0.5 * (given - 0.5), axis=-1), np.float64)
-        wide = np.prod(1 + 0.5 * (np.asarray(given, np.float64) - 0.5), axis=-1)
-        curves["product, float32"][dims] = float(np.abs(product / wide - 1).max() / UNIT)
-        curves["coordinates, float32"][dims] = float(
-            np.abs(np.asarray(given, np.float64) - exact).max() / UNIT
-        )
+        wide = np.asarray(given, np.float64)
+        relative = product / np.prod(1 + 0.5 * (wide - 0.5), axis=-1)
+        curves["product, float32"][dims] = float(np.abs(relative - 1).max() / UNIT)
+        curves["coordinates, float32"][dims] = float(np.abs(wide - exact).max() / UNIT)
     return curves

@@ -37,8 +37,7 @@ NOTE = (
 def _mesh() -> NDArray[np.float64]:
     """Return the triangles of a sphere, (320, 3, 3), with vertices at 162 even points."""
     k = np.arange(162) + 0.5
-    z, angle = 1 - 2 * k / 162, np.pi * (1 + 5**0.5) * k
-    points = np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=-1)
+    points = _on_sphere(1 - 2 * k / 162, np.pi * (1 + 5**0.5) * k)
     triangles = points[ConvexHull(points).simplices]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     inward = np.sum(normals * triangles[:, 0], axis=1) < 0
@@ -56,7 +55,10 @@ def _bodies(place: NDArray[np.float64]) -> dict[str, tracing.Object]:
 
 def _directions(count: int, key: int) -> NDArray[np.float64]:
     u = np.asarray(sequences.owen(sequences.sobol(2), key).points(count), np.float64)
-    z, angle = 1 - 2 * u[:, 0], 2 * np.pi * u[:, 1]
+    return _on_sphere(1 - 2 * u[:, 0], 2 * np.pi * u[:, 1])
+
+
+def _on_sphere(z: NDArray, angle: NDArray) -> NDArray[np.float64]:
     return np.stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z], axis=-1)
 
 
@@ -151,7 +153,8 @@ def grazing(count: int) -> Curves:
         curve = {}
         world = tracing.world([tracing.plane([0, 0, 0], [0, 1, 0])])
         for slope in SLOPES:
-            way = jnp.asarray(_slanted(angle, slope), dtype)
+            slanted = np.stack([np.cos(angle), np.full_like(angle, -slope), np.sin(angle)], axis=-1)
+            way = jnp.asarray(slanted, dtype)
             origin = jnp.broadcast_to(jnp.asarray([0, 1, 0], dtype), way.shape)
             distance = np.asarray(tracing.nearest_hit(world, origin, way).distance, np.float64)
             exact = -1 / np.asarray(way, np.float64)[:, 1]
@@ -159,10 +162,6 @@ def grazing(count: int) -> Curves:
         return {"plane": curve}
 
     return _in_both(measure)
-
-
-def _slanted(angle: NDArray[np.float64], slope: float) -> NDArray[np.float64]:
-    return np.stack([np.cos(angle), np.full_like(angle, -slope), np.sin(angle)], axis=-1)
 
 
 def pictures(count: int) -> Curves:

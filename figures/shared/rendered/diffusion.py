@@ -1,6 +1,6 @@
 """Errors of rendered images as the eye sees them: how much of them is left from afar."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -47,6 +47,12 @@ class Reference(NamedTuple):
     origin: str
 
 
+def of_replicates(images: Sequence[NDArray], origin: str) -> Reference:
+    """Return the mean of randomised images, with its standard errors."""
+    error = np.std(images, axis=0, ddof=1) / np.sqrt(len(images))
+    return Reference(np.mean(images, axis=0), error, origin)
+
+
 def reference(
     scene: Any,
     side: int,
@@ -72,8 +78,7 @@ def reference(
         }
         label = f"reference of {digest('scene', scene)[0]}, {side}, {spp}"
         images = list(finished_cells.shared(label, replicates).values())
-        error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
-        return Reference(np.mean(images, axis=0), error, f"estimated from {spp} samples per pixel")
+        return of_replicates(images, f"estimated from {spp} samples per pixel")
     return Reference(stored, bound / DEVIATIONS, "stored with the package")
 
 
@@ -96,4 +101,4 @@ def measures(found: NDArray, exact: Reference, area: Area = WHOLE) -> dict[str, 
 
 def shown(image: NDArray) -> NDArray[np.float64]:
     """Return linear colours as screens expect them."""
-    return plot.srgb(np.clip(image, 0, 1))
+    return plot.srgb(np.clip(np.asarray(image, np.float64), 0, 1))

@@ -1,6 +1,5 @@
 """Images by the samplers of Mitsuba 3 and by ours in it, their references, and their times."""
 
-import json
 import tempfile
 from pathlib import Path
 from typing import NamedTuple
@@ -51,8 +50,7 @@ def rates_of(size: Size) -> Rates:
             "spp": TIMED_SPP,
             "turns": size.turns,
         }
-        modes = json.loads(own_process.run(mitsuba_speed_process, task=task).splitlines()[-1])
-        for mode, taken in modes.items():
+        for mode, taken in own_process.measured(mitsuba_speed_process, task).items():
             found[f"{variant}, {mode} loops" if mode else variant] = taken
     return found
 
@@ -80,6 +78,4 @@ def images_of(scene: str, size: Size) -> Images:
 
 def reference(images: Images) -> diffusion.Reference:
     """Return the mean of the replicates of the reference, and its standard error."""
-    replicates = [image for run, image in images.items() if run.seed >= REFERENCE_KEY]
-    error = np.std(replicates, axis=0, ddof=1) / np.sqrt(len(replicates))
-    return diffusion.Reference(np.mean(replicates, axis=0), error, "")
+    return diffusion.of_replicates([of for run, of in images.items() if run.seed >= REFERENCE_KEY], "")

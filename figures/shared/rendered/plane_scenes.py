@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import plot
-from figures._errors import residual, rms
+from figures._errors import residual, rms, slope
 from figures.making import finished_cells
 from figures.making.schema import Claims
 from figures.shared.rendered import pixel_sets
+from figures.shared.sheets.image_grid import DPI, add_axes
 from qmcjax import samplers, sequences
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
@@ -34,8 +35,6 @@ KEYS = 4
 
 VISIBLE = 2.0
 """How much larger the error of a row of pixels is that is seen as a line."""
-
-DPI = 150
 
 SHOWN = 64
 """Samples per pixel of the errors that are drawn."""
@@ -114,11 +113,9 @@ def pictures(
             "strongest line at the top of the magnified area": lines,
         },
         "claims": {
-            "a line is visible at the top of the magnified area with the lattice, rotated as it is": max(
-                lines, key=lambda name: lines[name]
-            )
-            == "rank-1 lattice"
-            and lines["rank-1 lattice"] > VISIBLE,
+            "a line is visible at the top of the magnified area with the lattice, rotated as it is": (
+                lines["rank-1 lattice"] == max(lines.values()) > VISIBLE
+            ),
         },
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; the camera is ours where the "
         "thesis gives none. The lattice has 64 points, and a Cranley-Patterson rotation in each pixel. A "
@@ -131,12 +128,8 @@ def pictures(
 def _line(error: np.ndarray) -> float:
     """Return how much one row in the upper half stands out from the rows around it."""
     rows = np.sqrt(np.mean(error**2, axis=1))
-    return float(
-        max(
-            row / np.median([*rows[max(0, y - 4) : y], *rows[y + 1 : y + 5]])
-            for y, row in enumerate(rows[: len(rows) // 2])
-        )
-    )
+    around = [np.median([*rows[max(0, y - 4) : y], *rows[y + 1 : y + 5]]) for y in range(len(rows) // 2)]
+    return float(np.max(rows[: len(around)] / around))
 
 
 def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area) -> Figure:
@@ -161,16 +154,9 @@ def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, 
             axes = plot.place(figure, shown, x, y, side // len(shown), limits=shades)
             if row == 0:
                 axes.set_title(captions.get(name, name), fontsize=8 * large, pad=3)
-                axes.add_patch(
-                    Rectangle(
-                        (columns.start - 0.5, rows.start - 0.5),
-                        columns.stop - columns.start,
-                        rows.stop - rows.start,
-                        fill=False,
-                        color="tab:red",
-                        lw=0.8,
-                    )
-                )
+                corner = columns.start - 0.5, rows.start - 0.5
+                size = columns.stop - columns.start, rows.stop - rows.start
+                axes.add_patch(Rectangle(corner, *size, fill=False, color="tab:red", lw=0.8))
     return figure
 
 
@@ -250,9 +236,7 @@ def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: s
     figure.suptitle(title, y=1 - 16 / height, fontsize=11)
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     for k, times in enumerate((0.0, 0.75)):
-        axes = figure.add_axes(
-            ((120 + 1170 * k) / width, (below + 80) / height, 820 / width, (height - below - 170) / height)
-        )
+        axes = add_axes(figure, 120 + 1170 * k, below + 80, 820, height - below - 170)
         plot.convergence(
             spps, whole, times=times, title="the same, times $n^{0.75}$" if times else "", ax=axes
         )
@@ -280,9 +264,6 @@ def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, fl
 
 def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:
     return {
-        name: {
-            region: float(np.polyfit(np.log(spps), np.log(values), 1)[0])
-            for region, values in regions.items()
-        }
+        name: {region: slope(dict(zip(spps, of, strict=True))) for region, of in regions.items()}
         for name, regions in errors.items()
     }

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from figures import plot
 from figures.shared.rendered import scene_images
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
@@ -84,8 +83,3 @@ def sampled(
     of = scene(replace(camera, shutter=shutter))
     sampler = samplers.independent(sequences.sobol(len(of.needs)), 1)
     return scene_images.rendered(of, sampler, side, spp, quality)
-
-
-def shown(image: NDArray) -> NDArray[np.float64]:
-    """Return radiance as screens expect it."""
-    return plot.srgb(np.clip(np.asarray(image, np.float64), 0, 1))

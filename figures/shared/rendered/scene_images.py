@@ -53,15 +53,8 @@ def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) 
     for sampler in keyed:
         sampler.check(side, side, spp)
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    pixels, together = np.stack([x, y], axis=-1), max(1, 2**16 // side**2)
-    total = np.zeros((len(keyed), side**2, 3))
-    for first in range(0, spp, together):
-        samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
-        columns, rows, each = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
-        points = _points_of_keys(keyed, columns, rows, each, tuple(range(len(scene.needs))))
-        points[..., :2] = (points[..., :2] + pixels[:, None]) / side
-        total += _evaluated(scene, points).sum(axis=2)
-    return (total / spp).reshape(-1, side, side, 3)
+    found = _means(scene, side, spp, x, y, partial(_points_of_keys, keyed))
+    return found.reshape(-1, side, side, 3)
 
 
 def at_pixels(
@@ -75,17 +68,31 @@ def at_pixels(
 ) -> NDArray[np.float64]:
     """Return the pixels of such an image at columns ``x`` and rows ``y`` of one shape, with their colours."""
     sampler.check(side, side, spp)
-    dims = tuple(range(len(scene.needs)))
-    pixels = np.stack([x.ravel(), y.ravel()], axis=-1)
-    total = np.zeros((x.size, 3))
+    found = _means(scene, side, spp, x.ravel(), y.ravel(), partial(_points, sampler, of_many))
+    return found.reshape(*x.shape, 3)
+
+
+def _means(
+    scene: Any,
+    side: int,
+    spp: int,
+    x: NDArray[np.uint32],
+    y: NDArray[np.uint32],
+    points_of: Callable[..., NDArray[np.float32]],
+) -> NDArray[np.float64]:
+    """Return means over the samples of pixels, shape (..., pixels, 3).
+
+    ``points_of``: from columns, rows and samples, shape (pixels, samples), and dims to points.
+    """
+    pixels, total = np.stack([x, y], axis=-1), np.zeros(())
     together = max(1, 2**16 // x.size)
     for first in range(0, spp, together):
         samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
-        columns, rows, each = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
-        points = _points(sampler, columns, rows, each, dims, of_many)
+        given = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
+        points = points_of(*given, tuple(range(len(scene.needs))))
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
-        total += _evaluated(scene, points).sum(axis=1)
-    return (total / spp).reshape(*x.shape, 3)
+        total = total + _evaluated(scene, points).sum(axis=-2)
+    return total / spp
 
 
 def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
@@ -118,7 +125,7 @@ def compared(
 
 
 def _points(
-    sampler: samplers.Sampler, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...], of_many: bool
+    sampler: samplers.Sampler, of_many: bool, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...]
 ) -> NDArray[np.float32]:
     """Return points of pixels and samples of any shape, in calls of one size."""
     made, size = (partial(_compiled, sampler), POINTS) if of_many else (sampler, SAMPLES)

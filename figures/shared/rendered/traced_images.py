@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from figures import plot
 from figures._errors import rms
 from figures.shared.rendered import diffusion
+from figures.shared.sheets.image_grid import DPI
 from qmcjax import scenes
 
-DPI = 150
 GAP = 10
 
 

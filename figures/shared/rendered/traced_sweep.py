@@ -73,9 +73,7 @@ def rows(
             "sampler": sampler,
             "spp": spp,
             # A count to which two are rounded up has two images in the first turn.
-            "seconds": float(
-                np.median([seconds for seconds, _, _ in of_count[len(of_count) // (turns + 1) :]])
-            ),
+            "seconds": float(np.median([took for took, _, _ in of_count[len(of_count) // (turns + 1) :]])),
             "rms error": rms([error for _, error, _ in of_count]),
             "mean over the reference's": float(np.mean([mean for _, _, mean in of_count])),
         }

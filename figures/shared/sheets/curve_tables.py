@@ -24,6 +24,8 @@ STRONGEST = 0.01
 LOW = 1 / 16
 """Cycles a pixel, below which the eye sees errors from afar."""
 
+SHARE, POWER = "share of the strongest 1 % of frequencies", "power at low frequencies"
+
 EXPLAINED = (
     "White noise has a share of 0.05 of the power in the strongest 1 % of the frequencies, regular "
     "structures up to 1. The power at low frequencies, below 1/16 of a cycle a pixel, is 1 for white noise."
@@ -79,9 +81,14 @@ def enumerated(curve: Curve, sequence: sequences.Sequence, dim: int = 0) -> NDAr
 def structure(image: NDArray[np.float64]) -> dict[str, float]:
     """Measure how regular an image is, and how much of it shows from afar; see `EXPLAINED`."""
     spectrum = analysis.error_spectrum(image, np.zeros_like(image))
-    strongest = np.sort(spectrum, axis=None)[::-1][: round(STRONGEST * spectrum.size)]
     distance = np.hypot(*np.meshgrid(*(np.fft.fftfreq(side) for side in spectrum.shape)))
     return {
-        "share of the strongest 1 % of frequencies": float(strongest.sum() / spectrum.size),
-        "power at low frequencies": float(spectrum[(distance > 0) & (distance < LOW)].mean()),
+        SHARE: strongest_share(spectrum),
+        POWER: float(spectrum[(distance > 0) & (distance < LOW)].mean()),
     }
+
+
+def strongest_share(spectrum: NDArray[np.float64]) -> float:
+    """Return what part of the power the strongest frequencies have."""
+    strongest = np.sort(spectrum, axis=None)[::-1][: round(STRONGEST * spectrum.size)]
+    return float(strongest.sum() / spectrum.size)

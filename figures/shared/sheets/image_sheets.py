@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from figures import plot
 from figures._errors import rms
+from figures.shared.sheets.image_grid import DPI, add_axes
 
-DPI = 150
 MARGIN, GAP, TOP, CAPTION, KEY = 40, 12, 64, 22, 96
 """Pixels: left of all, between images, above them, for a caption, and right of all for keys of shades."""
 LINE = 20
@@ -61,15 +61,8 @@ def image_sheet(title: str, rows: Mapping[str, Row], panel: int = 330) -> Figure
     for label, row in rows.items():
         if row.captions:
             top -= CAPTION
-        figure.text(
-            (MARGIN - 8) / width,
-            (top - sizes[label] / 2) / height,
-            label,
-            rotation="vertical",
-            ha="right",
-            va="center",
-            fontsize=8,
-        )
+        x, y = (MARGIN - 8) / width, (top - sizes[label] / 2) / height
+        figure.text(x, y, label, rotation="vertical", ha="right", va="center", fontsize=8)
         for column, name in enumerate(heads):
             if name in row.images:
                 left = MARGIN + column * (panel + GAP)
@@ -98,16 +91,9 @@ def _draw(figure: Figure, row: Row, name: str, left: int, top: int, panel: int) 
 def _key(figure: Figure, row: Row, left: int, bottom: int, size: int) -> None:
     """Draw a row's shades from black to white, with the values of some."""
     assert row.shades is not None
-    across, down = figure.get_size_inches() * figure.dpi
-    axes = figure.add_axes((left / across, bottom / down, 14 / across, size / down))
-    low, high = row.limits
-    axes.imshow(
-        np.linspace(0, 1, 256)[:, None],
-        cmap="gray",
-        aspect="auto",
-        origin="lower",
-        extent=(0, 1, low, high),
-    )
+    axes = add_axes(figure, left, bottom, 14, size)
+    shades, extent = np.linspace(0, 1, 256)[:, None], (0, 1, *row.limits)
+    axes.imshow(shades, cmap="gray", aspect="auto", origin="lower", extent=extent)
     axes.yaxis.set_ticks_position("right")
     axes.yaxis.set_label_position("right")
     axes.set(xticks=[], yticks=list(row.shades.ticks))

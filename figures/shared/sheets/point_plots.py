@@ -6,8 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+import analysis
 from figures import plot
-from qmcjax.sequences import Sequence
+from qmcjax.sequences import BinarySequence, Sequence
 
 
 def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, list[Axes]]:
@@ -40,10 +41,12 @@ def block(sequence: Sequence, n: int, start: int = 0) -> NDArray[np.float64]:
     return np.asarray(sequence.points(n, start, dtype=jnp.float64))
 
 
+def words(net: BinarySequence, m: int) -> NDArray[np.int64]:
+    """Return the first 2**m points on the integer grid of that side."""
+    return np.asarray(net.bits(jnp.arange(2**m, dtype=jnp.uint32))).astype(np.int64) >> (32 - m)
+
+
 def holds_one_each(points: NDArray, m: int) -> bool:
     """Tell, by counting, whether each elementary interval of area 2**-m holds one point."""
-    for i in range(m + 1):
-        cells = np.floor(points[:, 0] * 2**i) * 2 ** (m - i) + np.floor(points[:, 1] * 2 ** (m - i))
-        if len(np.unique(cells)) != 2**m:
-            return False
-    return True
+    counts = (analysis.interval_counts(points, (i, m - i)) for i in range(m + 1))
+    return all(bool((each == 1).all()) for each in counts)

@@ -55,9 +55,9 @@ def table(curve: motion.Nurbs, pieces: int) -> tuple[NDArray[np.float64], NDArra
     return u, np.append(0.0, np.cumsum(chords))
 
 
-def pair(title: str) -> tuple[Figure, list[Axes]]:
+def pair(title: str, width: float = 9) -> tuple[Figure, list[Axes]]:
     """Return a figure of two panels for curves that are wider than high."""
-    figure = Figure(figsize=(9, 4.3), layout="constrained")
+    figure = Figure(figsize=(width, 4.3), layout="constrained")
     figure.suptitle(title)
     return figure, list(figure.subplots(1, 2))
 

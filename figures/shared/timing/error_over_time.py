@@ -33,19 +33,9 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = 
             spread = np.abs(edges - seconds)
         plain = name.removesuffix(ADAPTIVE)
         drawn = styles[plain] if styles else style(plain, names)
-        adaptive = plain != name
-        axes.errorbar(
-            seconds,
-            errors,
-            xerr=spread,
-            ls="--" if adaptive else drawn.line,
-            marker=drawn.marker,
-            mfc="white" if adaptive else drawn.color,
-            ms=4,
-            lw=1,
-            color=drawn.color,
-            label=name,
-        )
+        look: dict[str, Any] = {"ls": drawn.line} if plain == name else {"ls": "--", "mfc": "white"}
+        look |= {"color": drawn.color, "marker": drawn.marker, "label": name}
+        axes.errorbar(seconds, errors, xerr=spread, ms=4, lw=1, **look)
     axes.set(xscale="log", yscale="log", xlabel="seconds per image", ylabel="RMS error")
     # Those of a decade would overlap.
     axes.xaxis.set_minor_formatter(NullFormatter())

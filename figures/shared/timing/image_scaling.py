@@ -1,10 +1,6 @@
-"""Time and memory of images over pixels and samples: ``python -m figures.shared.timing.image_scaling draft``.
+"""Time and memory of images over pixels and samples, in a process of its own: its peak of memory is read."""
 
-A process of its own, since the peak of its memory is read. Prints JSON.
-"""
-
-import json
-import sys
+from typing import Any
 
 import jax
 import numpy as np
@@ -32,7 +28,7 @@ def image(side: int, spp: int, mesh: Mesh | None = None, key: int = 1) -> Array:
     return render(scenes.checkerboard(), sampler, side, side, spp, mesh=mesh)
 
 
-def measured(side: int, spp: int, most: int) -> dict[str, float | None]:
+def cost(side: int, spp: int, most: int) -> dict[str, float | None]:
     """Return what an image costs once its program is compiled, memory beyond that of the image."""
     timed(image, side, spp)
     taken: list[Seconds] = []
@@ -59,16 +55,11 @@ def overhead(side: int, spp: int, most: int) -> dict[str, float]:
     return {"side": side, "spp": spp, "seconds": clock, "processor seconds": busy}
 
 
-def main(quality: str) -> None:
-    """Measure and print."""
+def measured(quality: str) -> dict[str, Any]:
+    """Return what images cost over pixels and over samples, and what a mesh does."""
     most = MOST[quality]
-    found = {
-        "pixels": [measured(side, AT, most) for side in SIDES[quality]],
-        "spp": [measured(SIDE, spp, most) for spp in SPP[quality]],
+    return {
+        "pixels": [cost(side, AT, most) for side in SIDES[quality]],
+        "spp": [cost(SIDE, spp, most) for spp in SPP[quality]],
         "overhead": overhead(*SHARED[quality], most),
     }
-    print(json.dumps(found))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

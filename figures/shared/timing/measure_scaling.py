@@ -1,10 +1,5 @@
-"""Time and memory of measures over numbers of points: ``python -m`` this module ``draft``.
+"""Time and memory of measures over numbers of points, in a process of its own: its peak of memory is read."""
 
-A process of its own, since the peak of its memory is read. Prints JSON.
-"""
-
-import json
-import sys
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -78,16 +73,11 @@ def scaling(measure: Measure, last: int) -> dict[str, Any]:
     return rows | {"theory": measure.theory, "dims": measure.dims}
 
 
-def main(quality: str) -> None:
-    """Measure and print."""
+def measured(quality: str) -> dict[str, dict[str, Any]]:
+    """Return time and memory by measure."""
     with jax.enable_x64(True):
-        found = {
+        return {
             name: scaling(measure, getattr(measure, quality))
             for name, measure in MEASURES.items()
             if getattr(measure, quality) >= measure.first
         }
-    print(json.dumps(found))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])

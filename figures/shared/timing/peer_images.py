@@ -1,13 +1,11 @@
-"""Images by us and by what a user would take instead: ``python -m figures.shared.timing.peer_images draft``.
+"""Images by us and by what a user would take instead, in a process of its own.
 
-The checkerboard and the zone plate, with one scrambled Sobol' sequence in contiguous blocks of pixels. Prints
-JSON: times of the calls after the first, each with a new key, that of the first, and errors.
+The checkerboard and the zone plate, with one scrambled Sobol' sequence in contiguous blocks of pixels: times
+of the calls after the first, each with a new key, that of the first, and errors.
 """
 
 import contextlib
-import json
 import subprocess
-import sys
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -36,24 +34,15 @@ Render = Callable[[int], NDArray[np.float32]]
 """Makes an image, by key."""
 
 
-def ours(name: str, side: int, spp: int) -> Render:
-    """Return our rendering along the Hilbert curve."""
+def ours(name: str, side: int, spp: int, adaptive: bool = False) -> Render:
+    """Return our rendering along the Hilbert curve, which may skip constant pixels."""
     order, sobol = orders.hilbert(side, side), sequences.sobol(2)
 
     def render(key: int) -> NDArray[np.float32]:
         sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
+        if adaptive:
+            return np.asarray(qj.render_adaptive(SCENES[name], sampler, side, side, spp).image)
         return np.asarray(qj.render(SCENES[name], sampler, side, side, spp))
-
-    return render
-
-
-def adaptive(name: str, side: int, spp: int) -> Render:
-    """Return our rendering where constant pixels are skipped."""
-    order, sobol = orders.hilbert(side, side), sequences.sobol(2)
-
-    def render(key: int) -> NDArray[np.float32]:
-        sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
-        return np.asarray(qj.render_adaptive(SCENES[name], sampler, side, side, spp).image)
 
     return render
 
@@ -143,8 +132,8 @@ def error(name: str, image: NDArray[np.float32]) -> float:
     return rms(image - exact)
 
 
-def main(quality: str) -> None:
-    """Measure, the programs taking turns with a new key in each, and print."""
+def measured(quality: str) -> dict[str, Any]:
+    """Return a row for each image; the programs take turns, with a new key in each."""
     warnings.simplefilter("ignore")
     side, counts, calls = SIZES[quality]
     rows = []
@@ -154,7 +143,7 @@ def main(quality: str) -> None:
             for spp in counts:
                 programs = {
                     "qmcjax": timed(ours(name, side, spp)),
-                    "qmcjax, adaptive": timed(adaptive(name, side, spp)),
+                    "qmcjax, adaptive": timed(ours(name, side, spp, adaptive=True)),
                     "NumPy + scipy": timed(numpy_and_scipy(name, side, spp)),
                 }
                 torch = torch_engine(name, side, spp)
@@ -171,8 +160,4 @@ def main(quality: str) -> None:
                     errors = [error(name, image) for _, image in results]
                     row = {"scene": name, "spp": spp, "program": who, "seconds": seconds[1:]}
                     rows.append(row | {"first": seconds[0], "error": rms(errors)})
-    print(json.dumps({"side": side, "rows": rows}))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+    return {"side": side, "rows": rows}

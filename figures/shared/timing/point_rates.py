@@ -1,15 +1,13 @@
-"""Coordinates per second, ours and peers': ``python -m figures.shared.timing.point_rates draft``.
+"""Coordinates per second, ours and peers', in a process of its own: its peak of memory is read.
 
-A process of its own, since the peak of its memory is read. Prints JSON: the
-medians of several calls, each for other points, after others that are not counted.
+Medians of several calls, each for other points, after others that are not counted.
 """
 
 import contextlib
-import json
 import sys
 import warnings
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -173,20 +171,16 @@ def memory(dtype: type) -> float | None:
     return peak and peak / (2**21 * 32 * np.dtype(dtype).itemsize)
 
 
-def main(quality: str) -> None:
-    """Measure and print."""
+def measured(quality: str) -> dict[str, Any]:
+    """Return rates by case, and memory by the type of points."""
     warnings.simplefilter("ignore")
     linux = sys.platform == "linux"
     peak = {np.dtype(dtype).name: memory(dtype) for dtype in (jnp.float32, jnp.float64) if linux}
-    measured = []
+    found = []
     for case in cases(quality):
         entry: dict[str, object] = {"case": case.title}
         for who, draws in (("ours", case.ours), ("peers", case.peers)):
             times = {name: seconds(draw, BUDGET[quality]) for name, draw in draws.items()}
             entry[who] = {name: case.coordinates / float(np.median(each)) for name, each in times.items()}
-        measured.append(entry)
-    print(json.dumps({"cases": measured, "peak memory / output": peak}))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+        found.append(entry)
+    return {"cases": found, "peak memory / output": peak}

@@ -1,11 +1,6 @@
-"""Nanoseconds per coordinate on one core: ``python -m figures.shared.timing.source_rates draft``.
+"""Nanoseconds per coordinate on one core, in a process of its own, which stays there."""
 
-A process of its own, which stays on one core. Prints JSON.
-"""
-
-import json
 import os
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -155,8 +150,8 @@ def in_python(sampler: samplers.Sampler, size: Size) -> Call:
     return call
 
 
-def main(quality: str) -> None:
-    """Measure and print."""
+def measured(quality: str) -> dict[str, dict[str, float]]:
+    """Return nanoseconds by sampler and way."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     size = SIZES[quality]
@@ -186,8 +181,4 @@ def main(quality: str) -> None:
         least = min(seconds.clock for seconds in times[1:])
         coordinates = sizes[way].side ** 2 * sizes[way].spp * len(DIMS)
         found.setdefault(title, {})[way] = 1e9 * least / coordinates
-    print(json.dumps(found))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+    return found

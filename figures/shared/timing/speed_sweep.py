@@ -1,11 +1,8 @@
-"""Run time and error of images by scene, sampler and spp: ``python -m`` this module ``draft``.
+"""Run time and error of images by scene, sampler and spp, in a process of its own.
 
-Prints JSON. Samplers take turns, each call with a new key, so that noise hits all; what a call compiles is
-in the first one.
+Samplers take turns, each call with a new key, so that noise hits all; the first one of each compiles.
 """
 
-import json
-import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -98,16 +95,11 @@ def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
     return rows
 
 
-def main(quality: str) -> None:
-    """Measure and print."""
+def measured(quality: str) -> dict[str, Any]:
+    """Return the rows of all scenes."""
     side, counts, calls = SIZES[quality]
-    rows = []
-    for name in SCENES if quality == "paper" else DRAFTED:
-        for spp in counts:
-            rows += sweep(name, side, spp, calls)
-        print(f"{name} done", file=sys.stderr)
-    print(json.dumps({"side": side, "rows": rows}))
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+    shown = SCENES if quality == "paper" else DRAFTED
+    return {
+        "side": side,
+        "rows": [row for name in shown for spp in counts for row in sweep(name, side, spp, calls)],
+    }

@@ -42,15 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def compiled(modules: dict[str, str], quality: str) -> list[Program]:
-    """Return the programs that figures compile, by their names, in order.
-
-    Parameters
-    ----------
-    modules : dict of str to str
-        Modules by the figures' names.
-    quality : str
-        Handed to the figures.
-    """
+    """Return the programs that figures compile, in order; ``modules``: by the figures' names."""
     compiled_programs.measure_without()
     if quality == "draft":
         compiled_programs.quickly()

@@ -32,20 +32,10 @@ def playground(
 ) -> Playground:
     """Translate samplers and scenes for a playground.
 
-    Parameters
-    ----------
-    makers : mapping of names to functions of a number of samples and a key
-    scenes : mapping of names to scenes with their exact images
-    side : int, of the images in pixels
-    counts : sequence of int, samples per pixel
-    keys : sequence of int
-    start : mapping of str
-        What is shown first: left and right, a sampler each, scene and spp.
-
-    Returns
-    -------
-    Playground
-        A sampler is left out if no number of samples has a program.
+    ``makers``: functions of a number of samples and a key, by samplers' names. ``scenes``: scenes and their
+    exact images. ``side``: of the images in pixels. ``counts``: samples per pixel. ``start``: what is shown
+    first: left and right, a sampler each, scene and spp. A sampler is left out if no number of samples has a
+    program.
     """
     left_out: dict[str, str] = {}
     blob, worlds = Blob(), []

@@ -18,10 +18,7 @@ MOST_FACTORS = 4
 def described(scene: Any, reference: NDArray[np.float64], blob: Blob) -> dict[str, Any]:
     """Return the number of coordinates of a scene, its function, and where its exact image is.
 
-    Raises
-    ------
-    ValueError
-        If its values are colours or not in [0, 1], or the scene cannot be translated.
+    Raises ValueError if its values are colours or not in [0, 1], or the scene cannot be translated.
     """
     if reference.ndim > 2:
         raise ValueError("its values are colours")

@@ -44,17 +44,9 @@ def all_pixels(side: int) -> Pixels:
 
 
 def errors(values: NDArray[np.float64], exact: diffusion.Reference, pixels: Pixels) -> NDArray[np.float64]:
-    """Return RMS errors without the reference's, no less than that, from values of the pixels.
+    """Return RMS errors without the reference's, no less than that, (sets,).
 
-    Parameters
-    ----------
-    values : float64 ndarray, shape (sets, pixels of each, 3)
-    exact : Reference
-    pixels : Pixels
-
-    Returns
-    -------
-    float64 ndarray, shape (sets,)
+    ``values``: of the pixels, shape (sets, pixels of each, 3).
     """
     square, noise = (
         np.mean(np.square(of), axis=(1, 2))

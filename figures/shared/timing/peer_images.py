@@ -36,24 +36,14 @@ Render = Callable[[int], NDArray[np.float32]]
 """Makes an image, by key."""
 
 
-def ours(name: str, side: int, spp: int) -> Render:
-    """Return our rendering along the Hilbert curve."""
+def ours(name: str, side: int, spp: int, adaptive: bool = False) -> Render:
+    """Return our rendering along the Hilbert curve, by choice one that skips constant pixels."""
     order, sobol = orders.hilbert(side, side), sequences.sobol(2)
 
     def render(key: int) -> NDArray[np.float32]:
         sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
-        return np.asarray(qj.render(SCENES[name], sampler, side, side, spp))
-
-    return render
-
-
-def adaptive(name: str, side: int, spp: int) -> Render:
-    """Return our rendering where constant pixels are skipped."""
-    order, sobol = orders.hilbert(side, side), sequences.sobol(2)
-
-    def render(key: int) -> NDArray[np.float32]:
-        sampler = samplers.contiguous(order, sequences.owen(sobol, key), spp)
-        return np.asarray(qj.render_adaptive(SCENES[name], sampler, side, side, spp).image)
+        given = SCENES[name], sampler, side, side, spp
+        return np.asarray(qj.render_adaptive(*given).image if adaptive else qj.render(*given))
 
     return render
 
@@ -154,7 +144,7 @@ def main(quality: str) -> None:
             for spp in counts:
                 programs = {
                     "qmcjax": timed(ours(name, side, spp)),
-                    "qmcjax, adaptive": timed(adaptive(name, side, spp)),
+                    "qmcjax, adaptive": timed(ours(name, side, spp, adaptive=True)),
                     "NumPy + scipy": timed(numpy_and_scipy(name, side, spp)),
                 }
                 torch = torch_engine(name, side, spp)

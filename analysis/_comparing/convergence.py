@@ -174,9 +174,7 @@ def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray
     if image.shape not in ((height, width), (height, width, 3)):
         shapes = f"({height}, {width}) or ({height}, {width}, 3)"
         raise ValueError(f"{name}[0] must have shape {shapes}, got {image.shape}")
-    if not np.isfinite(image).all():
-        at = tuple(int(k) for k in np.argwhere(~np.isfinite(image))[0])
-        raise ValueError(f"{name}[0] must be finite, got {image[at]} at {at}")
+    _arguments.check_finite(f"{name}[0]", image)
     if bound.size == 0 or not (np.isfinite(bound) & (bound >= 0)).all():
         raise ValueError(f"{name}[1] must be bounds that are finite and at least 0, got {_kind(given[1])}")
     return image, float(bound.max())

@@ -154,17 +154,23 @@ def filter_xors() -> Xors:
 
 
 @numba.njit(cache=True)
+def product(columns, number):
+    """Return the xor of the columns that the bits of a number select."""
+    found, k = 0, 0
+    while number:
+        if number & 1:
+            found ^= columns[k]
+        number >>= 1
+        k += 1
+    return found
+
+
+@numba.njit(cache=True)
 def _energy(table, shift, words, codes, weights):
     """Return the mean square of the filtered error."""
     total = 0.0
     for k in range(codes.size):
-        index, rest, bit = 0, codes[k], 0
-        while rest:
-            if rest & 1:
-                index ^= words[bit]
-            rest >>= 1
-            bit += 1
-        total += weights[k] * table[index >> shift]
+        total += weights[k] * table[product(words, codes[k]) >> shift]
     return total
 
 

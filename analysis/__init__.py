@@ -42,7 +42,7 @@ from analysis._searches.optimize_scrambling import OptimizedScrambling as Optimi
 from analysis._searches.optimize_scrambling import optimize_scrambling as optimize_scrambling
 from analysis._spectra.filtered import filtered_error as filtered_error
 from analysis._spectra.filtered import low_frequency_power as low_frequency_power
-from analysis._spectra.perceived import perceived_error as perceived_error
+from analysis._spectra.filtered import perceived_error as perceived_error
 from analysis._spectra.pixel_means import pixel_means as pixel_means
 from analysis._spectra.point_spectrum import point_spectrum as point_spectrum
 from analysis._spectra.spectra import error_spectrum as error_spectrum

@@ -42,7 +42,7 @@ from analysis._searches.optimize_scrambling import OptimizedScrambling as Optimi
 from analysis._searches.optimize_scrambling import optimize_scrambling as optimize_scrambling
 from analysis._spectra.filtered import filtered_error as filtered_error
 from analysis._spectra.filtered import low_frequency_power as low_frequency_power
-from analysis._spectra.perceived import perceived_error as perceived_error
+from analysis._spectra.filtered import perceived_error as perceived_error
 from analysis._spectra.pixel_means import pixel_means as pixel_means
 from analysis._spectra.point_spectrum import point_spectrum as point_spectrum
 from analysis._spectra.spectra import error_spectrum as error_spectrum
@@ -54,11 +54,11 @@ from analysis._star.bounds import star_discrepancy_bounds as star_discrepancy_bo
 from analysis._star.soft_star import soft_star_discrepancy as soft_star_discrepancy
 from analysis._star.star_discrepancy import star_discrepancy as star_discrepancy
 from analysis._structure.curves import curve_length as curve_length
+from analysis._structure.curves import neighbour_differences as neighbour_differences
 from analysis._structure.curves import segment_counts as segment_counts
 from analysis._structure.intervals import interval_counts as interval_counts
 from analysis._structure.intervals import is_latin_hypercube as is_latin_hypercube
 from analysis._structure.intervals import is_stratified as is_stratified
-from analysis._structure.neighbours import neighbour_differences as neighbour_differences
 from analysis._structure.nets import projection_t_values as projection_t_values
 from analysis._structure.nets import t_value as t_value
 from qmcjax.bridges import SequenceEngine as SequenceEngine

@@ -85,6 +85,14 @@ def real_array(name: str, value: Any) -> Any:
     return value if jnp.issubdtype(value.dtype, np.floating) else value.astype(float)
 
 
+def check_finite(name: str, values: NDArray[np.float64]) -> None:
+    """Raise a ValueError that names the first value that is not finite, and its place."""
+    infinite = ~np.isfinite(values)
+    if infinite.any():
+        at = tuple(int(k) for k in np.argwhere(infinite)[0])
+        raise ValueError(f"{name} must be finite, got {values[at]} at {at}")
+
+
 def error(image: Any, reference: Any, animated: bool = False) -> Any:
     """Return the error of an image, shape (height, width, channels), traced if one of both is, or raise.
 
@@ -97,12 +105,8 @@ def error(image: Any, reference: Any, animated: bool = False) -> Any:
         pixels = "(frames, height, width" if animated else "(height, width"
         raise ValueError(f"image must have shape {pixels}) or {pixels}, 3), got {given.shape}")
     for name, values in (("image", given), ("reference", exact)):
-        if isinstance(values, Tracer):
-            continue
-        infinite = ~np.isfinite(values)
-        if infinite.any():
-            at = tuple(int(k) for k in np.argwhere(infinite)[0])
-            raise ValueError(f"{name} must be finite, got {values[at]} at {at}")
+        if not isinstance(values, Tracer):
+            check_finite(name, values)
     if traced := [values for values in (given, exact) if isinstance(values, Tracer)]:
         dtype = jnp.result_type(*traced)
         given, exact = jnp.asarray(given, dtype), jnp.asarray(exact, dtype)

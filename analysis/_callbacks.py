@@ -30,17 +30,8 @@ def called_back(
 ) -> Any:
     """Return a measure of traced points, shape (n, d).
 
-    Parameters
-    ----------
-    value : Callable
-        From known points to the measure.
-    attained : Callable
-        From known points to the measure and its derivatives.
-    points : traced Array, shape (n, d)
-    shape : tuple of int
-        Of the measure.
-    most : int
-        Number m of points with a derivative.
+    ``value``: from known points to the measure. ``attained``: from known points to the measure and its
+    derivatives. ``shape``: of the measure. ``most``: number m of points with a derivative.
     """
     dtype = jax.dtypes.canonicalize_dtype(np.float64)
     outlines = (

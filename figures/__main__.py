@@ -31,7 +31,18 @@ COMMANDS = {
     "plan": "figures.commands.planning",
     "suite": "figures.suite.command",
 }
-"""Commands beside the figures, by the modules whose ``main`` they are."""
+"""Commands beside the figures, by the modules whose ``main`` they are.
+
+It takes the arguments after the command and returns the exit status; wrong usage and ``--help`` raise
+SystemExit, with status 2 and 0.
+"""
+
+PUBLISHED = {
+    "heitz": (heitz.read, heitz.SWITCH),
+    "openqmc": (openqmc.headers, openqmc.SWITCH),
+    "stbn": (stbn.slices, stbn.SWITCH),
+}
+"""Options that name files of others: what checks them, and the environment variable for the figures."""
 
 
 def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CATALOGUE) -> int:
@@ -67,24 +78,14 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         return 0
     check_job(parser, options)
     names = _chosen(options, catalogue)
-    if options.heitz is not None:
-        try:
-            heitz.read(options.heitz)
-        except (OSError, ValueError) as error:
-            parser.error(f"--heitz: {error}")
-        os.environ[heitz.SWITCH] = str(options.heitz.resolve())
-    if options.openqmc is not None:
-        try:
-            openqmc.headers(options.openqmc)
-        except ValueError as error:
-            parser.error(f"--openqmc: {error}")
-        os.environ[openqmc.SWITCH] = str(options.openqmc.resolve())
-    if options.stbn is not None:
-        try:
-            stbn.slices(options.stbn)
-        except (OSError, ValueError) as error:
-            parser.error(f"--stbn: {error}")
-        os.environ[stbn.SWITCH] = str(options.stbn.resolve())
+    for option, (check, switch) in PUBLISHED.items():
+        path = getattr(options, option)
+        if path is not None:
+            try:
+                check(path)
+            except (OSError, ValueError) as error:
+                parser.error(f"--{option}: {error}")
+            os.environ[switch] = str(path.resolve())
     try:
         store.prepare(options.out)
     except OSError as error:

@@ -8,12 +8,31 @@ from pathlib import Path
 from figures.catalogue import NO_DRAFT, PAPERS, Entry
 
 
+def command(name: str, description: str, epilog: str = "") -> argparse.ArgumentParser:
+    """Return the parser of ``python -m figures name``, without options; the epilog is printed as it is."""
+    formatter = argparse.RawDescriptionHelpFormatter if epilog else argparse.HelpFormatter
+    return argparse.ArgumentParser(
+        prog=f"python -m figures {name}".rstrip(),
+        description=description,
+        epilog=epilog,
+        formatter_class=formatter,
+        allow_abbrev=False,
+    )
+
+
+def add_quality(parser: argparse.ArgumentParser) -> None:
+    """Add ``--quality``."""
+    parser.add_argument(
+        "--quality", choices=("draft", "paper"), default="draft", help="how much to compute (default: draft)"
+    )
+
+
 def parser_of(catalogue: Mapping[str, Entry]) -> argparse.ArgumentParser:
     """Return the parser, whose help lists the figures."""
-    parser = argparse.ArgumentParser(
-        prog="python -m figures",
-        description="Make the papers' figures and measure what they show.",
-        epilog=f"""\
+    parser = command(
+        "",
+        "Make the papers' figures and measure what they show.",
+        f"""\
 figures:
 {listing(catalogue, catalogue)}
 
@@ -37,8 +56,6 @@ at most 1 GiB, so that another run need not compile them; in paper quality figur
 compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
 130 after Ctrl-C.
 """,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument(
         "names", nargs="*", metavar="name", help="figures to make (default: all of the papers)"
@@ -48,12 +65,10 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
     parser.add_argument(
         "--out", type=_folder, default=Path("out"), metavar="DIR", help="output folder (default: out)"
     )
-    parser.add_argument(
-        "--quality", choices=("draft", "paper"), default="draft", help="how much to compute (default: draft)"
-    )
+    add_quality(parser)
     parser.add_argument(
         "--jobs",
-        type=_count,
+        type=count,
         metavar="N",
         help="figures made at a time (default: 2); in paper quality those that measure time run alone",
     )
@@ -93,7 +108,7 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         "--coordinator", type=_address, metavar="HOST:PORT", help="where process 0 is, by hand; any free port"
     )
     several.add_argument(
-        "--processes", type=_count, metavar="N", help="with --coordinator: how many there are"
+        "--processes", type=count, metavar="N", help="with --coordinator: how many there are"
     )
     several.add_argument(
         "--process-id", type=_number, metavar="K", help="with --coordinator: this one, 0 to N-1"
@@ -136,7 +151,8 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _count(text: str) -> int:
+def count(text: str) -> int:
+    """Return an integer of at least 1, the type of an option."""
     return _integer(text, 1)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._comparing.comparison import Comparison, ComparisonRow
-from analysis._comparing.convergence import timed
+from analysis._comparing.convergence import check_named, checked_spps, timed
 from analysis._comparing.promises import broken_promises, said
 from analysis._distances.distance import min_distance, packing_distance
 from analysis._star.star_discrepancy import star_discrepancy
@@ -83,14 +83,9 @@ def compare(
         # Below, there are no low frequencies.
         checks.integer(name, size, 32, 2**16)
     keys = checks.integer("keys", keys, 1, 2**16)
-    spps = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in _list("spps", spps)]
-    if len(set(spps)) < len(spps):
-        raise ValueError(f"spps must be different numbers, got {spps}")
-    for name, value in (("samplers", samplers), ("scenes", scenes)):
-        if not isinstance(value, Mapping):
-            raise TypeError(f"{name} must map names to {name}, got {checks.shown(value)}")
-        if not value:
-            raise ValueError(f"{name} must be one or more, got {value!r}")
+    spps = checked_spps(spps)
+    check_named("samplers", samplers)
+    check_named("scenes", scenes)
     checks.progress(progress)
     worlds = {name: as_scene(f"scenes[{name!r}]", scene) for name, scene in scenes.items()}
     for name, scene in worlds.items():
@@ -195,13 +190,3 @@ def _of_points(sampler: Sampler, side: int, spp: int) -> dict[str, float]:
         pixels = own[:4, :4].reshape(-1, spp, 2)
         measured["largest t in a pixel"] = float(max(t_value(each) for each in pixels))
     return measured
-
-
-def _list(name: str, values: Any) -> list[Any]:
-    try:
-        given = list(values)
-    except TypeError:
-        raise TypeError(f"{name} must be numbers of samples per pixel, got {checks.shown(values)}") from None
-    if not given:
-        raise ValueError(f"{name} must be one or more, got {given}")
-    return given

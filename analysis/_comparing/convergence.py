@@ -96,17 +96,8 @@ def convergence(
     scene = as_scene("scene", scene)
     width, height = checks.image_size(width, height)
     repeats = checks.integer("repeats", repeats, 1, 2**16)
-    try:
-        wanted = list(spps)
-    except TypeError:
-        raise TypeError(f"spps must be numbers of samples per pixel, got {checks.shown(spps)}") from None
-    wanted = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in wanted]
-    if not wanted or len(set(wanted)) < len(wanted):
-        raise ValueError(f"spps must be one or more different numbers, got {wanted}")
-    if not isinstance(samplers, Mapping):
-        raise TypeError(f"samplers must map names to samplers, got {checks.shown(samplers)}")
-    if not samplers:
-        raise ValueError(f"samplers must be one or more, got {samplers!r}")
+    wanted = checked_spps(spps)
+    check_named("samplers", samplers)
     checks.progress(progress)
     if regions is None:
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
@@ -145,6 +136,26 @@ def convergence(
     return ConvergenceTable(tuple(sorted(rows, key=lambda row: places[row.sampler, row.spp])), bound)
 
 
+def checked_spps(spps: Any) -> list[int]:
+    """Return numbers of samples per pixel; raise unless they are different and at least one."""
+    try:
+        given = list(spps)
+    except TypeError:
+        raise TypeError(f"spps must be numbers of samples per pixel, got {checks.shown(spps)}") from None
+    given = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in given]
+    if not given or len(set(given)) < len(given):
+        raise ValueError(f"spps must be one or more different numbers, got {given}")
+    return given
+
+
+def check_named(kind: str, given: Any, what: str | None = None) -> None:
+    """Raise unless names are mapped to something, such as samplers."""
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{kind} must map names to {what or kind}, got {checks.shown(given)}")
+    if not given:
+        raise ValueError(f"{kind} must be one or more, got {given!r}")
+
+
 def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray[np.float64], float]:
     """Return the exact image and the largest bound on its errors; raise if they are invalid."""
     name = "reference"
@@ -163,9 +174,7 @@ def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray
     if image.shape not in ((height, width), (height, width, 3)):
         shapes = f"({height}, {width}) or ({height}, {width}, 3)"
         raise ValueError(f"{name}[0] must have shape {shapes}, got {image.shape}")
-    if not np.isfinite(image).all():
-        at = tuple(int(k) for k in np.argwhere(~np.isfinite(image))[0])
-        raise ValueError(f"{name}[0] must be finite, got {image[at]} at {at}")
+    _arguments.check_finite(f"{name}[0]", image)
     if bound.size == 0 or not (np.isfinite(bound) & (bound >= 0)).all():
         raise ValueError(f"{name}[1] must be bounds that are finite and at least 0, got {_kind(given[1])}")
     return image, float(bound.max())
@@ -177,10 +186,7 @@ def _kind(value: Any) -> str:
 
 def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
     """Raise a ValueError unless there are regions and each selects pixels, without making an image."""
-    if not isinstance(regions, Mapping):
-        raise TypeError(f"regions must map names to indices of numpy, got {checks.shown(regions)}")
-    if not regions:
-        raise ValueError(f"regions must be one or more, got {regions!r}")
+    check_named("regions", regions, "indices of numpy")
     pixels = np.broadcast_to(np.bool_(True), (height, width))
     for name, region in regions.items():
         try:

@@ -37,18 +37,9 @@ Floats = NDArray[np.float64]
 def closest_pair(columns: Floats, bound: float) -> tuple[float, Floats] | None:
     """Return the square of the smallest distance, and two points at it; None if the windows are crowded.
 
-    Parameters
-    ----------
-    columns : float64 array, shape (d, n)
-        At least two points, C-contiguous; they are sorted in place.
-    bound : float
-        Positive upper bound of the smallest distance.
-
-    Returns
-    -------
-    float
-        Each square is a sum of d rounded squares of rounded differences.
-    float64 array, shape (2, d)
+    ``columns``: shape (d, n), at least two points, C-contiguous; they are sorted in place. ``bound``: upper
+    bound of the smallest distance, positive. The square is a sum of d rounded squares of rounded differences;
+    the two points have shape (2, d).
     """
     low = columns.min(axis=1)
     extent = columns.max(axis=1) - low

@@ -1,6 +1,6 @@
 """The sum of a product kernel over pairs of points in space, by nested merging.
 
-As in `_l2_merges_plane`, points that are sorted by x are merged by y. Those of one merge are then sorted by
+As in `merges_plane`, points that are sorted by x are merged by y. Those of one merge are then sorted by
 z, by merging again: now a pair counts if its points come from different halves of both merges, which
 determine the lower one in x and in y. Points merged before are below in z.
 """

@@ -1,6 +1,6 @@
 """Numbers as sums of two float64, and the factors of kernels, one at a time: for loops that Numba compiles.
 
-As `_l2_double_double` and `Kernel.factors`, which prove exactness. Unlike there, the second number of a
+As `double_double` and `Kernel.factors`, which prove exactness. Unlike there, the second number of a
 product may be a few times as large as the rounding errors of the first: sums reduce it again.
 """
 

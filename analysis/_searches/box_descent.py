@@ -33,16 +33,9 @@ Ints = NDArray[np.int64]
 def descend(points: Floats, rounds: int, boxes: int) -> tuple[Floats, float]:
     """Move points to lower their star discrepancy; return them, and the discrepancy.
 
-    Parameters
-    ----------
-    points : float64 array, shape (n, d)
-        In [0, 1)^d.
-    rounds : int
-        Maximum number of rounds. In each, the boxes of large local discrepancy are found, and the points
-        moved by up to a distance. If the star discrepancy increases, they go back, and the distance is
-        decreased.
-    boxes : int
-        Maximum number of boxes that are lowered together.
+    ``points``: shape (n, d), in [0, 1)^d. ``rounds``: maximum number of rounds. In each, the boxes of large
+    local discrepancy are found, and the points moved by up to a distance. If the star discrepancy increases,
+    they go back, and the distance is decreased. ``boxes``: maximum number of boxes that are lowered together.
     """
     points = np.clip(points, _ABOVE_ZERO, _BELOW_ONE)
     distance = 0.5 / len(points)

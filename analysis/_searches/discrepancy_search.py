@@ -11,6 +11,8 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from analysis import _arguments
+from analysis._searches import ranks_plane, ranks_space
+from analysis._searches.field_lattices import nearby, random_lattice, section
 from analysis._searches.ranks_program import improved
 from analysis._star.star_discrepancy import star_discrepancy
 from qmcjax.core import checks
@@ -84,10 +86,7 @@ class _Ranked:
 
     def reach(self, level: float, rounds: int | None = None) -> bool:
         """Move the coordinates so that they reach a level, if possible."""
-        from analysis._searches import ranks_plane as _ranks_plane
-        from analysis._searches import ranks_space as _ranks_space  # They may load Numba.
-
-        tighten = _ranks_plane.tighten if self.dims == 2 else _ranks_space.tighten
+        tighten = ranks_plane.tighten if self.dims == 2 else ranks_space.tighten
         if not tighten(*self.state, level, rounds or _ROUNDS[self.dims]):
             return False
         self.level = level
@@ -109,10 +108,7 @@ class _Ranked:
 
     def walk(self, draws: NDArray[np.float64]) -> None:
         """Try to swap neighbouring ranks at this level."""
-        from analysis._searches import ranks_plane as _ranks_plane
-        from analysis._searches import ranks_space as _ranks_space  # They may load Numba.
-
-        (_ranks_plane.walk if self.dims == 2 else _ranks_space.walk)(*self.state, self.level, draws)
+        (ranks_plane.walk if self.dims == 2 else ranks_space.walk)(*self.state, self.level, draws)
 
 
 def search_discrepancy(
@@ -237,8 +233,6 @@ class _Search:
 
     def _scan(self, count: int) -> _Ranked:
         """Return the best of some lattices: half of them arbitrary, half of them near the best so far."""
-        from analysis._searches.field_lattices import nearby, random_lattice, section  # It may load Numba.
-
         n, dims = self.best.points().shape
         found, where = None, None
         for _ in range(count):

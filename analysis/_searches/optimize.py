@@ -90,10 +90,7 @@ def optimize_points(
         return (values[-1] + max(1.0, abs(values[-1])) if values else np.inf), np.zeros(start.size)
 
     flat = start.ravel()
-    with jax.enable_x64(True):
-        like = jax.eval_shape(measure, jax.ShapeDtypeStruct(start.shape, np.float64))
-    if getattr(like, "shape", None) != () or not np.issubdtype(like.dtype, np.floating):
-        raise ValueError(f"measure must return a floating point scalar, got {like}")
+    check_scalar(measure, start.shape)
     values: list[float] = []
     first, _ = value_and_gradient(flat)
     if not np.isfinite(first):
@@ -109,3 +106,11 @@ def optimize_points(
         options={"maxiter": steps, "maxfun": 20 * steps, "ftol": 0.0, "gtol": 0.0},
     )
     return OptimizedPoints(inside(result.x), np.array(values))
+
+
+def check_scalar(measure: Callable[[Array], Array], shape: tuple[int, ...]) -> None:
+    """Raise a ValueError unless a measure of float64 points is a floating point scalar."""
+    with jax.enable_x64(True):
+        like = jax.eval_shape(measure, jax.ShapeDtypeStruct(shape, np.float64))
+    if getattr(like, "shape", None) != () or not np.issubdtype(like.dtype, np.floating):
+        raise ValueError(f"measure must return a floating point scalar, got {like}")

@@ -10,6 +10,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from analysis._searches.optimize import check_scalar
 from qmcjax.core import checks
 
 Floats = NDArray[np.float64]
@@ -113,10 +114,8 @@ def optimize_scrambling(
     n, dims = given.shape
     form = relaxed(given)
     with jax.enable_x64(True):
-        like = jax.eval_shape(measure, jax.ShapeDtypeStruct(given.shape, np.float64))
         start = np.asarray(jax.random.normal(key, (dims, n - 1), np.float64)) / 2
-    if getattr(like, "shape", None) != () or not np.issubdtype(like.dtype, np.floating):
-        raise ValueError(f"measure must return a floating point scalar, got {like}")
+    check_scalar(measure, given.shape)
     search = _Search(form, measure)
     unmoved = np.ones((dims, n - 1))
     value, slope = search.value_and_gradient(unmoved)

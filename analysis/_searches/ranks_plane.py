@@ -35,6 +35,16 @@ Ints = NDArray[np.int64]
 
 
 @compiled
+def enqueued(queue: Ints, waits: NDArray[np.bool_], first: int, length: int, node: int) -> int:
+    """Append a node to a ring of such unless it waits there; return the number of those that wait."""
+    if waits[node]:
+        return length
+    waits[node] = True
+    queue[(first + length) % len(queue)] = node
+    return length + 1
+
+
+@compiled
 def _propagate(
     x: Floats,
     y: Floats,
@@ -74,10 +84,7 @@ def _propagate(
                 if node - 1 == pivot:
                     return False
                 x[node - 1] = value
-                if not waits[node - 1]:
-                    waits[node - 1] = True
-                    queue[(first + length) % size] = node - 1
-                    length += 1
+                length = enqueued(queue, waits, first, length, node - 1)
             count = 0
             for j in range(n):
                 if of_y[j] <= node:
@@ -85,19 +92,13 @@ def _propagate(
                 least = count / n - level
                 if least > value * y[j] + _ROUNDING:
                     y[j] = least / value
-                    if not waits[n + j]:
-                        waits[n + j] = True
-                        queue[(first + length) % size] = n + j
-                        length += 1
+                    length = enqueued(queue, waits, first, length, n + j)
         elif node < 2 * n:
             node -= n
             value = y[node]
             if node < n - 1 and y[node + 1] < value:
                 y[node + 1] = value
-                if not waits[n + node + 1]:
-                    waits[n + node + 1] = True
-                    queue[(first + length) % size] = n + node + 1
-                    length += 1
+                length = enqueued(queue, waits, first, length, n + node + 1)
             count = 0
             for i in range(n):
                 largest = count / n + level
@@ -105,19 +106,13 @@ def _propagate(
                     if i == pivot:
                         return False
                     x[i] = largest / value
-                    if not waits[i]:
-                        waits[i] = True
-                        queue[(first + length) % size] = i
-                        length += 1
+                    length = enqueued(queue, waits, first, length, i)
                 if of_x[i] < node:
                     count += 1
             largest = min(node / n + level, _BELOW_ONE)
             if side * value > largest + _ROUNDING:
                 side = largest / value
-                if not waits[2 * n]:
-                    waits[2 * n] = True
-                    queue[(first + length) % size] = 2 * n
-                    length += 1
+                length = enqueued(queue, waits, first, length, 2 * n)
         else:
             for i in range(n):
                 largest = min(i / n + level, _BELOW_ONE) * side
@@ -125,10 +120,7 @@ def _propagate(
                     if i == pivot:
                         return False
                     x[i] = largest
-                    if not waits[i]:
-                        waits[i] = True
-                        queue[(first + length) % size] = i
-                        length += 1
+                    length = enqueued(queue, waits, first, length, i)
     return False
 
 

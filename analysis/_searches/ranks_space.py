@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._loops import compiled
+from analysis._searches.ranks_plane import enqueued
 
 _ROUNDING = 1e-13
 """Relative violations of constraints up to this do not matter."""
@@ -131,10 +132,8 @@ def _settle(
                 if high_c >= 0:
                     following[4] = c * n + high_c
             for other in following:
-                if other >= 0 and not waits[other]:
-                    waits[other] = True
-                    queue[(first + length) % size] = other
-                    length += 1
+                if other >= 0:
+                    length = enqueued(queue, waits, first, length, other)
     return False
 
 

@@ -1,4 +1,4 @@
-"""The star discrepancy of very many points in the plane: the tiles of `_star_plane`, in compiled loops.
+"""The star discrepancy of very many points in the plane: the tiles of `plane`, in compiled loops.
 
 Bounds and values are those of `plane_star_discrepancy`, where they are proved, and so is the result, to the
 last bit. Unlike there, only a bound and a count are stored per tile, and tiles are bounded in stripes

@@ -52,18 +52,8 @@ Corners = NDArray[np.signedinteger]
 def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float]:
     """Return a lower and an upper bound of the star discrepancy, equal if ``regions`` suffice.
 
-    Parameters
-    ----------
-    grid : CriticalGrid
-    lower : float
-        A known lower bound: the better, the fewer regions.
-    regions : int
-        Regions that may be examined, at least 1.
-
-    Returns
-    -------
-    tuple of two floats
-        The lower bound is a :class:`LocalDiscrepancy`, or ``lower``. Both to ``rounding(grid.dims)``.
+    ``lower``: a known lower bound: the better, the fewer regions. ``regions``: regions that may be examined,
+    at least 1. The lower bound is a :class:`LocalDiscrepancy`, or ``lower``. Both to ``rounding(grid.dims)``.
     """
     low = np.zeros((1, grid.dims), grid.ranks.dtype)
     (low, high, upper), lower = _examine(grid, low, grid.sizes[None], lower)

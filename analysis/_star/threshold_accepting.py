@@ -24,15 +24,6 @@ def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> L
     boxes share the chains, and the best boxes are improved in the end until no change of one coordinate
     helps, which includes the effect of snapping.
 
-    Parameters
-    ----------
-    grid : CriticalGrid
-    generator : numpy Generator
-
-    Returns
-    -------
-    LocalDiscrepancy
-
     References
     ----------
     .. [1] M. Gnewuch, M. Wahlstroem, C. Winzen, "A new randomized algorithm to approximate the star

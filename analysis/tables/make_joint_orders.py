@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.tables import SAMPLERS
-from analysis.tables.make_optimized_orders import FILTER, LEAST
+from analysis.tables.make_optimized_orders import FILTER, LEAST, REACH, differences
 from qmcjax import orders, sequences
 
 LOG_SIDE = 8
@@ -79,11 +79,7 @@ class Kernel(NamedTuple):
 
 def kernels(digits: int) -> tuple[Kernel, Kernel]:
     """Return the mean kernels of half spaces and smooth integrands, by common leading digits up to some."""
-    node, weight = np.polynomial.legendre.leggauss(64)
-    # With k common digits the difference has the triangular density on (0, 2**-k).
-    difference = np.concatenate([(node + 1) / 4, (node + 3) / 4])
-    density = np.tile(weight / 4, 2) * (2 - 4 * np.abs(difference - 0.5))
-    apart = np.append(2.0 ** -np.arange(digits), 0)[:, None] * difference
+    apart, density = differences(digits)
 
     def gaussians(rates: NDArray) -> NDArray:
         return np.exp(-rates[:, None, None] * apart**2) @ density
@@ -146,8 +142,7 @@ def filter_xors() -> Xors:
     side = 2**LOG_SIDE
     x = np.arange(side)
     along = np.zeros(side)
-    reach = int(np.sqrt(-4 * np.log(LEAST)) * FILTER)
-    for apart in range(-reach, reach + 1):
+    for apart in range(-REACH, REACH + 1):
         often = np.bincount(x ^ (x + apart) % side, minlength=side) / side
         along += np.exp(-(apart**2) / (4 * FILTER**2)) * often
     weights = np.outer(along, along)
@@ -159,17 +154,23 @@ def filter_xors() -> Xors:
 
 
 @numba.njit(cache=True)
+def product(columns, number):
+    """Return the xor of the columns that the bits of a number select."""
+    found, k = 0, 0
+    while number:
+        if number & 1:
+            found ^= columns[k]
+        number >>= 1
+        k += 1
+    return found
+
+
+@numba.njit(cache=True)
 def _energy(table, shift, words, codes, weights):
     """Return the mean square of the filtered error."""
     total = 0.0
     for k in range(codes.size):
-        index, rest, bit = 0, codes[k], 0
-        while rest:
-            if rest & 1:
-                index ^= words[bit]
-            rest >>= 1
-            bit += 1
-        total += weights[k] * table[index >> shift]
+        total += weights[k] * table[product(words, codes[k]) >> shift]
     return total
 
 
@@ -221,10 +222,9 @@ def hilbert_energy(of_pixels: NDArray[np.float64]) -> float:
     side = 2**LOG_SIDE
     y, x = np.mgrid[:side, :side].astype(np.uint32)
     position = np.asarray(orders.hilbert(side, side).position(x, y))
-    reach = int(np.sqrt(-4 * np.log(LEAST)) * FILTER)
     total = 0.0
-    for down in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
+    for down in range(-REACH, REACH + 1):
+        for right in range(-REACH, REACH + 1):
             apart = position ^ np.roll(position, (down, right), (0, 1))
             weight = np.exp(-(down**2 + right**2) / (4 * FILTER**2))
             total += weight * of_pixels[apart].mean()

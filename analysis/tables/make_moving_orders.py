@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.tables import SAMPLERS
-from analysis.tables.make_joint_orders import LOG_SIDE, Xors, filter_xors, kernels, ranked, relative
+from analysis.tables.make_joint_orders import LOG_SIDE, Xors, filter_xors, kernels, product, ranked, relative
 from analysis.tables.make_optimized_orders import FILTER
 from qmcjax import sequences
 from qmcjax.core.bits import pascal
@@ -94,24 +94,12 @@ def frame_weights() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 @numba.njit(cache=True)
-def _product(columns, number):
-    """Return the xor of the columns that the bits of a number select."""
-    found, k = 0, 0
-    while number:
-        if number & 1:
-            found ^= columns[k]
-        number >>= 1
-        k += 1
-    return found
-
-
-@numba.njit(cache=True)
 def _products(columns, numbers):
     """Return the products of all columns of all coordinates, a row each, with the numbers of theirs."""
     found = np.empty(numbers.shape, np.int64)
     for j in range(len(columns)):
         for k in range(numbers.shape[1]):
-            found[j, k] = _product(columns[j], numbers[j, k])
+            found[j, k] = product(columns[j], numbers[j, k])
     return found
 
 
@@ -126,7 +114,7 @@ def _energies(table, zeros, of_pixels, of_frames, of_samples, xors, filters):
     side = zeros.max() + 1
     filtered, plain = np.zeros(frames), np.zeros(frames)
     for k in range(codes.size):
-        point = np.array([_product(of_pixels[j], codes[k]) for j in range(4)])
+        point = np.array([product(of_pixels[j], codes[k]) for j in range(4)])
         for s in range(samples):
             a, b = point[0] ^ within[0, s], point[1] ^ within[1, s]
             c, d = point[2] ^ within[2, s], point[3] ^ within[3, s]

@@ -52,6 +52,9 @@ FILTER = 1.5
 LEAST = 1e-3
 """Pairs of pixels with less weight are left out; that of a pixel and itself is 1."""
 
+REACH = int(np.sqrt(-4 * np.log(LEAST)) * FILTER)
+"""Largest distance along an axis of pixels with more weight."""
+
 AROUND = 4
 """Tiles that share a parent, so that a pixel at the border of one has neighbours in another."""
 
@@ -83,15 +86,14 @@ class Covariances(NamedTuple):
 
 def filter_pairs() -> Pairs:
     """Return the autocorrelation of the filter, without the pixel itself."""
-    reach = int(np.sqrt(-4 * np.log(LEAST)) * FILTER)
-    y, x = np.mgrid[-reach : reach + 1, -reach : reach + 1].reshape(2, -1)
+    y, x = np.mgrid[-REACH : REACH + 1, -REACH : REACH + 1].reshape(2, -1)
     weight = np.exp(-(x**2 + y**2) / (4 * FILTER**2))
     near = (weight > LEAST) & (weight < 1)
     return Pairs(x[near], y[near], weight[near].astype(np.float32))
 
 
-def mean_distances(digits: int) -> NDArray[np.float64]:
-    """Return the mean distance of two scrambled points, by the number of digits that their coordinates share.
+def differences(digits: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return differences of scrambled coordinates that share 0, 1, ... digits, a row each, and weights.
 
     With k common digits, coordinates are uniform in the two halves of an interval of length 2**-k: their
     difference has the triangular density on (0, 2**-k). From ``digits`` common ones on it is taken as 0.
@@ -99,7 +101,12 @@ def mean_distances(digits: int) -> NDArray[np.float64]:
     node, weight = np.polynomial.legendre.leggauss(64)
     difference = np.concatenate([(node + 1) / 4, (node + 3) / 4])
     density = np.tile(weight / 4, 2) * (2 - 4 * np.abs(difference - 0.5))
-    apart = np.append(2.0 ** -np.arange(digits), 0)[:, None] * difference
+    return np.append(2.0 ** -np.arange(digits), 0)[:, None] * difference, density
+
+
+def mean_distances(digits: int) -> NDArray[np.float64]:
+    """Return the mean distance of two scrambled points, by the numbers of digits that coordinates share."""
+    apart, density = differences(digits)
     distance = np.hypot(apart[:, None, :, None], apart[None, :, None, :])
     return np.einsum("ijab,a,b->ij", distance, density, density, optimize=True)
 

@@ -66,6 +66,7 @@ from analysis.tables.make_optimized_orders import (
     LOG_SIDE,
     Covariances,
     anneal_order,
+    differences,
     energy,
     filter_pairs,
     random_order,
@@ -164,12 +165,9 @@ def mean_distances(dims: int) -> NDArray[np.float64]:
     A distance d is the integral of (1 - exp(-v d**2)) v**(-3/2) dv / (2 sqrt(pi)); the mean of the
     exponential is a product over coordinates, whose differences make_optimized_orders describes.
     """
-    node, weight = np.polynomial.legendre.leggauss(64)
-    difference = np.concatenate([(node + 1) / 4, (node + 3) / 4])
-    density = np.tile(weight / 4, 2) * (2 - 4 * np.abs(difference - 0.5))
+    apart, density = differences(DIGITS[dims])
     logarithm = np.linspace(-14, 30, 440)
-    apart = (2.0 ** -np.arange(DIGITS[dims])[:, None] * difference) ** 2
-    single = np.exp(-np.exp(logarithm)[:, None, None] * apart) @ density
+    single = np.exp(-np.exp(logarithm)[:, None, None] * apart[:-1] ** 2) @ density
     single = np.column_stack([single, np.ones(len(logarithm))])
     together = single
     for _ in range(dims - 1):

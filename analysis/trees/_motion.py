@@ -78,10 +78,8 @@ def split_in_time(
 
     Parameters
     ----------
-    low, high : float ArrayLike, shape (k, n, 3)
-        Corners at each of the times; they move linearly between.
-    times : float ArrayLike, shape (k,)
-        Increasing, two or more.
+    low, high, times
+        As for :func:`boxes_during`.
     kappa : float, optional
         At least 1; 1 splits nothing.
     most : int, optional

@@ -7,38 +7,22 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 import analysis
+from figures._options import command, count
 from figures.arena import _on_mitsuba, _report
 from figures.arena._on_mitsuba import Entry
 from figures.making import store, web_images
 from figures.shared.imported_objects import imported
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS, SCENES, rivals, rotated
+from qmcjax import progress_bar
 
 AGAINST = ("random", "owen", "dither", "z", "hilbert")
 WHERE = ("checkerboard", "disc", "soft-shadow", "ball")
 
 
 def main(argv: Sequence[str]) -> int:
-    """Compare samplers, and write a page about it.
-
-    Parameters
-    ----------
-    argv : sequence of str
-        What follows ``python -m figures compare``.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 1 if one of the user's samplers breaks a promise.
-
-    Raises
-    ------
-    SystemExit
-        With status 2 for wrong usage, with 0 after ``--help``.
-    """
+    """Compare samplers, and write a page; return 1 if one of the user's samplers breaks a promise."""
     parser = _parser()
     given = parser.parse_args(argv)
     if not given.samplers and not given.points:
@@ -68,33 +52,28 @@ def main(argv: Sequence[str]) -> int:
         if name in ("cornell-box", "helicopter", "occluder", "defocus", "sports") and 256 % given.size:
             parser.error(f"--size must divide 256 for the reference of {name}, got {given.size}")
     dims = max(len(scene.needs) for scene in worlds.values())
-    with tqdm(total=1.0, bar_format="{percentage:3.0f}%|{bar}| {elapsed}<{remaining}", disable=None) as bar:
-
-        def progress(part: float) -> None:
-            bar.update(part - bar.n)
-
-        notes: list[str] = []
-        try:
-            if given.mitsuba:
-                store.prepare(given.out)
-                entries += [_rival(name) for name in against]
-                wanted = _on_mitsuba.Wanted(given.spp, given.size, given.keys)
-                compared, notes = _on_mitsuba.compare(entries, given.mitsuba, wanted, given.out, progress)
-            else:
-                compared = analysis.compare(
-                    {**own, **rivals(against, dims)},
-                    worlds,
-                    given.spp,
-                    width=given.size,
-                    height=given.size,
-                    keys=given.keys,
-                    progress=progress,
-                )
-        except (TypeError, ValueError) as error:
-            parser.error(str(error))
+    notes: list[str] = []
+    try:
+        if given.mitsuba:
+            store.prepare(given.out)
+            entries += [_rival(name) for name in against]
+            wanted = _on_mitsuba.Wanted(given.spp, given.size, given.keys)
+            compared, notes = _on_mitsuba.compare(entries, given.mitsuba, wanted, given.out, progress_bar())
+        else:
+            compared = analysis.compare(
+                {**own, **rivals(against, dims)},
+                worlds,
+                given.spp,
+                width=given.size,
+                height=given.size,
+                keys=given.keys,
+                progress=progress_bar(),
+            )
+    except (TypeError, ValueError) as error:
+        parser.error(str(error))
     store.prepare(given.out)
-    command = " ".join(["python -m figures compare", *argv])
-    page = _report.write(compared, worlds, list(own), sets, given.out, command, notes)
+    typed = " ".join(["python -m figures compare", *argv])
+    page = _report.write(compared, worlds, list(own), sets, given.out, typed, notes)
     broken = {name: compared.promises[name] for name in own if compared.promises[name]}
     for name, sentences in broken.items():
         print(f"{name} breaks {len(sentences)} of a sampler's promises:", file=sys.stderr)
@@ -105,10 +84,10 @@ def main(argv: Sequence[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m figures compare",
-        description="Compare your sampler with those of the papers: one page, one CSV file.",
-        epilog=f"""\
+    parser = command(
+        "compare",
+        "Compare your sampler with those of the papers: one page, one CSV file.",
+        f"""\
 A function named module:function makes the sampler: it is called with those of width, height, spp and key (an
 int) that it has as parameters. The module is looked for in the current folder, too.
 
@@ -120,8 +99,6 @@ example:
   python -m figures compare my_module:make_sampler --against owen z hilbert --spp 1,4,16,64
   python -m figures compare my_module:make_sampler --mitsuba scene.xml --against owen z independent
 """,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("samplers", nargs="*", metavar="module:function", help="what makes your samplers")
     parser.add_argument(
@@ -144,7 +121,7 @@ example:
         "--spp", type=_counts, default=[1, 4, 16, 64], metavar="N,N,...", help="samples per pixel"
     )
     parser.add_argument("--size", type=_size, default=128, metavar="N", help="side of images (default: 128)")
-    parser.add_argument("--keys", type=_positive, default=8, metavar="N", help="images of each (default: 8)")
+    parser.add_argument("--keys", type=count, default=8, metavar="N", help="images of each (default: 8)")
     parser.add_argument(
         "--out", type=Path, default=Path("out/compare"), metavar="DIR", help="folder (default: out/compare)"
     )
@@ -168,22 +145,15 @@ def _rival(name: str) -> Entry:
     return Entry(RIVALS[name].name, "rival", name)
 
 
-def _positive(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r}")
-    return value
-
-
 def _size(text: str) -> int:
-    value = _positive(text)
+    value = count(text)
     if value < 32:
         raise argparse.ArgumentTypeError(f"must be at least 32, got {text!r}")
     return value
 
 
 def _counts(text: str) -> list[int]:
-    counts = [_positive(part) for part in text.split(",")]
+    counts = [count(part) for part in text.split(",")]
     if sorted(set(counts)) != counts:
         raise argparse.ArgumentTypeError(f"must be ascending numbers, got {text!r}")
     return counts

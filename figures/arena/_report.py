@@ -46,27 +46,11 @@ def write(
     command: str,
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write page, pictures and CSV into a folder, the page last.
+    """Write page, pictures and CSV into a folder that exists, the page last, and return its path.
 
-    Parameters
-    ----------
-    compared : Comparison
-    worlds : mapping of names to scenes
-    own : sequence of str
-        Names of the user's samplers, which come first.
-    sets : mapping of names to points
-        Those that the user's samplers were made of.
-    folder : Path
-        Exists.
-    command : str
-        What was typed.
-    notes : sequence of str
-        Paragraphs about how it was measured.
-
-    Returns
-    -------
-    Path
-        The page.
+    ``worlds``: scenes by their names. ``own``: names of the user's samplers, which come first. ``sets``: the
+    points that the user's samplers were made of. ``command``: what was typed. ``notes``: paragraphs about how
+    it was measured.
     """
     store.write(folder / TABLE, store.as_csv(_columns(compared.table())))
     scenes = list(compared.references)

@@ -108,18 +108,9 @@ def workers(scene: str, sampler: str, cores: Sequence[int | None]) -> Iterator[l
 def calibration(scene: str, sampler: str, progress: Callable[[float], None]) -> dict[str, Any]:
     """Measure start, compilation, times and memory, some of each held out of the fit.
 
-    Parameters
-    ----------
-    scene, sampler : str
-        Names of the arena.
-    progress : callable
-        Called with the finished part in (0, 1].
-
-    Returns
-    -------
-    dict
-        ``start`` and ``compilation`` in seconds, ``time``, ``held out``, ``memory`` and ``memory held out``
-        as lists of sizes with seconds or bytes, and what it was measured on.
+    ``scene``, ``sampler``: names of the arena. ``progress``: called with the finished part in (0, 1]. Returns
+    ``start`` and ``compilation`` in seconds, ``time``, ``held out``, ``memory`` and ``memory held out`` as
+    lists of sizes with seconds or bytes, and what it was measured on.
     """
     cores = _cores()
     with workers(scene, sampler, [cores[0]]) as (worker,):

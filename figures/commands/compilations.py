@@ -1,10 +1,10 @@
 """Which programs take longest to compile: ``python -m figures compilations [names...]``."""
 
-import argparse
 import importlib
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
+from figures._options import add_quality, command
 from figures._rc import rc
 from figures.catalogue import CATALOGUE
 from figures.making import compiled_programs
@@ -23,34 +23,15 @@ class Program(NamedTuple):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Make figures one after the other with nothing kept, and print the slowest compilations.
-
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        Names of figures, all by default, and ``--quality``.
-
-    Returns
-    -------
-    int
-        Exit status: 0.
-
-    Raises
-    ------
-    SystemExit
-        With status 2 for wrong usage, with 0 after ``--help``.
-    """
-    parser = argparse.ArgumentParser(
-        prog="python -m figures compilations",
-        description="Make figures one after the other in one process, with nothing kept from other runs, "
+    """Make figures one after the other with nothing kept, and print the slowest compilations."""
+    parser = command(
+        "compilations",
+        "Make figures one after the other in one process, with nothing kept from other runs, "
         "write none of them, and print the programs that took longest to compile. One that figures share "
         "counts for the first. What figures measure in processes of their own is not seen.",
-        allow_abbrev=False,
     )
     parser.add_argument("names", nargs="*", metavar="name", help="figures to make (default: all)")
-    parser.add_argument(
-        "--quality", choices=("draft", "paper"), default="draft", help="how much to compute (default: draft)"
-    )
+    add_quality(parser)
     options = parser.parse_args(argv)
     unknown = [name for name in options.names if name not in CATALOGUE]
     if unknown:
@@ -61,15 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def compiled(modules: dict[str, str], quality: str) -> list[Program]:
-    """Return the programs that figures compile, by their names, in order.
-
-    Parameters
-    ----------
-    modules : dict of str to str
-        Modules by the figures' names.
-    quality : str
-        Handed to the figures.
-    """
+    """Return the programs that figures compile, in order; ``modules``: by the figures' names."""
     compiled_programs.measure_without()
     if quality == "draft":
         compiled_programs.quickly()

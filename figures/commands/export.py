@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from figures._options import command
 from figures.making import store
 from figures.shared.imported_objects import imported
 from qmcjax.bridges import source
@@ -25,20 +26,7 @@ LANGUAGES = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Write the file, and the words of large tables of a shader beside it.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        What follows ``python -m figures export``; ``sys.argv[1:]`` by default.
-
-    Returns
-    -------
-    int
-        Exit status: 0.
-
-    Raises
-    ------
-    SystemExit
-        With status 2 for wrong usage, and for what cannot be translated; with 0 after ``--help``.
+    What cannot be translated is wrong usage.
     """
     parser = _parser()
     given = parser.parse_args(argv)
@@ -77,10 +65,10 @@ def _made(value: Any, named: str, size: dict[str, int | None]) -> Any:
 
 def _parser() -> argparse.ArgumentParser:
     languages = list(dict.fromkeys(LANGUAGES.values()))
-    parser = argparse.ArgumentParser(
-        prog="python -m figures export",
-        description="Write a sampler, sequence, order or scene as source code, which computes the same bits.",
-        epilog=f"""\
+    parser = command(
+        "export",
+        "Write a sampler, sequence, order or scene as source code, which computes the same bits.",
+        f"""\
 module:name is the object, or a function that makes it: the function is called with those of width, height,
 spp and key (an int) that it has as parameters. The module is looked for in the current folder, too.
 
@@ -92,8 +80,6 @@ binds: they are in a second file, FILE.tables.
 example:
   python -m figures export my_module:mine --language glsl --out mine.glsl
 """,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("object", metavar="module:name", help="the object, or what makes it")
     parser.add_argument("--language", choices=languages, help="(default: by the suffix of FILE)")

@@ -1,6 +1,5 @@
 """What a GPU makes of our programs: ``python -m figures gpu``."""
 
-import argparse
 import contextlib
 import sys
 from collections.abc import Callable, Sequence
@@ -11,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from figures._options import command
 from figures.shared.timing.h100 import H100, Program, programs
 from figures.shared.timing.operations import operations
 from figures.shared.turns import typical
@@ -85,28 +85,11 @@ class Row(NamedTuple):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure a GPU, if there is one.
-
-    Parameters
-    ----------
-    argv : sequence of str
-        What follows ``python -m figures gpu``: nothing but ``--help``.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 1 if there is no GPU, or one that computes something else than the processor.
-
-    Raises
-    ------
-    SystemExit
-        With status 2 for wrong usage, with 0 after ``--help``.
-    """
-    argparse.ArgumentParser(
-        prog="python -m figures gpu",
-        description="Samples a second on a GPU, against the most that an H100 could make, this machine's "
+    """Measure a GPU; return 1 if there is none, or if it computes something else than the processor."""
+    command(
+        "gpu",
+        "Samples a second on a GPU, against the most that an H100 could make, this machine's "
         "processor and torch's SobolEngine; and whether the GPU computes the same as the processor.",
-        allow_abbrev=False,
     ).parse_args(argv)
     found = [device for device in jax.devices() if device.platform != "cpu"]
     if not found:

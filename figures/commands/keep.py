@@ -1,25 +1,21 @@
 """Keep what figures in paper quality have measured for the ledger: ``python -m figures keep FOLDER``."""
 
-import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from figures import ledger
+from figures._options import command
 from figures.making import store
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write numbers beside the ledger, those of other figures stay; return the exit status, 0.
+    """Write the numbers of a folder that ``python -m figures --quality paper --out FOLDER`` has made.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        A folder that ``python -m figures --quality paper --out FOLDER`` has written.
+    They go beside the ledger; those of other figures stay.
     """
-    parser = argparse.ArgumentParser(
-        prog="python -m figures keep",
-        description="Keep the numbers of figures in paper quality beside the ledger: verdicts are theirs.",
+    parser = command(
+        "keep", "Keep the numbers of figures in paper quality beside the ledger: verdicts are theirs."
     )
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args(argv).folder

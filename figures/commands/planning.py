@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tqdm import tqdm
-
+from figures._options import command, count
 from figures.commands.calibrate import calibration
 from figures.commands.cost_model import MEMORY, TIME, CostModel, Prediction, Sizes, fitted
 from figures.making import store
 from figures.making.fingerprint import fingerprint
 from figures.making.this_machine import machine
 from figures.shared.rivals import RIVALS, SCENES
+from qmcjax import progress_bar
 
 FILE = "calibration.json"
 """In the output folder: what was measured, until the code or the machine changes."""
@@ -50,23 +50,7 @@ class Plan(NamedTuple):
 
 
 def main(argv: Sequence[str]) -> int:
-    """Measure for a minute, if that was not done before, and print what the rendering will cost.
-
-    Parameters
-    ----------
-    argv : sequence of str
-        What follows ``python -m figures plan``.
-
-    Returns
-    -------
-    int
-        Exit status: 0.
-
-    Raises
-    ------
-    SystemExit
-        With status 2 for wrong usage, with 0 after ``--help``.
-    """
+    """Measure for a minute, if that was not done before, and print what the rendering will cost."""
     parser = _parser()
     given = parser.parse_args(argv)
     needs = len(SCENES[given.scene]().needs)
@@ -98,15 +82,7 @@ def _calibrated(scene: str, sampler: str, folder: Path) -> dict[str, Any]:
         known = json.loads(path.read_text())
     code, name = fingerprint("figures.commands.calibrate", json.dumps(machine())), f"{sampler} in {scene}"
     if known.get(name, {}).get("code") != code:
-        with tqdm(
-            total=1.0, desc="measuring", bar_format="{desc} {percentage:3.0f}% {elapsed}", disable=None
-        ) as bar:
-
-            def progress(part: float) -> None:
-                bar.update(part - bar.n)
-
-            measured = calibration(scene, sampler, progress)
-        known[name] = {"code": code, **measured}
+        known[name] = {"code": code, **calibration(scene, sampler, progress_bar("measuring"))}
         store.write(path, json.dumps(known, indent=1).encode())
         known = json.loads(path.read_text())
     return known[name]
@@ -194,11 +170,11 @@ def duration(seconds: float) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="python -m figures plan",
-        description="Time and memory of a rendering, by a model that is fitted to a minute of measurements "
+    parser = command(
+        "plan",
+        "Time and memory of a rendering, by a model that is fitted to a minute of measurements "
         f"on this machine. They are kept in {FILE} in the output folder.",
-        epilog=f"""\
+        f"""\
 A device is one core of the processor, or the accelerator. More of them share the pixels. The spread is twice
 the standard error of the fit; errors at sizes that were held out of it are printed, too. More samples than
 a sequence has indices for are taken in passes, each with a key of its own.
@@ -206,14 +182,12 @@ a sequence has indices for are taken in passes, each with a key of its own.
 samplers: {", ".join(RIVALS)}
 scenes: {", ".join(SCENES)}
 """,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument(
         "--samples", type=_samples, required=True, metavar="N", help="of all pixels, as in 1e12"
     )
     parser.add_argument(
-        "--size", type=_positive, default=1024, metavar="N", help="side of the image (default: 1024)"
+        "--size", type=count, default=1024, metavar="N", help="side of the image (default: 1024)"
     )
     parser.add_argument(
         "--scene", choices=SCENES, default="zone-plate", metavar="NAME", help="(default: zone-plate)"
@@ -221,8 +195,8 @@ scenes: {", ".join(SCENES)}
     parser.add_argument(
         "--sampler", choices=RIVALS, default="hilbert", metavar="NAME", help="(default: hilbert)"
     )
-    parser.add_argument("--devices", type=_positive, default=1, metavar="N", help="(default: 1)")
-    parser.add_argument("--processes", type=_positive, default=1, metavar="N", help="(default: 1)")
+    parser.add_argument("--devices", type=count, default=1, metavar="N", help="(default: 1)")
+    parser.add_argument("--processes", type=count, default=1, metavar="N", help="(default: 1)")
     parser.add_argument(
         "--out",
         type=Path,
@@ -241,10 +215,3 @@ def _samples(text: str) -> float:
     if not 1 <= samples < math.inf:
         raise argparse.ArgumentTypeError(f"must be a number of at least 1, got {text!r}")
     return samples
-
-
-def _positive(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"must be an integer of at least 1, got {text!r}")
-    return value

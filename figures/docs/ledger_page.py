@@ -15,6 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from figures import ledger, page
 from figures.catalogue import CATALOGUE, FIRST
+from figures.docs.tables import table
 from figures.making import store
 
 _HEADS = ("Place", "Claim", "Verdict", "Measured", "Why", "Shown by")
@@ -31,29 +32,19 @@ def _found(folder: Path) -> list[ledger.Finding]:
     return page.assess(entries).findings
 
 
-def _row(texts: Sequence[str]) -> nodes.row:
-    cells = ([nodes.paragraph(text=line) for line in text.split("\n")] for text in texts)
-    return nodes.row("", *(nodes.entry("", *cell) for cell in cells))
-
-
 def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
     rows = [
-        _row(
-            (
-                claim.place,
-                "\n".join([claim.claim, *([f"“{claim.sentence}”"] if claim.sentence else [])]),
-                verdict,
-                "\n".join([measured, *(f"{case}: {_HELD.get(held, held)}" for case, held in cases.items())]),
-                why,
-                claim.figure or claim.test or "",
-            )
+        (
+            claim.place,
+            "\n".join([claim.claim, *([f"“{claim.sentence}”"] if claim.sentence else [])]),
+            verdict,
+            "\n".join([measured, *(f"{case}: {_HELD.get(held, held)}" for case, held in cases.items())]),
+            why,
+            claim.figure or claim.test or "",
         )
         for claim, verdict, measured, cases, why in findings
     ]
-    head, body = nodes.thead("", _row(_HEADS)), nodes.tbody("", *rows)
-    widths = [nodes.colspec(colwidth=width) for width in _WIDTHS]
-    group = nodes.tgroup("", *widths, head, body, cols=len(_HEADS))
-    return nodes.table("", group, classes=["ledger", "colwidths-given"])
+    return table(_HEADS, rows, _WIDTHS, ["ledger", "colwidths-given"])
 
 
 def _up(directive: SphinxDirective) -> str:

@@ -3,7 +3,7 @@
 Nothing is typed in: names, margins and sentences come from the stored measurements when the page is built.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -12,6 +12,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import qmcjax as qj
+from figures.docs.tables import table
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SETTINGS
 
 KINDS = {"scenes with edges": False, "smooth scenes": True}
@@ -84,16 +85,6 @@ def smallest(level: int, spp: int, filtered: bool) -> tuple[str, float, int]:
     raise AssertionError("a sampler without tables is always there")
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> nodes.table:
-    def row(texts: Sequence[str]) -> nodes.row:
-        cells = ([nodes.paragraph(text=line) for line in text.split("\n")] for text in texts)
-        return nodes.row("", *(nodes.entry("", *cell) for cell in cells))
-
-    columns = [nodes.colspec(colwidth=1) for _ in heads]
-    head, body = nodes.thead("", row(heads)), nodes.tbody("", *map(row, rows))
-    return nodes.table("", nodes.tgroup("", *columns, head, body, cols=len(heads)))
-
-
 class BestSamplers(SphinxDirective):
     """What is best in one setting, in words and as tables."""
 
@@ -115,7 +106,7 @@ class BestSamplers(SphinxDirective):
                 for kind, smooth in KINDS.items()
             ]
             title = nodes.paragraph("", "", nodes.strong(text=f"Least {measure}{SETTINGS[setting].errors}"))
-            shown += [title, _table(["", *(f"{spp} spp" for spp in spps)], rows)]
+            shown += [title, table(["", *(f"{spp} spp" for spp in spps)], rows)]
         return shown
 
 
@@ -130,7 +121,7 @@ class SamplerSizes(SphinxDirective):
                 found = [smallest(level, spp, bool(filtered)) for spp in spps]
                 texts = [f"“{best}”\n{ratio:.2f} of the best, {size} bytes" for best, ratio, size in found]
                 rows.append([f"{measure}, {name}", *texts])
-        return [_table(["", *(f"{spp} spp" for spp in spps)], rows)]
+        return [table(["", *(f"{spp} spp" for spp in spps)], rows)]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -5,10 +5,12 @@ in the part ``claims`` of its numbers. Here is which sentence of which paper it 
 a paper says is a question of our own, and its answer never counts for or against the paper.
 """
 
+import json
 import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
+from pathlib import Path
 from typing import Any, NamedTuple
 
 PAPERS = {
@@ -18,6 +20,12 @@ PAPERS = {
     "thesis": "Grünschloß: Motion Blur",
 }
 """The names of the files, and of the papers."""
+
+FILE = Path(__file__).with_name("measured.json")
+"""Numbers of figures in paper quality that are kept with the project: what the verdicts are computed from."""
+
+PARTS = ("measured", "printed", "claims")
+"""What is kept of them."""
 
 
 Found = bool | str
@@ -74,6 +82,23 @@ def claims() -> tuple[Claim, ...]:
         text = (resources.files("figures.ledger") / f"{paper}.toml").read_text(encoding="utf-8")
         found += [Claim(paper, **entry) for entry in tomllib.loads(text).get("claim", [])]
     return tuple(found)
+
+
+@cache
+def stored() -> dict[str, dict[str, Any]]:
+    """Return entries by the figures' names, as those of ``numbers.json``; none if nothing is kept."""
+    return json.loads(FILE.read_text(encoding="utf-8")) if FILE.is_file() else {}
+
+
+def to_store(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return what is stored of entries of ``numbers.json``: those of claims, in paper quality."""
+    of_claims = {claim.figure for claim in claims()}
+    return {
+        name: {key: entry[key] for key in ("quality", "date", "machine", "seconds")}
+        | {"numbers": {part: entry["numbers"][part] for part in PARTS if part in entry["numbers"]}}
+        for name, entry in sorted(entries.items())
+        if name in of_claims and entry["quality"] == "paper"
+    }
 
 
 def findings(entries: Mapping[str, Mapping[str, Any]]) -> list[Finding]:

@@ -66,10 +66,7 @@ def quickly() -> None:
 def place() -> Path:
     """Return the folder for this kind of processor, below the user's folder for what can be made again.
 
-    Raises
-    ------
-    RuntimeError
-        If nobody knows where the user's home is.
+    Raises RuntimeError if nobody knows where the user's home is.
     """
     named = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(named):  # The specification has others ignored.

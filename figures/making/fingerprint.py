@@ -25,20 +25,8 @@ def fingerprint(module: str, quality: str) -> str:
     """Hash the quality, the files behind ``module`` and the versions of the libraries it may use.
 
     Published tables and textures, and a checkout of OpenQMC, count for the figures that read them if the user
-    has named them.
-
-    Parameters
-    ----------
-    module : str
-        Dotted name of a figure's module. A module that is not there or does not parse has a
-        fingerprint too: the error is left to whoever imports it.
-    quality : str
-        What the module's ``make`` is called with.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits, independent of where the project lies.
+    has named them. A module that is not there or does not parse has a fingerprint too: the error is left to
+    whoever imports it. The 64 hexadecimal digits do not depend on where the project lies.
     """
     read = sources(module)
     tables = heitz.path()
@@ -57,18 +45,9 @@ def fingerprint(module: str, quality: str) -> str:
 
 
 def sources(module: str) -> dict[str, Path]:
-    """Return the modules that importing ``module`` runs and the data files of their packages.
+    """Return the files of the modules that importing ``module`` runs, and the data files of their packages.
 
-    Parameters
-    ----------
-    module : str
-        Dotted name, not imported.
-
-    Returns
-    -------
-    dict of str to Path
-        From dotted names (for data ``package/file``) to files; of `PROJECT` and of the package of
-        ``module`` only.
+    By dotted names, for data ``package/file``; of `PROJECT` and of the package of ``module`` only.
     """
     roots = {*PROJECT, module.partition(".")[0]}
     found: dict[str, Path] = {}

@@ -40,27 +40,12 @@ def shared(
     cells: Mapping[str, Callable[[], Any]],
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> dict[str, Any]:
-    """Return the arrays that cells are computed to, by their names.
+    """Return the arrays that cells are computed to, by their names and in their order.
 
-    Parameters
-    ----------
-    label : str
-        Unlike that of any other call for the same figure.
-    cells : mapping of str to callable
-        Each computes an array, and is what the figure's code and quality make it. They are taken from the
-        last to the first: with more samples they take longer, and are better not begun at the end.
-    progress : callable, optional
-        Called with the finished part in (0, 1].
-
-    Returns
-    -------
-    dict of str to ndarray
-        In the order of ``cells``.
-
-    Raises
-    ------
-    RuntimeError
-        If another process of the job could not compute a cell that it had taken.
+    ``label``: unlike that of any other call for the same figure. ``cells``: each computes an array, and is
+    what the figure's code and quality make it. They are taken from the last to the first: with more samples
+    they take longer, and are better not begun at the end. ``progress``: called with the finished part in
+    (0, 1]. Raises RuntimeError if another process of the job could not compute a cell that it had taken.
     """
     found: dict[str, Any] = {}
 

@@ -45,12 +45,8 @@ def path() -> Path | None:
 def read(file: Path) -> Tables:
     """Read the tables from one of the C++ files, or from an ``.npz`` with arrays of the same names.
 
-    Raises
-    ------
-    OSError
-        If there is no such file, or it cannot be read.
-    ValueError
-        If an array is missing, has another size, or numbers that are not integers from 0 to 255.
+    Raises OSError if it cannot be read; ValueError if an array is missing, has another size, or numbers that
+    are not integers from 0 to 255.
     """
     arrays = _of_npz(file) if file.suffix == ".npz" else _of_cpp(file)
     missing = [name for name in SIZES if name not in arrays]

@@ -19,13 +19,7 @@ def path() -> Path | None:
 
 
 def headers(checkout: Path) -> list[Path]:
-    """Return all files of the library, sorted.
-
-    Raises
-    ------
-    ValueError
-        If a sampler is missing.
-    """
+    """Return all files of the library, sorted; raise a ValueError if a sampler is missing."""
     folder = checkout / "include" / "oqmc"
     missing = [f"{name}.h" for name in SAMPLERS if not (folder / f"{name}.h").is_file()]
     if missing:

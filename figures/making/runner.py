@@ -27,19 +27,9 @@ def run(
 ) -> Generator[tuple[Task, Message], None, None]:
     """Yield what the workers report, ``jobs`` tasks at a time if they may, and kill them when closed.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-        Started in this order.
-    jobs : int
-        At least 1; a worker is kept for the next task.
-    claim : callable
-        Asked before a task is started; one for which it returns False is left out.
-
-    Yields
-    ------
-    task, message : Task, Message
-        For each task that is started any number of `Progress`, then one `Done` or `Failed`.
+    Tasks are started in their order; a worker is kept for the next one. ``claim`` is asked before a task is
+    started; one for which it returns False is left out. For each task that is started there are any number of
+    `Progress`, then one `Done` or `Failed`.
     """
     # XLA's buffers come from malloc, whose fresh 4 KiB pages can cost more than the arithmetic;
     # huge pages are a matter of the environment before a process starts.

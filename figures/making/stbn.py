@@ -25,10 +25,7 @@ def path() -> Path | None:
 def slices(folder: Path) -> list[Path]:
     """Return the files of frames 0, 1, ... in a folder.
 
-    Raises
-    ------
-    ValueError
-        If there are none, some of several textures, or a frame is missing.
+    Raises ValueError if there are none, some of several textures, or a frame is missing.
     """
     found: dict[tuple[str, str], dict[int, Path]] = {}
     for file in sorted(folder.iterdir()) if folder.is_dir() else []:
@@ -53,12 +50,8 @@ def read(folder: Path) -> Any:
     Of the channels of a file, the first two count that are neither constant nor equal. Values of PNG files
     are centres of equal parts of [0, 1).
 
-    Raises
-    ------
-    OSError
-        If a file cannot be read.
-    ValueError
-        If the folder has no texture, or files differ in shape, are no images or have numbers outside [0, 1].
+    Raises OSError if a file cannot be read; ValueError if the folder has no texture, or files differ in
+    shape, are no images or have numbers outside [0, 1].
     """
     import numpy as np
 

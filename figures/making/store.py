@@ -44,12 +44,7 @@ def _temporary(path: Path) -> Path:
 def read_numbers(folder: Path, file: str = NUMBERS) -> dict[str, dict[str, Any]]:
     """Return the entries of ``numbers.json``, or of another file, by the figures' names.
 
-    Raises
-    ------
-    FileNotFoundError, OSError
-        If it is not there, or cannot be read.
-    ValueError
-        If it is no such file.
+    Raises OSError if it is not there or cannot be read, ValueError if it is no such file.
     """
     entries = json.loads((folder / file).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):

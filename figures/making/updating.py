@@ -30,30 +30,15 @@ def update(
     job: Job | None = None,
     grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
-    """Make the figures that are not up to date and say what became of each.
+    """Make the figures that are not up to date, say what became of each, and return which failed.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Keys of ``catalogue``.
-    catalogue : mapping of str to Entry
-    folder : Path
-        Exists; gets ``<name>.png`` and ``<name>.webp``, ``numbers.json``, ``<name>.csv`` of figures that
-        have a table, and ``<name>.<image>.webp`` of those that hand out images.
-    quality : str
-        ``"draft"`` or ``"paper"``, handed to the figures.
-    jobs : int
-        How many figures to make at a time; in paper quality those that measure time run alone, at the end.
-    job : Job, optional
-        Whose processes share the work and the folder: each takes the next figure that nobody has taken, and
-        those that run alone are made by process 0 when the others are done.
-    grow : callable, optional
-        Called now and then with the names of the figures that failed so far, without a job only.
-
-    Returns
-    -------
-    list of str
-        The names of the figures that failed; in process 0 of a job, those of all processes.
+    ``folder``: exists; gets ``<name>.png`` and ``<name>.webp``, ``numbers.json``, ``<name>.csv`` of figures
+    that have a table, and ``<name>.<image>.webp`` of those that hand out images. ``quality``: ``"draft"`` or
+    ``"paper"``. ``jobs``: how many figures to make at a time; in paper quality those that measure time run
+    alone, at the end. ``job``: its processes share the work and the folder: each takes the next figure that
+    nobody has taken, and those that run alone are made by process 0 when the others are done. Process 0
+    returns the failures of all processes. ``grow``: called now and then with the names of the figures that
+    failed so far, without a job only.
     """
     fingerprints = {name: fingerprint(catalogue[name].module, quality) for name in names}
     if job is not None:

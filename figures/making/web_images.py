@@ -27,26 +27,13 @@ COUNTED = re.compile(r"(.+), (\d+) spp")
 
 
 def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """Encode images of one shape, the reference first.
+    """Encode images of one shape, the reference first; raise a TypeError or ValueError if they are none.
 
-    Parameters
-    ----------
-    images : mapping of str to ArrayLike
-        Finite floats, linear, or uint8, shape (height, width) or (height, width, 3). Names such as
-        "Z, 16 spp" make a series.
-
-    Returns
-    -------
-    files : dict of str to bytes
-        WebPs, by the part of the file's name that follows the figure's.
-    description : dict
-        Width, height, transfer, and the items: name, spp of series, file, and of all but the reference
-        the files of difference and spectrum, the difference's root mean square and the scale of its picture.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If they are no such images.
+    ``images``: finite floats, linear, or uint8, shape (height, width) or (height, width, 3). Names such as
+    "Z, 16 spp" make a series. Returns WebPs, by the part of the file's name that follows the figure's; and a
+    description: width, height, transfer, and the items: name, spp of series, file, and of all but the
+    reference the files of difference and spectrum, the difference's root mean square and the scale of its
+    picture.
     """
     arrays = _checked(images)
     coded = next(iter(arrays.values())).dtype == np.uint8

@@ -198,10 +198,7 @@ def _moving(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> Markup:
 def details(name: str, entry: Mapping[str, Any]) -> dict[str, Any]:
     """Return how a figure was made, its note, and its numbers but for tables, which have files of their own.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError, IndexError, AttributeError
-        If the entry is damaged.
+    If the entry is damaged, it raises KeyError, TypeError, ValueError, IndexError or AttributeError.
     """
     numbers = entry["numbers"]
     facts = {

@@ -47,26 +47,10 @@ INDEX = """
 
 
 def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] = ()) -> Path:
-    """Write ``index.html`` and the pages that it leads to about an output folder.
+    """Write ``index.html`` and the pages that it leads to about an output folder; return the first page.
 
-    Parameters
-    ----------
-    folder : Path
-        With ``numbers.json`` and the pictures.
-    catalogue : mapping of str to Entry
-        All figures by their names.
-    failed : collection of str
-        Names of those that could not be made in this run.
-
-    Returns
-    -------
-    Path
-        The page on which one begins.
-
-    Raises
-    ------
-    OSError
-        If it cannot be written.
+    ``folder``: with ``numbers.json`` and the pictures. ``failed``: names of figures that could not be made in
+    this run. Raises OSError if a page cannot be written.
     """
     try:
         known = store.read_numbers(folder)

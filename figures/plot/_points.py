@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from figures.plot._panel import check_texts, panel
 from qmcjax.core import checks
+from qmcjax.core.parameters import known, require
 from qmcjax.orders import as_order
 
 
@@ -81,14 +82,10 @@ def points(
 
 
 def _checked(points: Any) -> NDArray[np.float64]:
-    try:
-        array = np.asarray(points, np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"points must be numbers, got {type(points).__name__}") from None
+    array = known("points", points)
     if array.ndim != 2 or array.shape[1] != 2 or not len(array):
         raise ValueError(f"points must have shape (n, 2) with n >= 1, got {array.shape}")
-    if not ((array >= 0) & (array < 1)).all():
-        raise ValueError(f"points must be in [0, 1), got {array.min()} to {array.max()}")
+    require("points", array, lambda x: (x >= 0) & (x < 1), "in [0, 1)")
     return array
 
 

@@ -9,10 +9,8 @@ from typing import Any
 def imported(text: str) -> Any:
     """Return the object named ``module:name``; the module is looked for in the current folder, too.
 
-    Raises
-    ------
-    ValueError, ImportError, AttributeError
-        If the name has another form, or there is no such module or object.
+    Raises ValueError, ImportError or AttributeError if the name has another form, or there is no such module
+    or object.
     """
     module, colon, name = text.partition(":")
     if not (module and colon and name):

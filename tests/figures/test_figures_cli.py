@@ -2,6 +2,7 @@
 
 import csv
 import errno
+import importlib.util
 import io
 import json
 import os
@@ -22,7 +23,7 @@ from refusals import refused
 from figures import __main__ as command_line
 from figures import page
 from figures.__main__ import main
-from figures.catalogue import CATALOGUE, NO_DRAFT, OURS, Entry
+from figures.catalogue import CATALOGUE, FIRST, LAST, LONG, NO_DRAFT, OUR_SCENE, OURS, TIMED, Entry
 from figures.making import figures, store, updating, worker
 from figures.making.figures import _finish
 from figures.making.fingerprint import fingerprint, sources
@@ -711,7 +712,9 @@ def test_catalogue_names_figures_of_this_package():
     for name, entry in CATALOGUE.items():
         room = re.match(r"(hilbert|z|thesis)-(?:\d|table)", name)
         assert entry.module == f"figures.{room[1] if room else 'ours'}." + re.sub(r"[-.]", "_", name)
+        assert importlib.util.find_spec(entry.module) is not None, name
         assert entry.title == entry.title.strip() and "\n" not in entry.title
+    assert {*NO_DRAFT, *FIRST, *LAST} | OUR_SCENE | TIMED | LONG <= CATALOGUE.keys()
 
 
 @pytest.mark.slow

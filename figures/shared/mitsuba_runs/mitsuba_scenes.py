@@ -76,11 +76,8 @@ def described(scene: tracing.Estimator, width: int, height: int) -> dict[str, An
     The last surface of a path of ours is lit by lights that are sampled, of Mitsuba's by those that a mirror
     there shows, too. With several bounces that is little.
 
-    Raises
-    ------
-    ValueError
-        If the scene moves or has no counterpart: textures, microfacets (Fresnel's factor and masking differ),
-        emitters that shine on both sides, polygonal apertures, and mirrors in direct light.
+    Raises ValueError if the scene moves or has no counterpart: textures, microfacets (Fresnel's factor and
+    masking differ), emitters that shine on both sides, polygonal apertures, and mirrors in direct light.
     """
     if "time" in scene.needs:
         raise ValueError(f"scene must be still, got one that needs {scene.needs}")

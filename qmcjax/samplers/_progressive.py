@@ -14,14 +14,14 @@ from qmcjax import orders
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_size
+from qmcjax.samplers._base import ForImage
 from qmcjax.sequences import Digital, digital, sobol
 
 MAX_DIMS = 2**16
 
 
 @frozen_pytree
-class Progressive(Sampler):
+class Progressive(ForImage):
     """The digits of a pixel's position and of a sample select columns of matrices, which are xored."""
 
     orders: orders.OptimizedOrder
@@ -31,8 +31,6 @@ class Progressive(Sampler):
     """Both have the dimensions of a group."""
     seeds: Array
     """uint32 (groups, dimensions of a group + 1): of the scramblings, and of the orders of the samples."""
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
     coordinates: int = field(metadata={"static": True})
 
     @property
@@ -40,12 +38,8 @@ class Progressive(Sampler):
         return self.coordinates
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.orders.raster, checks.INDEX_LIMIT)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("sampler", (self.width, self.height), (width, height))
+    def most(self) -> int:
+        return checks.INDEX_LIMIT
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return what the pixels add to each coordinate, and the seeds of the orders of their samples."""
@@ -141,11 +135,11 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
         width, height, jnp.asarray(positions), jax.random.bits(of_order, (4,), jnp.uint32)
     )
     return Progressive(
+        width,
+        height,
         order.family(of_orders, groups),
         sobol(2) if size == 2 else digital(of_samples),
         digital(of_positions),
         jax.random.bits(of_seeds, (groups, size + 1), jnp.uint32),
-        width,
-        height,
         dims,
     )

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._base import Sampler
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
@@ -46,10 +46,6 @@ class Tiled(Sampler):
     @property
     def limits(self) -> tuple[int, int, int]:
         return (*super().limits[:2], self.spp)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_count(spp, self.spp, "for this sampler")
 
     def at_frame(self, frame: Array | int) -> "Tiled":
         """Return the sampler of another frame of an animation; its program is the same.

@@ -17,7 +17,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import NetByFrames, net_by_frames_of
 from qmcjax.sequences._digital.joe_kuo import columns_beyond, matrices_of
 from qmcjax.sequences._digital.matrix_products import product, selected
-from qmcjax.sequences._protocol.base import FEW, Sequence
+from qmcjax.sequences._protocol.base import FEW, Derived, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.fraction import Fraction
 
@@ -131,16 +131,12 @@ class Digital(BinarySequence):
 
 
 @frozen_pytree
-class Digital64(BinarySequence):
+class Digital64(Derived, BinarySequence):
     """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
 
     sequence: Digital
     high: Array
     upper: Callable[[int, Array], Array] = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)

@@ -1,6 +1,5 @@
 """Digital (0,m,2)-nets of large minimum distance, from searched generator matrices."""
 
-from dataclasses import field
 from importlib import resources
 
 import jax.numpy as jnp
@@ -17,8 +16,6 @@ from qmcjax.sequences._nets.nets import Net, _above, _low, _reverse_low
 @frozen_pytree
 class MatrixNet(Net):
     """The points (i / 2**m, C times the bits of i) for C = L U with unit triangular factors over F2."""
-
-    m: int = field(metadata={"static": True})
 
     columns: Array
     """uint32 (m,): column k of C, its first row in bit 0."""

@@ -19,7 +19,6 @@ class MatrixNet3D(OverPlane):
     """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
 
     plane: MatrixNet
-    """The net of the first two coordinates."""
     columns: Array
     """uint32 (m,): column k of C_2, its first row in bit 0."""
 

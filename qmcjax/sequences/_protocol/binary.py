@@ -157,7 +157,11 @@ class BinarySequence(Sequence):
         -------
         Invertible
         """
-        raise ValueError(f"net must be invertible (have index_in_cell), got {checks.shown(self)}")
+        net: Any = self
+        if not hasattr(net, "index_in_cell"):
+            raise ValueError(f"net must be invertible (have index_in_cell), got {checks.shown(self)}")
+        net.points_per_cell(log_side)
+        return net
 
     def bits(self, index: ArrayLike, dims: tuple[int, ...] | None = None) -> Array:
         """Return the points of the given indices as exact 32-bit fractions.

@@ -6,6 +6,8 @@ from jax import Array
 
 from qmcjax.core.bits import reverse
 
+Map = Callable[[Array], Array]
+
 
 class Fraction:
     """Fractions as words, their first digit in bit 31, or bit-reversed, their first digit in bit 0.
@@ -25,6 +27,12 @@ class Fraction:
         """Add digit by digit, without carries."""
         return Fraction(
             lambda: self.word() ^ other.word(), lambda: self.bit_reversed() ^ other.bit_reversed()
+        )
+
+    def mapped(self, word: Map | None = None, bit_reversed: Map | None = None) -> "Fraction":
+        """Return the fraction after a map of its words, of its bit-reversed words, or of either."""
+        return Fraction(
+            word and (lambda: word(self.word())), bit_reversed and (lambda: bit_reversed(self.bit_reversed()))
         )
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Sequences in base 2 with arithmetic that carries: words come first, and are bit-reversed for scramblers."""
+"""Sequences in base 2 that implement their coordinates in another form than bit-reversed words."""
 
 import abc
 
@@ -6,10 +6,11 @@ from jax import Array
 
 from qmcjax.core.bits import reverse
 from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.fraction import Fraction
 
 
 class WordFirst(BinarySequence):
-    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``."""
+    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``, as its sums carry."""
 
     @abc.abstractmethod
     def word(self, index: Array, dim: int) -> Array:
@@ -17,3 +18,17 @@ class WordFirst(BinarySequence):
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         return reverse(self.word(index, dim))
+
+
+class FractionFirst(BinarySequence):
+    """A sequence in base 2 that implements :meth:`fraction`, in the forms of another sequence."""
+
+    @abc.abstractmethod
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        """Return one coordinate, lazily in either form."""
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        return self.fraction(index, dim).bit_reversed()
+
+    def word(self, index: Array, dim: int) -> Array:
+        return self.fraction(index, dim).word()

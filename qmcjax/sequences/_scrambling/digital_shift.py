@@ -26,15 +26,10 @@ class DigitalShift(Scrambled):
     called = "digital_shift"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        def word() -> Array:
-            word = fraction.word()
-            return word ^ of_dims(self.shifts, dims, word)
-
-        def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed()
-            return bit_reversed ^ reverse(of_dims(self.shifts, dims, bit_reversed))
-
-        return Fraction(word, bit_reversed)
+        return fraction.mapped(
+            lambda word: word ^ of_dims(self.shifts, dims, word),
+            lambda bits: bits ^ reverse(of_dims(self.shifts, dims, bits)),
+        )
 
     def inverted(self, log_side: int) -> Any:
         """Return an object that finds points from their cells, which the shift permutes."""

@@ -26,13 +26,7 @@ class Linear(Scrambled):
     called = "linear_matrix_scramble"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Multiply the digits."""
-
-        def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed()
-            return _product(of_dims(self.columns, dims, bit_reversed), bit_reversed)
-
-        return Fraction(bit_reversed=bit_reversed)
+        return fraction.mapped(bit_reversed=lambda bits: _product(of_dims(self.columns, dims, bits), bits))
 
     @property
     def linear(self) -> BinarySequence | None:

@@ -93,8 +93,3 @@ def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) 
         return position
 
     return jax.lax.fori_loop(np.uint32(0), np.uint32(-(-(top - 1) // together)), swap, digit)
-
-
-def owen_exact_digits(sequence: DigitSequence, key: Array) -> OwenExactDigits:
-    """Draw the seeds of all coordinates."""
-    return OwenExactDigits(sequence, jax.random.bits(key, (sequence.dims, 2), jnp.uint32))

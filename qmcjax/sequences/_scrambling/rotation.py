@@ -25,13 +25,7 @@ class RotatedBinary(Scrambled):
     called = "rotate"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Add the offsets."""
-
-        def word() -> Array:
-            word = fraction.word()
-            return word + of_dims(self.offsets, dims, word)
-
-        return Fraction(word)
+        return fraction.mapped(lambda word: word + of_dims(self.offsets, dims, word))
 
 
 @frozen_pytree

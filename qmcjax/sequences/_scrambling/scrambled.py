@@ -9,9 +9,10 @@ from jax import Array
 from qmcjax.sequences._protocol.base import FEW, PointByPoint
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.word_first import FractionFirst
 
 
-class Scrambled(PointByPoint, BinarySequence):
+class Scrambled(PointByPoint, FractionFirst):
     """A sequence in base 2 with coordinates mapped one by one: subclasses implement :meth:`mapped`."""
 
     sequence: BinarySequence
@@ -27,12 +28,6 @@ class Scrambled(PointByPoint, BinarySequence):
         if len(dims) <= FEW:
             return super().fractions(index, dims)
         return self.mapped(self.sequence.fractions(index, dims), dims)
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).bit_reversed()
-
-    def word(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).word()
 
     @property
     def linear(self) -> BinarySequence | None:

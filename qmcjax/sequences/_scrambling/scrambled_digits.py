@@ -9,22 +9,14 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.digits import alike
-from qmcjax.sequences._protocol.base import FEW, Sequence
+from qmcjax.sequences._protocol.base import FEW, Derived
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 
 
-class ScrambledDigits(Sequence):
+class ScrambledDigits(Derived):
     """A sequence with coordinates mapped one by one, digit after digit."""
 
     sequence: DigitSequence
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def size(self) -> int | None:
-        return self.sequence.size
 
     def radical_bases(self) -> tuple[int | None, ...]:
         return self.sequence.radical_bases()

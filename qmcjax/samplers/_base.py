@@ -229,9 +229,9 @@ class OnRaster(Sampler):
         """Columns and rows of the raster."""
 
     @property
-    @abc.abstractmethod
     def most(self) -> int:
         """Largest number of samples of a pixel."""
+        return self.spp  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
     def limits(self) -> tuple[int, int, int]:

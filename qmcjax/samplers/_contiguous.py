@@ -25,10 +25,6 @@ class Contiguous(AlongCurve):
 
     _limited = "samples in the block of a pixel"
 
-    @property
-    def most(self) -> int:
-        return self.spp
-
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the shared state of the block of a pixel; its position, if indices have 64 bits."""
         position = self.order.unchecked_position(x, y)

@@ -33,10 +33,6 @@ class FullScreen(ForImage):
         """Number of points of the net in each pixel."""
         return self.net.points_per_cell(self.log_side)
 
-    @property
-    def most(self) -> int:
-        return self.spp
-
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
         index = self.net.index_in_cell(x, y, self.log_side, sample)

@@ -81,10 +81,6 @@ class HaltonFullScreen(ForImage):
         rest = sample * np.uint32(columns) + second
         return rest * np.uint32(rows) + by_row, rest
 
-    @property
-    def most(self) -> int:
-        return self.spp
-
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
         index, rest = self._index(x, y, sample)

@@ -49,10 +49,6 @@ class Optimized(ForImage):
         return self.coordinates
 
     @property
-    def most(self) -> int:
-        return self.spp
-
-    @property
     def _digits(self) -> int:
         return self.spp.bit_length() - 1
 

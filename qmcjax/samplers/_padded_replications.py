@@ -36,10 +36,6 @@ class PaddedReplications(ForImage):
         """Largest number of samples: one for each vector of offsets."""
         return self.offsets.limit
 
-    @property
-    def most(self) -> int:
-        return self.spp
-
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
         # Whole pixels from the leading digits, in two steps: a shift by 32 is not defined. Subtracting them

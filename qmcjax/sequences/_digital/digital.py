@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, pascal, reverse
@@ -104,9 +103,10 @@ class Digital(BinarySequence):
 
     def radical_bases(self) -> tuple[int | None, ...]:
         """Return 2 for each component with a lower triangular or traced matrix."""
-        leading = self._leading_digits()
-        if leading is None:
+        if isinstance(self.matrices, Tracer):
             return (2,) * self.dims
+        # Rows 0 to k of column k as a number, with row k as lowest bit.
+        leading = np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
         return tuple(2 if lower else None for lower in np.all(leading == 1, axis=1))
 
     def index_digits(self, component: int, count: int) -> None:
@@ -116,12 +116,6 @@ class Digital(BinarySequence):
         identity = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
         if np.any(np.asarray(self.matrices[component]) != identity):
             super().index_digits(component, count)
-
-    def _leading_digits(self) -> NDArray[np.uint32] | None:
-        """Return rows 0 to k of column k of each matrix as a number, with row k as lowest bit."""
-        if isinstance(self.matrices, Tracer):
-            return None
-        return np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
 
     def _columns(self, dims: tuple[int, ...]) -> Array:
         """Return column k of the wanted matrices in row k, shape (32, len(dims))."""

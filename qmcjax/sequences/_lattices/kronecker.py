@@ -11,7 +11,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.word_first import WordFirst
+from qmcjax.sequences._protocol.binary import WordFirst
 
 ROBERTS_DIMS = 64
 

@@ -11,8 +11,8 @@ from qmcjax.core import checks
 from qmcjax.core.bits import high_product, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Derived
+from qmcjax.sequences._protocol.binary import WordFirst
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.word_first import WordFirst
 
 LATTICE_DIMS = 250
 """Number of components of Cools, Kuo and Nuyens' vector."""

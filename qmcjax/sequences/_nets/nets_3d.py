@@ -14,8 +14,7 @@ from qmcjax.core.bits import pascal, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import _larcher_sobol
 from qmcjax.sequences._nets.nets import HammersleyNet, LarcherPillichshammerNet, Net
-from qmcjax.sequences._protocol.binary import BinarySequence
-from qmcjax.sequences._protocol.word_first import WordFirst
+from qmcjax.sequences._protocol.binary import BinarySequence, WordFirst
 
 
 class OverPlane(BinarySequence):

@@ -15,6 +15,10 @@ class DigitSequence(Sequence):
 
     bases: tuple[int, ...]
 
+    @property
+    def dims(self) -> int:
+        return len(self.bases)
+
     @abc.abstractmethod
     def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
         """Return the digits of coordinates for scramblers: span by span, first digits first.

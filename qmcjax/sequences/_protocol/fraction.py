@@ -1,10 +1,13 @@
-"""Fractions of 32 bits in two forms, made on demand."""
+"""Fractions of 32 bits in two forms, made on demand; those of consecutive points from two tables."""
 
 from collections.abc import Callable
 
+import jax
+import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core.bits import reverse
+from qmcjax.core.pytrees import frozen_pytree
 
 Map = Callable[[Array], Array]
 
@@ -44,3 +47,26 @@ class Fraction:
     def forms(self) -> tuple[Array, Array]:
         """Both forms: the words, and bit-reversed."""
         return self.word(), self.bit_reversed()
+
+
+@frozen_pytree
+class Blocks:
+    """Blocks of a linear sequence: a point is the xor of that of its low digits and its block's first."""
+
+    low: tuple[Array, Array]
+    """uint32 (rows, dims), in both forms: the points of the low digits."""
+    high: tuple[Array, Array]
+    """uint32 (blocks, dims), in both forms: the first points of the blocks."""
+
+    def part(self, first: Array, count: int) -> "Blocks":
+        """Return ``count`` of the blocks."""
+        word, bit_reversed = (jax.lax.dynamic_slice_in_dim(form, first, count) for form in self.high)
+        return Blocks(self.low, (word, bit_reversed))
+
+    def points(self, beside: int) -> Fraction:
+        """Return all points, ``beside`` side by side: shape (blocks, rows / beside, beside * dims)."""
+        return Fraction(lambda: self._points(0, beside), lambda: self._points(1, beside))
+
+    def _points(self, form: int, beside: int) -> Array:
+        lanes = self.low[form].shape[1] * beside
+        return self.low[form].reshape(1, -1, lanes) ^ jnp.tile(self.high[form], beside)[:, None]

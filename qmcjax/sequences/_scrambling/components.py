@@ -9,10 +9,9 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import PointByPoint, Sequence
-from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._protocol.plug_in import as_sequence
-from qmcjax.sequences._protocol.word_first import FractionFirst
 
 
 class Selection(PointByPoint):

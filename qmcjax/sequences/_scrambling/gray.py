@@ -5,9 +5,8 @@ from jax import Array
 from qmcjax.core.bits import gray_encode
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Derived
-from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.word_first import FractionFirst
 
 
 @frozen_pytree

@@ -11,9 +11,8 @@ from qmcjax.core.bits import pascal
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import sobol
 from qmcjax.sequences._protocol.base import PointByPoint
-from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.word_first import FractionFirst
 from qmcjax.sequences._scrambling.components import BinaryComponents
 
 _FIRST = (2, 0, 1)

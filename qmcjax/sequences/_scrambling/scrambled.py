@@ -7,9 +7,8 @@ import numpy as np
 from jax import Array
 
 from qmcjax.sequences._protocol.base import FEW, PointByPoint
-from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.word_first import FractionFirst
 
 
 class Scrambled(PointByPoint, FractionFirst):

@@ -2,7 +2,6 @@
 
 from dataclasses import field, replace
 from functools import cache
-from importlib import resources
 from typing import Any
 
 import jax
@@ -13,7 +12,7 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax import orders
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import ForImage
@@ -100,9 +99,7 @@ class Optimized(ForImage):
 
 @cache
 def _ranks() -> NDArray[np.uint8]:
-    source = resources.files("qmcjax.samplers") / "_data" / "optimized_ranks.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        return table["ranks"]
+    return tables.arrays("samplers", "optimized_ranks.npz", "ranks")[0]
 
 
 def optimized(

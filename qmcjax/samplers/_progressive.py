@@ -1,17 +1,15 @@
 """A digital net over pixels and samples at once, with an order of the pixels optimised for all prefixes."""
 
 from dataclasses import field
-from importlib import resources
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import orders
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import ForImage
@@ -126,11 +124,8 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     of_order, of_orders, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
     size = 2 if dims <= 2 else 4
     groups = -(-dims // size)
-    source = resources.files("qmcjax.samplers") / "_data" / "progressive.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        positions, of_samples, of_positions = (
-            table[f"{name}_{size}"] for name in ("positions", "samples", "pixels")
-        )
+    names = (f"{name}_{size}" for name in ("positions", "samples", "pixels"))
+    positions, of_samples, of_positions = tables.arrays("samplers", "progressive.npz", *names)
     order = orders.OptimizedOrder(
         width, height, jnp.asarray(positions), jax.random.bits(of_order, (4,), jnp.uint32)
     )

@@ -1,7 +1,6 @@
 """Tiles of designed points that repeat over the screen, moved and turned at random."""
 
 from dataclasses import field
-from importlib import resources
 from typing import Any
 
 import jax
@@ -11,7 +10,7 @@ from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler
@@ -250,7 +249,5 @@ def designed(
         if progressive:
             raise ValueError("progressive must be False for frames, got True")
         name = "frames"
-    source = resources.files("qmcjax.samplers") / "_data" / "designed.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        words = table[name]
+    (words,) = tables.arrays("samplers", "designed.npz", name)
     return of_words(words[:, :, :, :spp], dims, spp, key)

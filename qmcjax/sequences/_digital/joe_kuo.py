@@ -1,10 +1,10 @@
 """The generator matrices of the Sobol' sequence with Joe and Kuo's direction numbers."""
 
 from functools import lru_cache
-from importlib import resources
 
 import numpy as np
 
+from qmcjax.core import tables
 from qmcjax.sequences._digital.sobol_matrix import DirectionNumbers, columns_of
 
 
@@ -44,6 +44,5 @@ def columns_beyond(dim: int) -> np.ndarray:
 
 
 def _table(dims: int) -> tuple[np.ndarray, np.ndarray]:
-    source = resources.files("qmcjax.sequences") / "_data" / "joe_kuo.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        return table["polynomials"][: dims - 1], table["initial"][: dims - 1]
+    polynomials, initial = tables.arrays("sequences", "joe_kuo.npz", "polynomials", "initial")
+    return polynomials[: dims - 1], initial[: dims - 1]

@@ -1,7 +1,6 @@
 """Digit permutations of the Halton sequence: an array (digits, base) per base, row k for digit k."""
 
 from functools import partial
-from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +9,7 @@ from jax import Array
 
 from qmcjax.core.digits import digit_count, digit_spans
 from qmcjax.core.permuted_digits import reflection_tables
+from qmcjax.core.tables import rows
 
 FAURE_LEMIEUX_DIMS = 360
 """Number of factors in the table."""
@@ -42,9 +42,7 @@ def faure_lemieux(bases: tuple[int, ...]) -> list[np.ndarray]:
     ----------
     .. [1] H. Faure, C. Lemieux, "Generalized Halton Sequences in 2008: A Comparative Study", 2009.
     """
-    source = resources.files("qmcjax.sequences") / "_data" / "faure_lemieux.txt"
-    with source.open() as stream:
-        factors = np.loadtxt(stream, dtype=np.int64)
+    factors = [int(factor) for (factor,) in rows("sequences", "faure_lemieux.txt")]
     return [
         _every_digit(factor * np.arange(base) % base)
         for base, factor in zip(bases, factors[: len(bases)], strict=True)

@@ -1,13 +1,12 @@
 """The extensible rank-1 lattice sequence in base 2, by exact integer arithmetic modulo 1."""
 
 import abc
-from importlib import resources
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import high_product, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Derived
@@ -105,6 +104,5 @@ def lattice(dims: int) -> LatticeSequence:
      [0.75 0.25 0.25]]
     """
     dims = checks.integer("dims", dims, 1, LATTICE_DIMS)
-    source = resources.files("qmcjax.sequences") / "_data" / "ckn_lattice_vector.txt"
-    vector = np.loadtxt(source.read_text().splitlines(), np.uint32)
+    vector = np.array(tables.rows("sequences", "ckn_lattice_vector.txt")).astype(np.uint32).ravel()
     return LatticeSequence(jnp.asarray(vector[:dims]))

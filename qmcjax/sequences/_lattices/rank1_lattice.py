@@ -2,7 +2,6 @@
 
 from dataclasses import field
 from functools import lru_cache
-from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import below_one
 from qmcjax.core.maximin_lattices import best_planar, best_spatial
 from qmcjax.core.pytrees import frozen_pytree
@@ -170,6 +169,5 @@ def _best(n: int, dims: int) -> tuple[int, ...]:
 
 @lru_cache
 def _tabulated() -> dict[int, tuple[int, ...]]:
-    source = resources.files("qmcjax.sequences") / "_data" / "rank1_lattices.txt"
-    rows = np.loadtxt(source.read_text().splitlines(), np.int64)
+    rows = tables.rows("sequences", "rank1_lattices.txt")
     return {int(n): (int(a), int(b)) for n, a, b, _ in rows}

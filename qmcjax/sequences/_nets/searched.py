@@ -1,12 +1,10 @@
 """A (0,2)-sequence and (0,m,3)-nets of large minimum distance, from searched generator matrices."""
 
-from importlib import resources
-
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.matrix_products import selected
@@ -101,10 +99,7 @@ def optimized_sequence() -> Digital:
 
 def _read(name: str) -> dict[int, NDArray[np.uint8]]:
     """Read pairs of matrices by their order."""
-    text = (resources.files("qmcjax.sequences") / "_data" / name).read_text()
-    rows = [
-        line.split()[-2 * int(line.split()[0]) :] for line in text.splitlines() if not line.startswith("#")
-    ]
+    rows = [words[-2 * int(words[0]) :] for words in tables.rows("sequences", name)]
     return {
         len(row) // 2: np.array([list(digits) for digits in row], np.uint8).reshape(2, len(row) // 2, -1)
         for row in rows

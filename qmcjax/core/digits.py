@@ -4,8 +4,9 @@ An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with `
 at the radix point they are an integer over ``base**K``. It can exceed a word, so its last digits are kept
 apart and joined in float64, where it is exact.
 
-``base`` can be an array of bases of the same K, of the rank of the index: then one program serves all bases.
-It compiles faster but divides slower than one with a constant divisor.
+``base``, in [2, 2**16], can be an int64 array of bases of the same K, of the rank of the index: then one
+program serves all bases. It compiles faster but divides slower than one with a constant divisor. Integers in
+arrays are uint32, and results are in [0, 1), of ``dtype``: float32 or float64.
 """
 
 from itertools import groupby
@@ -69,11 +70,9 @@ def exact_fraction(
 ) -> Array:
     """Divide a numerator of ``K = digit_count(base)`` digits by ``base**K``, once.
 
-    ``leading``: uint32 Array, shape (...): the first ``K - span`` digits after the radix point, as an
-    integer. ``last``: uint32 Array, shape (...): the last ``span`` digits, as an integer. ``base``: int, or
-    int64 ndarray of the rank of the others: in [2, 2**16]. ``dtype``: float32 or float64: in float64 the
-    fraction is rounded to nearest. In float32 this value is rounded to nearest again, but never up to 1.
-    ``span``: in [1, K]. Returns Array of ``dtype``, shape (...), in [0, 1).
+    ``leading``: the first ``K - span`` digits after the radix point, as an integer. ``last``: the last
+    ``span`` digits, as an integer. In float64 the fraction is rounded to nearest. In float32 this value is
+    rounded to nearest again, but never up to 1.
     """
     with jax.enable_x64(True):
         exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64)
@@ -100,14 +99,12 @@ def cell_fraction(
     float64. So the point is more than a rounding error away from both ends of its interval, and the one
     division leaves it inside.
 
-    ``leading``: uint32 Array, shape (...): the first ``count - span`` digits after the radix point, as an
-    integer. ``last``: uint32 Array, shape (...): the next ``span`` digits, as an integer. ``tail``: uint32
-    Array, shape (...): the digits behind, as a fraction in base 2: its bit 31 is the first. ``base``: int, or
-    int64 ndarray of the rank of the others: in [2, 2**16]. ``dtype``: float32 or float64: in float64 the
-    fraction is rounded to nearest. In float32 this value is rounded down to a multiple of 2**-24, unless that
-    lies below its interval of length base**-k, with the largest k that leaves it longer than 2**-24: then it
-    is rounded up. ``span``: in [1, count]. ``count``: number of digits, ``digit_count(base)`` by default.
-    ``base**count`` is at most 2**48. Returns Array of ``dtype``, shape (...), in [0, 1).
+    ``leading``: the first ``count - span`` digits after the radix point, as an integer. ``last``: the next
+    ``span`` digits, as an integer. ``tail``: the digits behind, as a fraction in base 2: its bit 31 is the
+    first. ``count``: number of digits, ``digit_count(base)`` by default; ``base**count`` is at most 2**48. In
+    float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of 2**-24,
+    unless that lies below its interval of length base**-k, with the largest k that leaves it longer than
+    2**-24: then it is rounded up.
     """
     count = digit_count(base) if count is None else count
     total = base**count
@@ -131,10 +128,8 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
     The reflected digits are collected as an exact integer and divided once, in float64: no error
     accumulates, and every uint32 index has its own value.
 
-    ``index``: uint32 Array, shape (...). ``base``: int, or int64 ndarray of the rank of the others: in [2,
-    2**16]. ``dtype``: float32 or float64: the result is rounded to nearest, but never up to 1 (see
-    :func:`exact_fraction`); in base 2, where float64 is exact, float32 is rounded down. Returns Array of
-    ``dtype``, shape (...), in [0, 1).
+    The result is rounded to nearest, but never up to 1 (see :func:`exact_fraction`); in base 2, where float64
+    is exact, float32 is rounded down.
 
     References
     ----------
@@ -211,10 +206,9 @@ def limit_64(base: int) -> int:
 def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
     """Reflect the digits of a 64-bit index at the radix point.
 
-    ``high``, ``low``: uint32 Array, shape (...): the index ``high * 2**32 + low``, below :func:`limit_64`.
-    ``base``: in [2, 2**16]. ``dtype``: float32 or float64: in base 2 the first 32 digits. In other bases
-    float64 is off by less than 2**-52, and float32 is this value rounded to nearest; neither is ever 1.
-    Returns Array of ``dtype``, shape (...), in [0, 1).
+    ``high``, ``low``: the index ``high * 2**32 + low``, below :func:`limit_64`. In base 2 the result has the
+    first 32 digits. In other bases float64 is off by less than 2**-52, and float32 is this value rounded to
+    nearest; neither is ever 1.
     """
     if base == 2:
         return to_unit(reverse(low), dtype)

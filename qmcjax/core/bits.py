@@ -6,7 +6,8 @@ A *bit-reversed* fraction has the first digit in bit 0. The bits of an index are
 is what Owen scrambling by hashing needs. So generators and scramblings work on bit-reversed words, and
 :func:`reverse` is applied once, at the end.
 
-Arguments and results are uint32 Arrays of one shape, unless a function says otherwise.
+Arguments and results are uint32 Arrays of one shape, unless a function says otherwise. The thesis is
+L. Gruenschloss, "Motion Blur", 2008.
 """
 
 import jax
@@ -47,15 +48,11 @@ def pascal(reversed_bits: Array) -> Array:
     """Multiply a bit-reversed fraction by Pascal's triangle modulo 2, in five steps.
 
     This is the generator matrix of the second component of the Sobol' sequence, its own inverse
-    (thesis [1]_, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
+    (thesis, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
     product of five sparse factors.
 
     ``reversed_bits``: the digits ``d_0, d_1, ...`` of the index in bits 0, 1, ... Returns the bit-reversed
     product: its first row in bit 0.
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008.
     """
     for shift, mask in ((16, 0xFFFF0000), (8, 0xFF00FF00), (4, 0xF0F0F0F0), (2, 0xCCCCCCCC), (1, 0xAAAAAAAA)):
         reversed_bits = reversed_bits ^ ((reversed_bits & _word(mask)) >> shift)
@@ -67,11 +64,7 @@ def gray_decode(word: Array) -> Array:
     """Replace bit ``k`` by the parity of the bits ``k`` and above.
 
     On a bit-reversed fraction this is the product with the upper triangular matrix of ones, the
-    Larcher-Pillichshammer generator matrix (thesis [1]_, Eq. 5.15).
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+    Larcher-Pillichshammer generator matrix (thesis, Eq. 5.15).
     """
     for shift in (1, 2, 4, 8, 16):
         word = word ^ (word >> shift)

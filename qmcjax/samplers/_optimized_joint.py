@@ -51,17 +51,11 @@ def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32
 
 
 def index_bits(tables: Mapping[int, NDArray[np.int64]], digits: int) -> NDArray[np.uint32]:
-    """Return the index in the sequence that each bit of a Morton-ordered index stands for.
+    """Return the index in the sequence that each bit of a Morton-ordered index stands for: uint32 (32,).
 
-    Parameters
-    ----------
-    tables : mapping from a binary logarithm of the number of samples to indices of the bits of Morton codes
-    digits : int, binary logarithm of the number of samples
-
-    Returns
-    -------
-    uint32 array, shape (32,)
-        Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32.
+    Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32. ``tables``:
+    indices of the bits of Morton codes, by binary logarithms of numbers of samples. ``digits``: this
+    logarithm.
     """
     known = min(digits, max(tables))
     words = tables[known] >> known << digits if known < digits else tables[digits]

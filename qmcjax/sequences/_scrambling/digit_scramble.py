@@ -14,7 +14,7 @@ from qmcjax.sequences._halton.digit_permutations import random_tables
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._scrambling.digital_shift import DigitalShift, digital_shift
-from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
+from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 
 @frozen_pytree

@@ -10,7 +10,7 @@ from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence
-from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
+from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 _DRAWN = 2**13
 """Most outcomes of swaps drawn together from 32 random bits."""

@@ -144,6 +144,15 @@ def _golden(dims: int, key: Any, frame: Any) -> Any:
     return sequences.rotate(_owen(dims, key), sequences.roberts(dims)(frame))
 
 
+def _moving(sampler: Callable[..., Any]) -> Candidate:
+    """Return a candidate that moves its samples from frame to frame."""
+
+    def make(dims: int, width: int, height: int, spp: int, key: Any, frame: Any) -> samplers.Sampler:
+        return sampler(width, height, spp, key, dims=dims, frames=32).at_frame(frame)
+
+    return Candidate(make, powers_of_two=True)
+
+
 FRAMES: dict[str, Candidate] = {
     "random": _fresh("random"),
     "(0,2), Owen, new keys": _fresh("(0,2), Owen"),
@@ -157,24 +166,9 @@ FRAMES: dict[str, Candidate] = {
     "dither mask, golden shifts": Candidate(
         lambda dims, width, height, spp, key, frame: _masked(dims, width, height, spp, key).at_frame(frame)
     ),
-    "Z, moving": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.z(
-            width, height, spp, key, dims=dims, frames=32
-        ).at_frame(frame),
-        powers_of_two=True,
-    ),
-    "optimised orders, moving": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.optimized(
-            width, height, spp, key, dims, frames=32
-        ).at_frame(frame),
-        powers_of_two=True,
-    ),
-    "designed frames": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.designed(
-            width, height, spp, key, dims, frames=32
-        ).at_frame(frame),
-        powers_of_two=True,
-    ),
+    "Z, moving": _moving(samplers.z),
+    "optimised orders, moving": _moving(samplers.optimized),
+    "designed frames": _moving(samplers.designed),
 }
 """Samplers for animations. A new frame is the same program."""
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
-from qmcjax.sequences._digital.matrix_products import selected
+from qmcjax.sequences._digital.matrix_products import packed, selected
 from qmcjax.sequences._nets.nets_3d import OverPlane
 from qmcjax.sequences._nets.optimized_net import MatrixNet, columns_of, matrix_net
 
@@ -93,8 +93,7 @@ def optimized_sequence() -> Digital:
     """
     first, second = _read("optimized_sequence.txt")[16]
     matrices = np.stack([np.kron(np.eye(2, dtype=np.uint8), first), np.kron([[1, 1], [0, 1]], second)])
-    weights = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
-    return digital((matrices.astype(np.uint32) * weights[:, None]).sum(axis=1, dtype=np.uint32))
+    return digital(packed(matrices))
 
 
 def _read(name: str) -> dict[int, NDArray[np.uint8]]:

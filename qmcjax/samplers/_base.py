@@ -212,6 +212,17 @@ class InEveryPixel(Sampler):
         return (*super().limits[:2], self.sequence.limit)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class OfDims(Sampler):
+    """A sampler with any number of dimensions."""
+
+    coordinates: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        return self.coordinates
+
+
 class OnRaster(Sampler):
     """A sampler for one image size, which it pads to a raster."""
 

@@ -15,7 +15,7 @@ from qmcjax import orders
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import ForImage
+from qmcjax.samplers._base import ForImage, OfDims
 from qmcjax.samplers._contiguous import Contiguous
 from qmcjax.samplers._index_64 import needed
 from qmcjax.samplers._optimized_joint import joint
@@ -28,7 +28,7 @@ MAX_SPP = 2**31
 
 
 @frozen_pytree
-class Optimized(ForImage):
+class Optimized(ForImage, OfDims):
     """Pixel p of the order takes the points spp * p, ..., in its own order."""
 
     order: orders.OptimizedOrder
@@ -37,15 +37,10 @@ class Optimized(ForImage):
     seeds: Array
     """uint32 (3,): seeds of the scramblings of both coordinates, and of the orders of the samples."""
     spp: int = field(metadata={"static": True})
-    coordinates: int = field(metadata={"static": True})
     frame: Array | None = None
     """uint32 scalar."""
 
     _limited = "samples of a pixel"
-
-    @property
-    def dims(self) -> int:
-        return self.coordinates
 
     @property
     def _digits(self) -> int:
@@ -179,12 +174,12 @@ def optimized(
         return joint(width, height, spp, key, dims, moving=frames is not None)
     of_order, _, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
     return Optimized(
+        dims,
         width,
         height,
         orders.optimized(width, height, spp, of_order),
         jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1]),
         jax.random.bits(of_seeds, (1, 3), jnp.uint32)[0],
         spp,
-        dims,
         None if frames is None else checks.frame(0),
     )

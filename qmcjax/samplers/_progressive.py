@@ -1,6 +1,5 @@
 """A digital net over pixels and samples at once, with an order of the pixels optimised for all prefixes."""
 
-from dataclasses import field
 from typing import Any
 
 import jax
@@ -12,14 +11,14 @@ from qmcjax import orders
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import ForImage
+from qmcjax.samplers._base import ForImage, OfDims
 from qmcjax.sequences import Digital, digital, sobol
 
 MAX_DIMS = 2**16
 
 
 @frozen_pytree
-class Progressive(ForImage):
+class Progressive(ForImage, OfDims):
     """The digits of a pixel's position and of a sample select columns of matrices, which are xored."""
 
     orders: orders.OptimizedOrder
@@ -29,11 +28,6 @@ class Progressive(ForImage):
     """Both have the dimensions of a group."""
     seeds: Array
     """uint32 (groups, dimensions of a group + 1): of the scramblings, and of the orders of the samples."""
-    coordinates: int = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.coordinates
 
     @property
     def most(self) -> int:
@@ -130,11 +124,11 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
         width, height, jnp.asarray(positions), jax.random.bits(of_order, (4,), jnp.uint32)
     )
     return Progressive(
+        dims,
         width,
         height,
         order.family(of_orders, groups),
         sobol(2) if size == 2 else digital(of_samples),
         digital(of_positions),
         jax.random.bits(of_seeds, (groups, size + 1), jnp.uint32),
-        dims,
     )

@@ -1,6 +1,6 @@
 """Tiles of designed points that repeat over the screen, moved and turned at random."""
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import jax
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler
+from qmcjax.samplers._base import OfDims
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
@@ -25,7 +25,7 @@ MAX_SPP = 2**16
 
 
 @frozen_pytree
-class Tiled(Sampler):
+class Tiled(OfDims):
     """Sample s of a pixel is a point of the tile there, moved and turned, in one of equal boxes."""
 
     tile: Array
@@ -34,13 +34,8 @@ class Tiled(Sampler):
     """uint32 (8, 2)."""
     frame: Array
     """uint32: the number of the frame."""
-    coordinates: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
     """Number of samples that the sampler is made for."""
-
-    @property
-    def dims(self) -> int:
-        return self.coordinates
 
     @property
     def limits(self) -> tuple[int, int, int]:
@@ -53,7 +48,7 @@ class Tiled(Sampler):
         ----------
         frame : int, or integer Array of shape (), in [0, 2**32)
         """
-        return Tiled(self.tile, self.seeds, checks.frame(frame), self.coordinates, self.spp)
+        return replace(self, frame=checks.frame(frame))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return pixels and hashes of them for jitter."""
@@ -114,7 +109,7 @@ class Tiled(Sampler):
 def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -> Tiled:
     """Return the sampler of a tile."""
     seeds = jax.random.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
-    return Tiled(jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), dims, spp)
+    return Tiled(dims, jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), spp)
 
 
 def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: int | None = None) -> Tiled:

@@ -12,7 +12,8 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.orders import log_side
+from qmcjax.orders import Order, log_side
+from qmcjax.sequences import Sequence
 
 
 class Sampler(abc.ABC):
@@ -277,11 +278,12 @@ class ForImage(OnRaster):
         return 2**self.log_side, 2**self.log_side
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class AlongCurve(OnRaster):
     """A sampler that takes the points of a sequence in an order of the pixels."""
 
-    order: Any
-    sequence: Any
+    order: Order
+    sequence: Sequence
 
     _sized = "order"
 

@@ -19,8 +19,6 @@ from qmcjax.sequences import InTime, Sequence, as_sequence
 class Contiguous(AlongCurve):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
 
-    order: Order
-    sequence: Sequence
     spp: int = field(metadata={"static": True})
 
     _limited = "samples in the block of a pixel"

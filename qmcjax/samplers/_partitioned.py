@@ -22,8 +22,6 @@ from qmcjax.sequences import Sequence, as_sequence
 class Partitioned(Strided):
     """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
 
-    order: Order
-    sequence: Sequence
     component: int = field(metadata={"static": True})
     """The partitioning component."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)

@@ -23,8 +23,6 @@ from qmcjax.sequences import Sequence, as_sequence
 class Segments(Strided):
     """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
 
-    order: Order
-    sequence: Sequence
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in the first iteration."""
     doubling: bool = field(metadata={"static": True})

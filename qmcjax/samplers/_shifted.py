@@ -14,9 +14,7 @@ from qmcjax.sequences import Sequence, as_sequence
 class ShiftedAlong(AlongCurve):
     """Sample s of pixel j is point s of one sequence plus point j of another, modulo 1."""
 
-    order: Order
     shifts: Sequence
-    sequence: Sequence
 
     _limited = "for this sequence"
 
@@ -81,4 +79,4 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
         raise ValueError(
             f"shifts must have a point for each of the curve's {order.length} positions, got {shifts.limit}"
         )
-    return ShiftedAlong(order, shifts, sequence)
+    return ShiftedAlong(order, sequence, shifts)

@@ -73,7 +73,6 @@ class Codes:
 class ArtOwen(Scrambled):
     """A sequence with an invertible nested permutation of each coordinate."""
 
-    sequence: BinarySequence
     codes: Codes
 
     called = "art_owen"

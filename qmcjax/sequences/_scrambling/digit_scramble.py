@@ -21,7 +21,6 @@ from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 class PermutedDigits(ScrambledDigits):
     """A sequence with one permutation per digit, also of the zeros after the last digit."""
 
-    sequence: DigitSequence
     tables: Array
     """uint16: the reflection tables of all coordinates, one after the other."""
     tails: Array

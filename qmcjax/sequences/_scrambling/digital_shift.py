@@ -19,7 +19,6 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class DigitalShift(Scrambled):
     """A sequence with digits flipped by one word per coordinate."""
 
-    sequence: BinarySequence
     shifts: Array
     """uint32 (dims,): fractions, the flip of the first digit in bit 31."""
 

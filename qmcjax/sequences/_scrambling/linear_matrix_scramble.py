@@ -19,7 +19,6 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class Linear(Scrambled):
     """A sequence with digits multiplied by one matrix per coordinate."""
 
-    sequence: BinarySequence
     columns: Array
     """uint32 (dims, 32): column k of L_j, its first row in bit 0; lower unit-triangular."""
 

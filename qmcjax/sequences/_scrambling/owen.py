@@ -18,7 +18,6 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class Owen(Scrambled):
     """A sequence with a nested random permutation of each coordinate."""
 
-    sequence: BinarySequence
     seeds: Array
     """uint32 (dims,)."""
 

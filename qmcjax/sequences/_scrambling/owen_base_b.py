@@ -28,7 +28,6 @@ class OwenDigits(ScrambledDigits):
     go through one uniform permutation.
     """
 
-    sequence: DigitSequence
     tables: Array
     """uint16: the tables of all coordinates, one after the other."""
     seeds: Array

@@ -19,7 +19,6 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class OwenExact(Scrambled):
     """A sequence with a nested uniform permutation of each coordinate."""
 
-    sequence: BinarySequence
     seeds: Array
     """uint32 (dims, 2)."""
 

@@ -9,7 +9,6 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 _DRAWN = 2**13
@@ -20,7 +19,6 @@ _DRAWN = 2**13
 class OwenExactDigits(ScrambledDigits):
     """A sequence with a nested uniform permutation of each coordinate."""
 
-    sequence: DigitSequence
     seeds: Array
     """uint32 (dims, 2)."""
 

@@ -18,7 +18,6 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class RotatedBinary(Scrambled):
     """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
 
-    sequence: BinarySequence
     offsets: Array
     """uint32 (dims,): fractions."""
 

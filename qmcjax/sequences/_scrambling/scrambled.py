@@ -1,6 +1,7 @@
 """Base classes of the randomisations, in base 2 and in base b."""
 
 import abc
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +16,7 @@ from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 from qmcjax.sequences._protocol.fraction import Fraction
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Scrambled(PointByPoint, FractionFirst):
     """A sequence in base 2 with coordinates mapped one by one: subclasses implement :meth:`mapped`."""
 
@@ -56,6 +58,7 @@ def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) 
     return wanted.reshape((1,) * (coordinates.ndim - 1) + wanted.shape)
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class ScrambledDigits(Derived):
     """A sequence with coordinates mapped one by one, digit after digit."""
 

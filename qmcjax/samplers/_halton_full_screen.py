@@ -52,12 +52,7 @@ class HaltonFullScreen(ForImage):
         return checks.INDEX_LIMIT // (columns * rows)
 
     def index(self, x: Array, y: Array, sample: Array) -> Array:
-        """Return the index of the point of a pixel in block ``sample``.
-
-        ``x``, ``y``: uint32 Array: column and row of the pixel, in the padded raster. ``sample``: uint32
-        Array: the block, below ``spp``: indices ``sample * 2**a * 3**b`` and following. Returns uint32 Array,
-        the broadcast shape.
-        """
+        """Return the index of the point of a pixel in a block: ``sample * 2**a * 3**b`` or following."""
         return self._index(x, y, sample)[0]
 
     def _index(self, x: Array, y: Array, sample: Array) -> tuple[Array, Array]:

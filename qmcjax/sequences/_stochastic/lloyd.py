@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
-"""Of shape (n, d), in [0, 1)."""
+"""Of shape (n, d); and moments of their cells."""
 
 
 def relaxed(points: Points, iterations: int) -> Points:
-    """Return the points after some iterations."""
+    """Return the points after some iterations, in [0, 1)."""
     for _ in range(iterations):
         points = centroids(points)
         points -= np.floor(points)

@@ -109,6 +109,7 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
 
     Examples
     --------
+    >>> import numpy as np
     >>> sampler = progressive(64, 64, key=1, dims=4)
     >>> print(sampler(3, 5, np.arange(4096), dims=(0, 1, 2, 3)).shape)
     (4096, 4)

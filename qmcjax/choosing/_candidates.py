@@ -35,8 +35,18 @@ def _owen(dims: int, key: Any) -> Any:
     return sequences.owen(sequences.sobol(dims), key)
 
 
-def _random(dims: int, width: int, height: int, spp: int, key: Any) -> samplers.Sampler:
-    return samplers.contiguous(orders.raster(width, height), sequences.uniform(dims, key), spp)
+def _along(curve: Callable[[int, int], orders.Order], sequence: Callable[..., Any]) -> Callable[..., Any]:
+    """Return what makes contiguous blocks along a curve, of a sequence of dimensions, key and frame."""
+
+    def make(dims: int, width: int, height: int, spp: int, key: Any, *frame: Any) -> samplers.Sampler:
+        return samplers.contiguous(curve(width, height), sequence(dims, key, *frame), spp)
+
+    return make
+
+
+def _masked(dims: int, width: int, height: int, spp: int, key: Any) -> Any:
+    lattice = sequences.rotate(sequences.lattice(dims), key)
+    return samplers.dither(samplers.blue_noise_mask(2), lattice)
 
 
 def _permutation(dims: int, width: int, height: int, spp: int, key: Any) -> samplers.Sampler:
@@ -51,7 +61,7 @@ def _permutation(dims: int, width: int, height: int, spp: int, key: Any) -> samp
 
 
 CANDIDATES: dict[str, Candidate] = {
-    "random": Candidate(_random),
+    "random": Candidate(_along(orders.raster, sequences.uniform)),
     # One set in each pixel.
     "(0,2), Owen": Candidate(
         lambda dims, width, height, spp, key: samplers.independent(sequences.sobol(dims), key)
@@ -74,11 +84,7 @@ CANDIDATES: dict[str, Candidate] = {
     ),
     "permutation": Candidate(_permutation, most_dims=2, powers_of_two=True),
     # Optimised for small errors after a filter.
-    "dither mask": Candidate(
-        lambda dims, width, height, spp, key: samplers.dither(
-            samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(dims), key)
-        )
-    ),
+    "dither mask": Candidate(_masked),
     "ranked keys": Candidate(lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4),
     "designed tiles": Candidate(
         lambda dims, width, height, spp, key: samplers.designed(width, height, spp, key, dims),
@@ -104,27 +110,15 @@ CANDIDATES: dict[str, Candidate] = {
         powers_of_two=True,
     ),
     # Along other curves.
-    "raster, Owen-Sobol'": Candidate(
-        lambda dims, width, height, spp, key: samplers.contiguous(
-            orders.raster(width, height), _owen(dims, key), spp
-        )
-    ),
-    "Hilbert, Owen-Sobol'": Candidate(
-        lambda dims, width, height, spp, key: samplers.contiguous(
-            orders.hilbert(width, height), _owen(dims, key), spp
-        )
-    ),
+    "raster, Owen-Sobol'": Candidate(_along(orders.raster, _owen)),
+    "Hilbert, Owen-Sobol'": Candidate(_along(orders.hilbert, _owen)),
     "Hilbert, Niederreiter-Xing": Candidate(
-        lambda dims, width, height, spp, key: samplers.contiguous(
-            orders.hilbert(width, height), sequences.owen(sequences.niederreiter_xing(dims), key), spp
-        ),
+        _along(orders.hilbert, lambda dims, key: sequences.owen(sequences.niederreiter_xing(dims), key)),
         most_dims=11,
         least_dims=3,
     ),
     "Hilbert, Halton (2,3)": Candidate(
-        lambda dims, width, height, spp, key: samplers.contiguous(
-            orders.hilbert(width, height), sequences.owen(sequences.halton(dims), key), spp
-        )
+        _along(orders.hilbert, lambda dims, key: sequences.owen(sequences.halton(dims), key))
     ),
     "Hilbert, shifted lattice": Candidate(
         lambda dims, width, height, spp, key: samplers.shifted(
@@ -145,9 +139,18 @@ def _fresh(name: str) -> Candidate:
     return Candidate(make, still.most_dims, still.powers_of_two)
 
 
-def _golden(sequence: Any, dims: int, frame: Any) -> Any:
+def _golden(dims: int, key: Any, frame: Any) -> Any:
     """Rotate a sequence by the golden ratio's kin of as many dimensions, once for each frame."""
-    return sequences.rotate(sequence, sequences.roberts(dims)(frame))
+    return sequences.rotate(_owen(dims, key), sequences.roberts(dims)(frame))
+
+
+def _moving(sampler: Callable[..., Any]) -> Candidate:
+    """Return a candidate that moves its samples from frame to frame."""
+
+    def make(dims: int, width: int, height: int, spp: int, key: Any, frame: Any) -> samplers.Sampler:
+        return sampler(width, height, spp, key, dims=dims, frames=32).at_frame(frame)
+
+    return Candidate(make, powers_of_two=True)
 
 
 FRAMES: dict[str, Candidate] = {
@@ -156,54 +159,29 @@ FRAMES: dict[str, Candidate] = {
     "Z, new keys": _fresh("Z, hash"),
     "optimised orders, new keys": _fresh("optimised orders"),
     "Hilbert, new keys": _fresh("Hilbert, Owen-Sobol'"),
-    "Hilbert, golden shifts": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.contiguous(
-            orders.hilbert(width, height), _golden(_owen(dims, key), dims, frame), spp
-        )
-    ),
+    "Hilbert, golden shifts": Candidate(_along(orders.hilbert, _golden)),
     "Hilbert, moving": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.contiguous(
-            orders.hilbert(width, height), sequences.in_time(_owen(dims, key)).at_frame(frame), spp
-        )
+        _along(orders.hilbert, lambda dims, key, frame: sequences.in_time(_owen(dims, key)).at_frame(frame))
     ),
     "dither mask, golden shifts": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.dither(
-            samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(dims), key)
-        ).at_frame(frame)
+        lambda dims, width, height, spp, key, frame: _masked(dims, width, height, spp, key).at_frame(frame)
     ),
-    "Z, moving": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.z(
-            width, height, spp, key, dims=dims, frames=32
-        ).at_frame(frame),
-        powers_of_two=True,
-    ),
-    "optimised orders, moving": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.optimized(
-            width, height, spp, key, dims, frames=32
-        ).at_frame(frame),
-        powers_of_two=True,
-    ),
-    "designed frames": Candidate(
-        lambda dims, width, height, spp, key, frame: samplers.designed(
-            width, height, spp, key, dims, frames=32
-        ).at_frame(frame),
-        powers_of_two=True,
-    ),
+    "Z, moving": _moving(samplers.z),
+    "optimised orders, moving": _moving(samplers.optimized),
+    "designed frames": _moving(samplers.designed),
 }
 """Samplers for animations. A new frame is the same program."""
 
 PROGRESSIVE: dict[str, Candidate] = {
-    "random": CANDIDATES["random"],
-    "(0,2), Owen": CANDIDATES["(0,2), Owen"],
+    **{name: CANDIDATES[name] for name in ("random", "(0,2), Owen")},
     "pmj02": Candidate(
         lambda dims, width, height, spp, key: samplers.independent(sequences.pmj02(spp, key), key),
         most_dims=2,
     ),
-    "ranked keys": CANDIDATES["ranked keys"],
-    "dither mask": CANDIDATES["dither mask"],
-    "Z, hash": CANDIDATES["Z, hash"],
-    "optimised orders": CANDIDATES["optimised orders"],
-    "Hilbert, Owen-Sobol'": CANDIDATES["Hilbert, Owen-Sobol'"],
+    **{
+        name: CANDIDATES[name]
+        for name in ("ranked keys", "dither mask", "Z, hash", "optimised orders", "Hilbert, Owen-Sobol'")
+    },
     "progressive orders": Candidate(
         lambda dims, width, height, spp, key: samplers.progressive(width, height, key, dims)
     ),

@@ -4,7 +4,6 @@ import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib import resources
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax import scenes
 from qmcjax.choosing._candidates import CANDIDATES, FRAMES, PROGRESSIVE, Candidate
-from qmcjax.core import student
+from qmcjax.core import student, tables
 
 LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
 """By the largest number of dimensions of a level."""
@@ -168,8 +167,7 @@ def like(setting: Setting, size: tuple[int, int]) -> tuple[int, int]:
 def table(file: str) -> tuple[Row, ...]:
     """Read a table, one size after the other; see ``analysis/tables/make_recommendations.py``."""
     (setting,) = (setting for setting in SETTINGS.values() if setting.file == file)
-    source = resources.files("qmcjax.choosing") / "_data" / file
-    with source.open(encoding="utf-8") as stream:
+    with tables.file("choosing", file).open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))
         next(lines)
         return tuple(

@@ -5,6 +5,9 @@ A *bit-reversed* fraction has the first digit in bit 0. The bits of an index are
 (its van der Corput radical inverse), and carries run from the first digit to later ones there, which
 is what Owen scrambling by hashing needs. So generators and scramblings work on bit-reversed words, and
 :func:`reverse` is applied once, at the end.
+
+Arguments and results are uint32 Arrays of one shape, unless a function says otherwise. The thesis is
+L. Gruenschloss, "Motion Blur", 2008.
 """
 
 import jax
@@ -29,8 +32,6 @@ def _word(value: int) -> np.uint32:
 def reverse(word: Array) -> Array:
     """Reverse the order of the 32 bits.
 
-    ``word``: uint32 Array, shape (...). Returns uint32 Array, shape (...).
-
     Examples
     --------
     >>> print(reverse(jnp.uint32(1)))
@@ -47,15 +48,11 @@ def pascal(reversed_bits: Array) -> Array:
     """Multiply a bit-reversed fraction by Pascal's triangle modulo 2, in five steps.
 
     This is the generator matrix of the second component of the Sobol' sequence, its own inverse
-    (thesis [1]_, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
+    (thesis, Eq. 5.14 and Remark 2). It is a Kronecker power of ((1, 1), (0, 1)), hence a
     product of five sparse factors.
 
-    ``reversed_bits``: uint32 Array, shape (...): the digits ``d_0, d_1, ...`` of the index in bits 0, 1, ...
-    Returns uint32 Array, shape (...): the bit-reversed product: its first row in bit 0.
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+    ``reversed_bits``: the digits ``d_0, d_1, ...`` of the index in bits 0, 1, ... Returns the bit-reversed
+    product: its first row in bit 0.
     """
     for shift, mask in ((16, 0xFFFF0000), (8, 0xFF00FF00), (4, 0xF0F0F0F0), (2, 0xCCCCCCCC), (1, 0xAAAAAAAA)):
         reversed_bits = reversed_bits ^ ((reversed_bits & _word(mask)) >> shift)
@@ -67,13 +64,7 @@ def gray_decode(word: Array) -> Array:
     """Replace bit ``k`` by the parity of the bits ``k`` and above.
 
     On a bit-reversed fraction this is the product with the upper triangular matrix of ones, the
-    Larcher-Pillichshammer generator matrix (thesis [1]_, Eq. 5.15).
-
-    ``word``: uint32 Array, shape (...). Returns uint32 Array, shape (...).
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008.
+    Larcher-Pillichshammer generator matrix (thesis, Eq. 5.15).
     """
     for shift in (1, 2, 4, 8, 16):
         word = word ^ (word >> shift)
@@ -89,8 +80,6 @@ def high_product(a: Array, b: Array) -> Array:
     """Return the upper word of the product of two words.
 
     ``jax.lax.mulhi`` does the same, but XLA for CPUs cannot compile it for several devices (jax 0.10).
-
-    ``a``, ``b``: uint32 Array, of one shape. Returns uint32 Array, shape of ``a``.
     """
     with jax.enable_x64(True):
         product = a.astype(jnp.uint64) * b.astype(jnp.uint64)
@@ -100,8 +89,6 @@ def high_product(a: Array, b: Array) -> Array:
 @traced_once
 def hash_word(word: Array) -> Array:
     """Mix a word: a bijection of 32-bit words, with all output bits dependent on all input bits.
-
-    ``word``: uint32 Array, shape (...). Returns uint32 Array, shape (...).
 
     Notes
     -----
@@ -121,8 +108,8 @@ def hash_pair(one: Array, other: Array) -> Array:
     Both are mixed before they meet. If a mixed word met a raw one, ranges of the raw one would give shifted
     copies of each other wherever the mixed words are close.
 
-    ``one``, ``other``: uint32 Array, broadcast together: for another hash of the same pairs, xor each with
-    its own random word. Returns uint32 Array.
+    ``one``, ``other``: broadcast together; for another hash of the same pairs, xor each with its own random
+    word.
     """
     # The factor is odd: it keeps (a, b) and (b, a) apart.
     return hash_word(hash_word(one) * _word(0x9E3779B9) + hash_word(other))
@@ -140,9 +127,7 @@ def owen_hash(reversed_bits: Array, seed: Array) -> Array:
     Digit ``k`` is flipped by a hash of the digits before it: sums and products carry only towards higher
     bits, so the map is a nested permutation for every seed [1]_.
 
-    ``reversed_bits``: uint32 Array, shape (...): fractions with the first digit in bit 0. ``seed``: uint32
-    Array, broadcastable to ``reversed_bits``: one well mixed word per realisation and coordinate. Returns
-    uint32 Array: the scrambled fractions, bit-reversed.
+    ``seed``: broadcastable to ``reversed_bits``: one well mixed word per realisation and coordinate.
 
     Notes
     -----
@@ -174,9 +159,7 @@ def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
     Rounding down keeps every point in its elementary interval and never gives 1, which rounding
     to nearest does for fractions of ``0xffffff80`` and above.
 
-    ``bits``: uint32 Array, shape (...): fractions; bit 31 is the first digit. ``dtype``: float32 or float64:
-    float32 keeps the upper 24 bits, float64 all 32. float64 needs no global flag. Returns Array of ``dtype``,
-    shape (...).
+    ``dtype``: float32, which keeps the upper 24 bits, or float64, which needs no global flag.
 
     Examples
     --------

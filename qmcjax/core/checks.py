@@ -66,7 +66,7 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def choice(name: str, value: Any, choices: Iterable[str]) -> str:
+def choice(name: str, value: Any, choices: Iterable[str | None]) -> str:
     """Return ``value``, one of ``choices``."""
     choices = tuple(choices)
     if not isinstance(value, str):

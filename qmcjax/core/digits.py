@@ -4,8 +4,9 @@ An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with `
 at the radix point they are an integer over ``base**K``. It can exceed a word, so its last digits are kept
 apart and joined in float64, where it is exact.
 
-``base`` can be an array of bases of the same K, of the rank of the index: then one program serves all bases.
-It compiles faster but divides slower than one with a constant divisor.
+``base``, in [2, 2**16], can be an int64 array of bases of the same K, of the rank of the index: then one
+program serves all bases. It compiles faster but divides slower than one with a constant divisor. Integers in
+arrays are uint32, and results are in [0, 1), of ``dtype``: float32 or float64.
 """
 
 from itertools import groupby
@@ -69,11 +70,9 @@ def exact_fraction(
 ) -> Array:
     """Divide a numerator of ``K = digit_count(base)`` digits by ``base**K``, once.
 
-    ``leading``: uint32 Array, shape (...): the first ``K - span`` digits after the radix point, as an
-    integer. ``last``: uint32 Array, shape (...): the last ``span`` digits, as an integer. ``base``: int, or
-    int64 ndarray of the rank of the others: in [2, 2**16]. ``dtype``: float32 or float64: in float64 the
-    fraction is rounded to nearest. In float32 this value is rounded to nearest again, but never up to 1.
-    ``span``: in [1, K]. Returns Array of ``dtype``, shape (...), in [0, 1).
+    ``leading``: the first ``K - span`` digits after the radix point, as an integer. ``last``: the last
+    ``span`` digits, as an integer. In float64 the fraction is rounded to nearest. In float32 this value is
+    rounded to nearest again, but never up to 1.
     """
     with jax.enable_x64(True):
         exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64)
@@ -100,14 +99,12 @@ def cell_fraction(
     float64. So the point is more than a rounding error away from both ends of its interval, and the one
     division leaves it inside.
 
-    ``leading``: uint32 Array, shape (...): the first ``count - span`` digits after the radix point, as an
-    integer. ``last``: uint32 Array, shape (...): the next ``span`` digits, as an integer. ``tail``: uint32
-    Array, shape (...): the digits behind, as a fraction in base 2: its bit 31 is the first. ``base``: int, or
-    int64 ndarray of the rank of the others: in [2, 2**16]. ``dtype``: float32 or float64: in float64 the
-    fraction is rounded to nearest. In float32 this value is rounded down to a multiple of 2**-24, unless that
-    lies below its interval of length base**-k, with the largest k that leaves it longer than 2**-24: then it
-    is rounded up. ``span``: in [1, count]. ``count``: number of digits, ``digit_count(base)`` by default.
-    ``base**count`` is at most 2**48. Returns Array of ``dtype``, shape (...), in [0, 1).
+    ``leading``: the first ``count - span`` digits after the radix point, as an integer. ``last``: the next
+    ``span`` digits, as an integer. ``tail``: the digits behind, as a fraction in base 2: its bit 31 is the
+    first. ``count``: number of digits, ``digit_count(base)`` by default; ``base**count`` is at most 2**48. In
+    float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of 2**-24,
+    unless that lies below its interval of length base**-k, with the largest k that leaves it longer than
+    2**-24: then it is rounded up.
     """
     count = digit_count(base) if count is None else count
     total = base**count
@@ -131,10 +128,8 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
     The reflected digits are collected as an exact integer and divided once, in float64: no error
     accumulates, and every uint32 index has its own value.
 
-    ``index``: uint32 Array, shape (...). ``base``: int, or int64 ndarray of the rank of the others: in [2,
-    2**16]. ``dtype``: float32 or float64: the result is rounded to nearest, but never up to 1 (see
-    :func:`exact_fraction`); in base 2, where float64 is exact, float32 is rounded down. Returns Array of
-    ``dtype``, shape (...), in [0, 1).
+    The result is rounded to nearest, but never up to 1 (see :func:`exact_fraction`); in base 2, where float64
+    is exact, float32 is rounded down.
 
     References
     ----------
@@ -201,3 +196,30 @@ def digit_reversed(number: Array, base: Base, span: int) -> Array:
         number = quotient(number, base)
         reverse = reverse + number * word(base ** (span - 1 - k) - base ** (span + 1 - k))
     return reverse
+
+
+def limit_64(base: int) -> int:
+    """Return the number of indices of :func:`radical_inverse_64`, in [2**48, 2**64)."""
+    return 2**32 * base ** (digit_count(base) - 1)
+
+
+def radical_inverse_64(high: Array, low: Array, base: int, dtype: DTypeLike = jnp.float32) -> Array:
+    """Reflect the digits of a 64-bit index at the radix point.
+
+    ``high``, ``low``: the index ``high * 2**32 + low``, below :func:`limit_64`. In base 2 the result has the
+    first 32 digits. In other bases float64 is off by less than 2**-52, and float32 is this value rounded to
+    nearest; neither is ever 1.
+    """
+    if base == 2:
+        return to_unit(reverse(low), dtype)
+    count = digit_count(base) - 1
+    with jax.enable_x64(True):
+        index = (high.astype(jnp.uint64) << 32) | low.astype(jnp.uint64)
+        # Both the first ``count`` digits and the others are numbers below 2**32.
+        rest = index // np.uint64(base**count)
+        first = (index - rest * np.uint64(base**count)).astype(jnp.uint32)
+        tail = radical_inverse(rest.astype(jnp.uint32), base, jnp.float64)
+        value = (digit_reversed(first, base, count).astype(jnp.float64) + tail) * np.float64(1 / base**count)
+        if dtype == jnp.float64:
+            return jnp.minimum(value, np.float64(1 - 2.0**-53))
+        return jnp.minimum(value.astype(jnp.float32), below_one(np.float32))

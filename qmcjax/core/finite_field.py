@@ -1,4 +1,7 @@
-"""Linear algebra over the prime field F_q, exact, on NumPy integers, before tracing."""
+"""Linear algebra over the prime field F_q, exact, on NumPy integers, before tracing.
+
+``q`` is a prime below 2**16. Entries of matrices are integers, taken modulo ``q``; results are int64 arrays.
+"""
 
 import math
 from typing import Any
@@ -46,8 +49,7 @@ def prime(name: str, value: Any, low: int = 2, high: int = FIELD_LIMIT - 1) -> i
 def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
     """Multiply matrices over F_q.
 
-    ``a``, ``b``: integer array, shape (..., m, m): entries are taken modulo ``q``. ``q``: a prime below
-    2**16. Returns int64 ndarray, shape (..., m, m), in [0, q).
+    ``a``, ``b``: shape (..., m, m).
 
     Examples
     --------
@@ -65,8 +67,7 @@ def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
 def rank(matrix: np.ndarray, q: int) -> int:
     """Return the rank of a matrix over F_q.
 
-    ``matrix``: integer array, shape (m, n): entries are taken modulo ``q``. ``q``: a prime below 2**16.
-    Returns int: in [0, min(m, n)].
+    ``matrix``: shape (m, n).
 
     Examples
     --------
@@ -83,8 +84,7 @@ def rank(matrix: np.ndarray, q: int) -> int:
 def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
     """Invert a square matrix over F_q; a singular one raises a ValueError.
 
-    ``matrix``: integer array, shape (m, m): entries are taken modulo ``q``. ``q``: a prime below 2**16.
-    Returns int64 ndarray, shape (m, m), in [0, q).
+    ``matrix``: shape (m, m).
 
     Examples
     --------

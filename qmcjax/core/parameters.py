@@ -28,9 +28,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
     array = _of_jax(name, value) if traced else known(name, value)
     found = jnp.shape(array)
-    if len(found) != len(shape) or any(
-        a != b if b is not None else a < 1 for a, b in zip(found, shape, strict=True)
-    ):
+    if not _fits(found, shape):
         wanted = str(tuple("n" if n is None else n for n in shape)).replace("'", "")
         raise ValueError(f"{name} must have shape {wanted}, got {found}: {checks.shown(value)}")
     if not isinstance(array, Tracer) and not np.all(np.abs(np.asarray(array)) <= np.finfo(np.float32).max):
@@ -59,9 +57,7 @@ def floats(name: str, value: Any, last: tuple[int | None, ...] = (), finite: boo
     if array.dtype not in (jnp.float32, jnp.float64):
         raise TypeError(f"{name} must be float32 or float64, got {checks.shown(value)}")
     found = array.shape[max(array.ndim - len(last), 0) :]
-    if len(found) != len(last) or any(
-        a < 1 if b is None else a != b for a, b in zip(found, last, strict=True)
-    ):
+    if not _fits(found, last):
         wanted = ", ".join(("...", *("n" if n is None else str(n) for n in last)))
         raise ValueError(f"{name} must have shape ({wanted}), got {array.shape}")
     if isinstance(array, Tracer):
@@ -73,6 +69,12 @@ def floats(name: str, value: Any, last: tuple[int | None, ...] = (), finite: boo
             rule = f"finite in {array.dtype}" if lost else "finite"
             raise ValueError(f"{name} must be {rule}, got {checks.shown(value)}")
     return array
+
+
+def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
+    """Return whether a shape is the wanted one."""
+    lengths = zip(found, shape, strict=False)
+    return len(found) == len(shape) and all(a >= 1 if b is None else a == b for a, b in lengths)
 
 
 def together(**arrays: Array) -> list[Array]:

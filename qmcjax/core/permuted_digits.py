@@ -1,4 +1,7 @@
-"""Permuted digits: radical inverses with tables that permute several digits in one look-up."""
+"""Permuted digits: radical inverses with tables that permute several digits in one look-up.
+
+Arguments are as in :mod:`qmcjax.core.digits`.
+"""
 
 from functools import cache
 from typing import Any
@@ -82,11 +85,9 @@ def permuted_radical_inverse(
     beyond. Where a permutation moves 0, the infinitely many zeros beyond would add the same constant to the
     values of all indices, between 0 and ``base**-K``, at most 2**-32.
 
-    ``index``: uint32 Array, shape (...). ``base``: int, or int64 ndarray of the rank of ``index``: in [2,
-    2**16). ``tables``: uint16 Array: the permutations: the :func:`reflection_tables`, one after the other.
-    ``dtype``: float32 or float64: rounded as by :func:`radical_inverse`. ``offset``: int, or int64 ndarray of
-    the shape of ``base``: where the tables of this base start. Returns Array of ``dtype``, shape (...), in
-    [0, 1).
+    ``tables``: uint16 Array: the permutations: the :func:`reflection_tables`, one after the other.
+    ``offset``: of the shape of ``base``: where the tables of this base start. Values are rounded as by
+    :func:`radical_inverse`.
 
     References
     ----------

@@ -23,14 +23,14 @@ class Order(abc.ABC):
     height: int = field(metadata={"static": True})
 
     @property
-    @abc.abstractmethod
     def length(self) -> int:
         """Number of positions on the padded curve."""
+        return self.width * self.height
 
     @property
-    @abc.abstractmethod
     def raster(self) -> tuple[int, int]:
         """Width and height of the padded raster."""
+        return self.width, self.height
 
     @abc.abstractmethod
     def unchecked_position(self, x: Array, y: Array) -> Array:

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hashed import Hashed
@@ -123,9 +122,7 @@ def _permutations() -> NDArray[np.uint8]:
     Squares of equal size are stored row by row. Bits 2 q and 2 q + 1 of a permutation are the digit of
     quadrant q: upper left, upper right, lower left, lower right.
     """
-    source = resources.files("qmcjax.orders") / "_data" / "optimized.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        return table["permutations"]
+    return tables.arrays("orders", "optimized.npz", "permutations")[0]
 
 
 @cache

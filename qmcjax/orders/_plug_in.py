@@ -59,14 +59,6 @@ class Permutation(Order):
     inverse: Array
     """uint32 (length,): numbers of pixels, row by row."""
 
-    @property
-    def length(self) -> int:
-        return self.width * self.height
-
-    @property
-    def raster(self) -> tuple[int, int]:
-        return self.width, self.height
-
     def unchecked_position(self, x: Array, y: Array) -> Array:
         return self.table.at[y, x].get(mode="promise_in_bounds")
 

@@ -12,14 +12,6 @@ from qmcjax.orders._base import Order
 class Raster(Order):
     """Rows from top to bottom, each from left to right."""
 
-    @property
-    def length(self) -> int:
-        return self.width * self.height
-
-    @property
-    def raster(self) -> tuple[int, int]:
-        return self.width, self.height
-
     def unchecked_position(self, x: Array, y: Array) -> Array:
         return y * np.uint32(self.width) + x
 

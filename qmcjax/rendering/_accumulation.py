@@ -1,7 +1,7 @@
 """Sums of samples over pixels: all of an image, or a list of them."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -32,74 +32,59 @@ _LEAST = 2**11
 """Pixels of a tile with derivatives: smaller tiles take longer per pixel."""
 
 
-@jit("size", "width", "height", "batch", "dims", "mesh")
+class How(NamedTuple):
+    """What programs are compiled for."""
+
+    size: int
+    """Pixels of a tile."""
+    width: int
+    height: int
+    batch: int
+    """Samples of a pixel that are evaluated together."""
+    dims: tuple[int, ...]
+    """Sampled coordinates; the others are 1/2 (of the pixel, for the first two)."""
+    dtype: np.dtype
+    mesh: Mesh | None
+
+
+@jit("how")
 def accumulate(
-    pair: tuple[Any, Any],
-    tiles: Array,
-    states: Sum,
-    first: Array,
-    batches: Array,
-    size: int,
-    width: int,
-    height: int,
-    batch: int,
-    dims: tuple[int, ...],
-    mesh: Mesh | None,
+    pair: tuple[Any, Any], tiles: Array, states: Sum, first: Array, batches: Array, how: How
 ) -> Sum:
-    """Add ``batches`` times ``batch`` samples to every pixel of some tiles, one tile after the other.
+    """Add ``batches`` times ``how.batch`` samples to every pixel of some tiles, one tile after the other.
 
     ``tiles`` holds the numbers of pixels, shape (tiles, size), or the first numbers of tiles of ``size``
     neighbours, shape (tiles,); numbers beyond the last pixel stand for it. The sums of a tile stay in the
-    cache. ``dims`` are the sampled coordinates; the others are 1/2 (of the pixel, for the first two).
+    cache.
     """
 
     def of_tile(part: tuple[Array, Sum], pair: tuple[Any, Any], first: Array, batches: Array) -> Sum:
         tile, state = part
-        batch_sum, parameters = _batch(pair, tile, size, width, height, batch, dims, state[0].dtype)
+        batch_sum, parameters = _batch(pair, tile, how)
         return summation.add_terms(batch_sum, True, parameters, state, first, batches)
 
-    return parts.mapped(of_tile, mesh, (tiles, states), pair, first, batches)
+    return parts.mapped(of_tile, how.mesh, (tiles, states), pair, first, batches)
 
 
-@jit("size", "width", "height", "batch", "dims", "dtype", "mesh", "traced")
-def means(
-    pair: tuple[Any, Any],
-    tiles: Array,
-    spp: Array,
-    size: int,
-    width: int,
-    height: int,
-    batch: int,
-    dims: tuple[int, ...],
-    dtype: np.dtype,
-    mesh: Mesh | None,
-    traced: bool,
-) -> Array:
+@jit("how", "traced")
+def means(pair: tuple[Any, Any], tiles: Array, spp: Array, how: How, traced: bool) -> Array:
     """Return the means over all samples of some tiles; the sums stay in the cache."""
 
     def of_tile(tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
-        state = zeros(pair[0], (size,), dtype)
-        batches = spp // np.uint32(batch)
-        batch_sum, parameters = _batch(pair, tile, size, width, height, batch, dims, dtype)
+        state = zeros(pair[0], (how.size,), how.dtype)
+        batches = spp // np.uint32(how.batch)
+        batch_sum, parameters = _batch(pair, tile, how)
         state = summation.add_terms(batch_sum, True, parameters, state, jnp.uint32(0), batches)
         return mean(state, spp)
 
     mapped = parts.differentiable if traced else parts.mapped
-    return mapped(of_tile, mesh, tiles, pair, spp)
+    return mapped(of_tile, how.mesh, tiles, pair, spp)
 
 
-def _batch(
-    pair: tuple[Any, Any],
-    tile: Array,
-    size: int,
-    width: int,
-    height: int,
-    batch: int,
-    dims: tuple[int, ...],
-    dtype: DTypeLike,
-) -> tuple[Callable[[Any, Array], Array], Any]:
+def _batch(pair: tuple[Any, Any], tile: Array, how: How) -> tuple[Callable[[Any, Array], Array], Any]:
     """Return the sum over batch k of the samples of a tile, a function of parameters and k, and these."""
     scene, sampler = pair
+    size, width, height, batch, dims, dtype, _ = how
     if tile.ndim == 0:
         tile = jnp.minimum(tile + jax.lax.iota(jnp.uint32, size), np.uint32(width * height - 1))
     pixels = tile % np.uint32(width), tile // np.uint32(width)

@@ -137,18 +137,9 @@ def means(
         begun = []
         for part, padded in _parts(pixels, tuple(size * count for size in sizes)):
             size = len(padded) // count
-            made = _accumulation.means(
-                pair,
-                *devices.placed((padded.reshape(count, size), np.uint32(task.spp)), mesh),
-                size,
-                task.width,
-                task.height,
-                batch,
-                dims,
-                task.dtype,
-                mesh,
-                False,
-            )
+            how = _accumulation.How(size, task.width, task.height, batch, dims, task.dtype, mesh)
+            arguments = devices.placed((padded.reshape(count, size), np.uint32(task.spp)), mesh)
+            made = _accumulation.means(pair, *arguments, how, False)
             begun.append((part, devices.local(made, mesh)))
         for part, values in begun:
             yield part, flat(np.asarray(values))[: len(part)]

@@ -113,21 +113,20 @@ def rendered(
             count = min(at_a_time, -(-(pixels - finished) // size))
             # Parts of a checkpoint may have another size, on other devices.
             count, of_tile = (count, size) if state is None else state[0].shape[:2]
+            how = _accumulation.How(of_tile, width, height, batch, dims, dtype, mesh)
             tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
             means = None
             if state is None and (task.traced or count * size * spp <= _CALL):
                 arguments = devices.placed((tiles, np.uint32(spp)), mesh)
-                how = size, width, height, batch, dims, dtype, mesh, task.traced
-                means = _accumulation.means(pair, *arguments, *how)
-                means = devices.local(means, mesh)
+                means = devices.local(_accumulation.means(pair, *arguments, how, task.traced), mesh)
             else:
                 if state is None:
                     state = _accumulation.zeros(scene, (count, size), dtype)
                 more = min(spp - samples, max(_CALL // (count * of_tile * batch), 1) * batch)
                 arguments = tiles, state, np.uint32(samples // batch), np.uint32(more // batch)
                 arguments = devices.placed(arguments, mesh)
-                state = _accumulation.accumulate(pair, *arguments, of_tile, width, height, batch, dims, mesh)
-                state, samples = devices.local(state, mesh), samples + more
+                state = devices.local(_accumulation.accumulate(pair, *arguments, how), mesh)
+                samples += more
                 if samples == spp:
                     means, state, samples = _accumulation.mean(state, np.uint32(spp)), None, 0
             if means is not None:

@@ -1,6 +1,7 @@
 """The interface of a sampler: from a pixel and the number of a sample to a point."""
 
 import abc
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
@@ -11,6 +12,8 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.orders import Order, log_side
+from qmcjax.sequences import Sequence
 
 
 class Sampler(abc.ABC):
@@ -18,9 +21,12 @@ class Sampler(abc.ABC):
 
     Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's. Subclasses
     are frozen dataclass pytrees that implement ``dims`` and :meth:`points`; :meth:`prepare` for work shared
-    by the samples of a pixel; ``limits`` and :meth:`check` if they are made for one image size or number of
-    samples.
+    by the samples of a pixel; ``limits`` if they are made for a number of samples; :meth:`check` if they are
+    made for one image size.
     """
+
+    _limited = "for this sampler"
+    """Why there are no more samples, in messages."""
 
     @property
     @abc.abstractmethod
@@ -147,7 +153,13 @@ class Sampler(abc.ABC):
         spp : int, samples of each pixel, at least 1
         """
         checks.image_size(width, height)
-        checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
+        self._check_count(checks.integer("spp", spp, 1, checks.INDEX_LIMIT))
+
+    def _check_count(self, spp: int, limit: int | None = None) -> None:
+        """Raise for more samples than there are, by default those of ``limits``."""
+        limit = self.limits[2] if limit is None else limit
+        if spp > limit:
+            raise ValueError(f"spp must be at most {limit} {self._limited}, got {spp}")
 
     def __call__(
         self,
@@ -190,6 +202,8 @@ class InEveryPixel(Sampler):
 
     sequence: Any
 
+    _limited = "for this sequence"
+
     @property
     def dims(self) -> int:
         return self.sequence.dims
@@ -198,9 +212,92 @@ class InEveryPixel(Sampler):
     def limits(self) -> tuple[int, int, int]:
         return (*super().limits[:2], self.sequence.limit)
 
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OfDims(Sampler):
+    """A sampler with any number of dimensions."""
+
+    coordinates: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        return self.coordinates
+
+
+class OnRaster(Sampler):
+    """A sampler for one image size, which it pads to a raster."""
+
+    _sized = "sampler"
+    """What has the size, in messages."""
+
+    @property
+    @abc.abstractmethod
+    def _size(self) -> tuple[int, int]:
+        """Width and height of the image."""
+
+    @property
+    @abc.abstractmethod
+    def raster(self) -> tuple[int, int]:
+        """Columns and rows of the raster."""
+
+    @property
+    def most(self) -> int:
+        """Largest number of samples of a pixel."""
+        return self.spp  # pyright: ignore[reportAttributeAccessIssue]
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        return (*self.raster, self.most)
+
     def check(self, width: int, height: int, spp: int) -> None:
+        checks.image_size(width, height)
+        if self._size != (width, height):
+            wanted = "{} x {}".format(*self._size)
+            raise ValueError(f"width, height must be the {self._sized}'s {wanted}, got {width} x {height}")
         super().check(width, height, spp)
-        check_count(spp, self.sequence.limit, "for this sequence")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ForImage(OnRaster):
+    """A sampler that pads an image to the smallest square that covers it, its side a power of two."""
+
+    width: int = field(metadata={"static": True})
+    height: int = field(metadata={"static": True})
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        return self.width, self.height
+
+    @property
+    def log_side(self) -> int:
+        """Binary logarithm of the side of the square."""
+        return log_side(self.width, self.height)
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        return 2**self.log_side, 2**self.log_side
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AlongCurve(OnRaster):
+    """A sampler that takes the points of a sequence in an order of the pixels."""
+
+    order: Order
+    sequence: Sequence
+
+    _sized = "order"
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims
+
+    @property
+    def _size(self) -> tuple[int, int]:
+        return self.order.width, self.order.height
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        return self.order.raster
 
 
 def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -213,17 +310,3 @@ def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: 
             f"coordinates, got {what}"
         )
     return points
-
-
-def check_size(name: str, made_for: tuple[int, int], wanted: tuple[int, int]) -> None:
-    """Raise a ValueError if a sampler made for one image size is used for another."""
-    if made_for != wanted:
-        raise ValueError(
-            f"width, height must be the {name}'s {made_for[0]} x {made_for[1]}, got {wanted[0]} x {wanted[1]}"
-        )
-
-
-def check_count(spp: int, limit: int, why: str) -> None:
-    """Raise a ValueError for more samples than there are."""
-    if checks.integer("spp", spp, 1, checks.INDEX_LIMIT) > limit:
-        raise ValueError(f"spp must be at most {limit} {why}, got {spp}")

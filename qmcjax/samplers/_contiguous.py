@@ -10,26 +10,18 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import FrameOrder, OneFrame, Order, as_order
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._base import AlongCurve
 from qmcjax.samplers._index_64 import needed, plus, times
 from qmcjax.sequences import InTime, Sequence, as_sequence
 
 
 @frozen_pytree
-class Contiguous(Sampler):
+class Contiguous(AlongCurve):
     """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
 
-    order: Order
-    sequence: Sequence
     spp: int = field(metadata={"static": True})
 
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.order.raster, self.spp)
+    _limited = "samples in the block of a pixel"
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the shared state of the block of a pixel; its position, if indices have 64 bits."""
@@ -68,11 +60,6 @@ class Contiguous(Sampler):
                 f"for frames, got {checks.shown(self.order)} and {checks.shown(self.sequence)}"
             )
         return replace(self, **moved)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("order", (self.order.width, self.order.height), (width, height))
-        check_count(spp, self.spp, "samples in the block of a pixel")
 
 
 def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Contiguous:

@@ -1,7 +1,6 @@
 """One sequence in every pixel, shifted by a tiled mask."""
 
 from dataclasses import replace
-from importlib import resources
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.fractions import fractions
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
@@ -146,7 +145,5 @@ def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
     (128, 128) 1.0 0.5
     """
     channels = checks.integer("channels", channels, 1, 2)
-    source = resources.files("qmcjax.samplers") / "_data" / "masks.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        ranks = table["scalars" if channels == 1 else "vectors"]
+    (ranks,) = tables.arrays("samplers", "masks.npz", "scalars" if channels == 1 else "vectors")
     return (ranks + 0.5) / (ranks.shape[0] * ranks.shape[1])

@@ -41,15 +41,9 @@ def at_frame(frames: Frames | None, frame: Array | int) -> Frames:
 
 
 def of_key(frames: int, sequence: BinarySequence, key: Array | int | None, count: int) -> Frames:
-    """Return frame 0 with several orders.
+    """Return frame 0 with ``count`` orders, for a sequence that is to move; without a key seeds are zeros.
 
-    Parameters
-    ----------
-    frames : int, at least 1
-        The number of frames; nothing depends on it.
-    sequence : BinarySequence, the sequence that is to move
-    key : jax.random.key, int, or None for zeros as seeds
-    count : int, number of orders
+    Nothing depends on the number of frames.
     """
     checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
     in_time(sequence)

@@ -1,6 +1,5 @@
 """One net over the whole screen: each pixel takes the points that fall into it."""
 
-from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,35 +10,28 @@ from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._base import ForImage
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen, halton_full_screen
 from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 
 @frozen_pytree
-class FullScreen(Sampler):
-    """A net scaled to the smallest square that covers the image, its side a power of two."""
+class FullScreen(ForImage):
+    """A net scaled to the raster."""
 
     net: Invertible
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
+
+    _sized = "net"
+    _limited = "for this sequence and image"
 
     @property
     def dims(self) -> int:
         return self.net.dims
 
     @property
-    def log_side(self) -> int:
-        return log_side(self.width, self.height)
-
-    @property
     def spp(self) -> int:
         """Number of points of the net in each pixel."""
         return self.net.points_per_cell(self.log_side)
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
@@ -49,11 +41,9 @@ class FullScreen(Sampler):
         words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("net", (self.width, self.height), (width, height))
+    def _check_count(self, spp: int, limit: int | None = None) -> None:
         if self.net.size is None:
-            check_count(spp, self.spp, "for this sequence and image")
+            super()._check_count(spp, limit)
         elif spp != self.spp:
             raise ValueError(f"spp must be {self.spp}, the net's points in a pixel of this image, got {spp}")
 
@@ -104,4 +94,4 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
     width, height = checks.image_size(width, height)
     if isinstance(net, RadicalInverses):
         return halton_full_screen(net, width, height)
-    return FullScreen(inverted(net, log_side(width, height)), width, height)
+    return FullScreen(width, height, inverted(net, log_side(width, height)))

@@ -1,6 +1,5 @@
 """The Halton sequence over the whole screen: each pixel takes the points that fall into it."""
 
-from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -15,12 +14,12 @@ from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.digits import digit_spans, radical_inverse
 from qmcjax.core.permuted_digits import permuted_digit, permuted_radical_inverse, reflection_tables
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._base import ForImage
 from qmcjax.sequences import RadicalInverses
 
 
 @frozen_pytree
-class HaltonFullScreen(Sampler):
+class HaltonFullScreen(ForImage):
     """A Halton sequence scaled to the smallest raster of 2**a x 3**b pixels that covers the image.
 
     The first a binary digits of an index give its column, the first b ternary digits its row: so one of each
@@ -28,15 +27,14 @@ class HaltonFullScreen(Sampler):
     """
 
     sequence: RadicalInverses
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
-
     flips: Array
     """uint32: bit k is set if the permutation of binary digit k swaps."""
     inverses: Array | None
     """uint32 (b, 3): row k maps ternary digit k of the second component to that of the index."""
     tables: Array | None
     """uint16: the reflection tables of the ternary digits from the b-th on."""
+
+    _sized = "sequence"
 
     @property
     def dims(self) -> int:
@@ -54,12 +52,7 @@ class HaltonFullScreen(Sampler):
         return checks.INDEX_LIMIT // (columns * rows)
 
     def index(self, x: Array, y: Array, sample: Array) -> Array:
-        """Return the index of the point of a pixel in block ``sample``.
-
-        ``x``, ``y``: uint32 Array: column and row of the pixel, in the padded raster. ``sample``: uint32
-        Array: the block, below ``spp``: indices ``sample * 2**a * 3**b`` and following. Returns uint32 Array,
-        the broadcast shape.
-        """
+        """Return the index of the point of a pixel in a block: ``sample * 2**a * 3**b`` or following."""
         return self._index(x, y, sample)[0]
 
     def _index(self, x: Array, y: Array, sample: Array) -> tuple[Array, Array]:
@@ -83,10 +76,6 @@ class HaltonFullScreen(Sampler):
         rest = sample * np.uint32(columns) + second
         return rest * np.uint32(rows) + by_row, rest
 
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.raster, self.spp)
-
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
         index, rest = self._index(x, y, sample)
@@ -104,11 +93,9 @@ class HaltonFullScreen(Sampler):
 
         return jnp.stack([coordinate(j) for j in dims], axis=-1)
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("sequence", (self.width, self.height), (width, height))
-        columns, rows = self.raster
-        check_count(spp, self.spp, f"for 2**32 indices over a raster of {columns} x {rows}")
+    @property
+    def _limited(self) -> str:
+        return "for 2**32 indices over a raster of {} x {}".format(*self.raster)
 
 
 def halton_full_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonFullScreen:
@@ -124,8 +111,8 @@ def halton_full_screen(sequence: RadicalInverses, width: int, height: int) -> Ha
             f"which takes 2**{log_columns} x 3**{log_rows}"
         )
     if sequence.tables is None:
-        return HaltonFullScreen(sequence, width, height, jnp.uint32(0), None, None)
-    return HaltonFullScreen(sequence, width, height, *_inverted(sequence.tables, log_rows))
+        return HaltonFullScreen(width, height, sequence, jnp.uint32(0), None, None)
+    return HaltonFullScreen(width, height, sequence, *_inverted(sequence.tables, log_rows))
 
 
 def _exponents(width: int, height: int) -> tuple[int, int]:

@@ -1,6 +1,5 @@
 """64-bit indices, for more than 2**32 points: two words of 32 bits."""
 
-import abc
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
-from qmcjax.samplers._base import Sampler
+from qmcjax.samplers._base import AlongCurve
 from qmcjax.sequences import BinarySequence, Sequence
 
 Index = tuple[Array, Array]
@@ -50,22 +49,11 @@ def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DT
     return jnp.where((high == 0)[..., None], sequence.coordinates(low, dims, dtype), beyond)
 
 
-class Strided(Sampler):
+class Strided(AlongCurve):
     """A sampler along an order that needs 64-bit indices only for many samples."""
 
-    order: Any
-    sequence: Any
     short: bool
     """Whether 32-bit indices suffice for all samples."""
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    @abc.abstractmethod
-    def most(self) -> int:
-        """Largest number of samples for which the indices suffice."""
 
     def _whole(self, spp: int) -> int:
         """Return the number of samples in all iterations up to that of sample ``spp - 1``."""
@@ -86,5 +74,5 @@ class Strided(Sampler):
         return replace(self, short=short)  # pyright: ignore[reportArgumentType]
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.order.raster, self.most)
+    def _limited(self) -> str:
+        return f"for {self._limit} indices and {self.order.length} positions"

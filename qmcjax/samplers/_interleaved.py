@@ -10,7 +10,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._base import Sampler
 from qmcjax.samplers._plug_in import as_sampler
 from qmcjax.sequences import Sequence, as_sequence
 
@@ -26,6 +26,8 @@ class Interleaved(Sampler):
     tile: int = field(metadata={"static": True})
     positions: Sampler | None
     """The sampler of the position inside the pixel, or None."""
+
+    _limited = "samples in the block of a pixel"
 
     @property
     def dims(self) -> int:
@@ -61,10 +63,9 @@ class Interleaved(Sampler):
         return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]
 
     def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_count(spp, self.spp, "samples in the block of a pixel")
         if self.positions is not None:
             self.positions.check(width, height, spp)
+        super().check(width, height, spp)
 
 
 def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler | None = None) -> Interleaved:

@@ -2,7 +2,6 @@
 
 from dataclasses import field, replace
 from functools import cache
-from importlib import resources
 from typing import Any
 
 import jax
@@ -13,10 +12,10 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax import orders
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._base import ForImage, OfDims
 from qmcjax.samplers._contiguous import Contiguous
 from qmcjax.samplers._index_64 import needed
 from qmcjax.samplers._optimized_joint import joint
@@ -29,7 +28,7 @@ MAX_SPP = 2**31
 
 
 @frozen_pytree
-class Optimized(Sampler):
+class Optimized(ForImage, OfDims):
     """Pixel p of the order takes the points spp * p, ..., in its own order."""
 
     order: orders.OptimizedOrder
@@ -37,20 +36,11 @@ class Optimized(Sampler):
     """uint8 (side, side): numbers of the first samples of the pixels of the tile."""
     seeds: Array
     """uint32 (3,): seeds of the scramblings of both coordinates, and of the orders of the samples."""
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
-    coordinates: int = field(metadata={"static": True})
     frame: Array | None = None
     """uint32 scalar."""
 
-    @property
-    def dims(self) -> int:
-        return self.coordinates
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.order.raster, self.spp)
+    _limited = "samples of a pixel"
 
     @property
     def _digits(self) -> int:
@@ -101,17 +91,10 @@ class Optimized(Sampler):
             sequence = sequence.with_high_word(high)
         return jnp.stack([sequence.coordinate(low, j, dtype) for j in dims], axis=-1)
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("sampler", (self.width, self.height), (width, height))
-        check_count(spp, self.spp, "samples of a pixel")
-
 
 @cache
 def _ranks() -> NDArray[np.uint8]:
-    source = resources.files("qmcjax.samplers") / "_data" / "optimized_ranks.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        return table["ranks"]
+    return tables.arrays("samplers", "optimized_ranks.npz", "ranks")[0]
 
 
 def optimized(
@@ -191,12 +174,12 @@ def optimized(
         return joint(width, height, spp, key, dims, moving=frames is not None)
     of_order, _, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
     return Optimized(
+        dims,
+        width,
+        height,
         orders.optimized(width, height, spp, of_order),
         jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1]),
         jax.random.bits(of_seeds, (1, 3), jnp.uint32)[0],
-        width,
-        height,
         spp,
-        dims,
         None if frames is None else checks.frame(0),
     )

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from importlib import resources
 from typing import Any
 
 import jax
@@ -13,6 +12,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax import orders
+from qmcjax.core import tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._contiguous import Contiguous
 from qmcjax.sequences import Digital, InTime, digital, in_time, niederreiter_xing, owen, sobol
@@ -29,17 +29,12 @@ _LINES_FROM = 4096
 """Number of pixels from which tables of columns and rows pay off."""
 
 
-def _rows(name: str) -> list[list[str]]:
-    text = (resources.files("qmcjax.samplers") / "_data" / name).read_text()
-    return [line.split() for line in text.splitlines() if not line.startswith("#")]
-
-
 @cache
 def _tables(dims: int) -> dict[int, NDArray[np.int64]]:
     """Read the indices of the bits of Morton codes, by binary logarithm of the samples."""
     return {
         int(digits): np.array([int(word, 16) for word in words], np.int64)
-        for of, digits, *words in _rows("optimized_joint.txt")
+        for of, digits, *words in tables.rows("samplers", "optimized_joint.txt")
         if int(of) == dims
     }
 
@@ -48,7 +43,7 @@ def _tables(dims: int) -> dict[int, NDArray[np.int64]]:
 def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32]]]:
     """Read such indices for animations, and the first columns of the matrices of frames."""
     indices, frames = {}, {}
-    for digits, *words in _rows("optimized_moving.txt"):
+    for digits, *words in tables.rows("samplers", "optimized_moving.txt"):
         numbers = np.array([int(word, 16) for word in words], np.int64)
         indices[int(digits)] = numbers[:_PIXEL_BITS]
         frames[int(digits)] = numbers[_PIXEL_BITS:].astype(np.uint32).reshape(SMALL_DIMS, -1)
@@ -56,17 +51,11 @@ def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32
 
 
 def index_bits(tables: Mapping[int, NDArray[np.int64]], digits: int) -> NDArray[np.uint32]:
-    """Return the index in the sequence that each bit of a Morton-ordered index stands for.
+    """Return the index in the sequence that each bit of a Morton-ordered index stands for: uint32 (32,).
 
-    Parameters
-    ----------
-    tables : mapping from a binary logarithm of the number of samples to indices of the bits of Morton codes
-    digits : int, binary logarithm of the number of samples
-
-    Returns
-    -------
-    uint32 array, shape (32,)
-        Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32.
+    Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32. ``tables``:
+    indices of the bits of Morton codes, by binary logarithms of numbers of samples. ``digits``: this
+    logarithm.
     """
     known = min(digits, max(tables))
     words = tables[known] >> known << digits if known < digits else tables[digits]

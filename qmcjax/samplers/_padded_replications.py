@@ -12,36 +12,29 @@ from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._base import ForImage
 from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, uniform
 
 
 @frozen_pytree
-class PaddedReplications(Sampler):
+class PaddedReplications(ForImage):
     """Sample s of all pixels: a net with one point per pixel, shifted by vector s of a sequence."""
 
     net: Invertible
     offsets: Sequence
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
     jitter: bool = field(metadata={"static": True})
+
+    _sized = "net"
+    _limited = "for the sequence of offsets"
 
     @property
     def dims(self) -> int:
         return self.net.dims
 
     @property
-    def log_side(self) -> int:
-        return log_side(self.width, self.height)
-
-    @property
     def spp(self) -> int:
         """Largest number of samples: one for each vector of offsets."""
         return self.offsets.limit
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return 2**self.log_side, 2**self.log_side, self.spp
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
@@ -65,11 +58,6 @@ class PaddedReplications(Sampler):
 
     def _offset(self, sample: Array, dim: int) -> Array:
         return self.offsets.fixed_point(sample, dim)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("net", (self.width, self.height), (width, height))
-        check_count(spp, self.spp, "for the sequence of offsets")
 
 
 def padded_replications(
@@ -142,7 +130,7 @@ def padded_replications(
             f"offsets must have {needed} dimensions, for {net.dims} shifts"
             f"{' and 2 of jitter' if jitter else ''}, got {offsets.dims}"
         )
-    return PaddedReplications(net, offsets, width, height, jitter)
+    return PaddedReplications(width, height, net, offsets, jitter)
 
 
 def _sequence_of(offsets: Any, dims: int) -> Sequence:

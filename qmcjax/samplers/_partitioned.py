@@ -14,7 +14,6 @@ from qmcjax.core.digits import word
 from qmcjax.core.permuted_digits import permuted_digit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import check_count, check_size
 from qmcjax.samplers._index_64 import Strided, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
@@ -23,8 +22,6 @@ from qmcjax.sequences import Sequence, as_sequence
 class Partitioned(Strided):
     """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
 
-    order: Order
-    sequence: Sequence
     component: int = field(metadata={"static": True})
     """The partitioning component."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
@@ -54,11 +51,6 @@ class Partitioned(Strided):
             return points_64(self.sequence, index, left, dtype)
         index = sample * word(self.order.length) + state
         return self.sequence.coordinates(index, left, dtype)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("order", (self.order.width, self.order.height), (width, height))
-        check_count(spp, self.most, f"for {self._limit} indices and {self.order.length} positions")
 
 
 @frozen_pytree

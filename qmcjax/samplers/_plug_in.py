@@ -1,7 +1,6 @@
 """Samplers of users: any object with the protocol's methods, and any function."""
 
 from collections.abc import Callable
-from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import parameters, unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler
+from qmcjax.samplers._base import OfDims, Sampler
 
 MAX_DIMS = 2**16
 
@@ -53,15 +52,10 @@ class PlugIn(Sampler):
 
 
 @frozen_pytree
-class Function(Sampler):
+class Function(OfDims):
     """The points of a function of pixel and sample."""
 
     wrapped: Any
-    coordinates: int = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.coordinates
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         values = unwrap(self.wrapped)(*state, sample)
@@ -96,7 +90,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     [0.5 0.5]
     """
     checks.function("f", f, "of x, y and sample")
-    return Function(wrap("f", f), checks.integer("dims", dims, 1, MAX_DIMS))
+    return Function(checks.integer("dims", dims, 1, MAX_DIMS), wrap("f", f))
 
 
 def as_sampler(name: str, value: Any) -> Sampler:

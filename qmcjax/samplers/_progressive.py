@@ -1,27 +1,24 @@
 """A digital net over pixels and samples at once, with an order of the pixels optimised for all prefixes."""
 
-from dataclasses import field
-from importlib import resources
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import orders
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_size
+from qmcjax.samplers._base import ForImage, OfDims
 from qmcjax.sequences import Digital, digital, sobol
 
 MAX_DIMS = 2**16
 
 
 @frozen_pytree
-class Progressive(Sampler):
+class Progressive(ForImage, OfDims):
     """The digits of a pixel's position and of a sample select columns of matrices, which are xored."""
 
     orders: orders.OptimizedOrder
@@ -31,21 +28,10 @@ class Progressive(Sampler):
     """Both have the dimensions of a group."""
     seeds: Array
     """uint32 (groups, dimensions of a group + 1): of the scramblings, and of the orders of the samples."""
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
-    coordinates: int = field(metadata={"static": True})
 
     @property
-    def dims(self) -> int:
-        return self.coordinates
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.orders.raster, checks.INDEX_LIMIT)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("sampler", (self.width, self.height), (width, height))
+    def most(self) -> int:
+        return checks.INDEX_LIMIT
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return what the pixels add to each coordinate, and the seeds of the orders of their samples."""
@@ -123,6 +109,7 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
 
     Examples
     --------
+    >>> import numpy as np
     >>> sampler = progressive(64, 64, key=1, dims=4)
     >>> print(sampler(3, 5, np.arange(4096), dims=(0, 1, 2, 3)).shape)
     (4096, 4)
@@ -132,20 +119,17 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     of_order, of_orders, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
     size = 2 if dims <= 2 else 4
     groups = -(-dims // size)
-    source = resources.files("qmcjax.samplers") / "_data" / "progressive.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        positions, of_samples, of_positions = (
-            table[f"{name}_{size}"] for name in ("positions", "samples", "pixels")
-        )
+    names = (f"{name}_{size}" for name in ("positions", "samples", "pixels"))
+    positions, of_samples, of_positions = tables.arrays("samplers", "progressive.npz", *names)
     order = orders.OptimizedOrder(
         width, height, jnp.asarray(positions), jax.random.bits(of_order, (4,), jnp.uint32)
     )
     return Progressive(
+        dims,
+        width,
+        height,
         order.family(of_orders, groups),
         sobol(2) if size == 2 else digital(of_samples),
         digital(of_positions),
         jax.random.bits(of_seeds, (groups, size + 1), jnp.uint32),
-        width,
-        height,
-        dims,
     )

@@ -13,23 +13,18 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.varying import alike
-from qmcjax.samplers._base import Sampler
+from qmcjax.samplers._base import OfDims
 from qmcjax.samplers._plug_in import as_sampler
 
 
 @frozen_pytree
-class Randomized(Sampler):
+class Randomized(OfDims):
     """Sample s is sample ``s % spp`` of a sampler made with a separate key for pass ``s // spp``."""
 
     sampler_of_key: Callable[[Array], Any] = field(metadata={"static": True})
     key: Array
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in a pass."""
-    coordinates: int = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.coordinates
 
     def of_pass(self, number: Array | int) -> Any:
         """Return the sampler of a pass.
@@ -118,4 +113,4 @@ def randomized(
         spp = getattr(made, "spp", None)
         if spp is None:
             raise ValueError(f"spp must be given, since {type(made).__name__} has none, got None")
-    return Randomized(sampler_of_key, key, checks.integer("spp", spp, 1, 2**32 - 1), sampler.dims)
+    return Randomized(sampler.dims, sampler_of_key, key, checks.integer("spp", spp, 1, 2**32 - 1))

@@ -1,7 +1,6 @@
 """One scrambled sequence in every pixel, with keys that distribute errors as blue noise."""
 
 from dataclasses import replace
-from importlib import resources
 from typing import Any
 
 import jax
@@ -10,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
@@ -108,12 +107,10 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     [ True  True]
     """
     dims = checks.integer("dims", dims, 2, 4)
-    source = resources.files("qmcjax.samplers") / "_data" / "ranked.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        seeds = table["seeds"][:dims]
-        ranks, scrambles = table[f"ranks_{dims}"], table[f"keys_{dims}"]
+    names = "seeds", f"ranks_{dims}", f"keys_{dims}"
+    seeds, ranks, scrambles = tables.arrays("samplers", "ranked.npz", *names)
     return Ranked(
-        Owen(sobol(dims), jnp.asarray(seeds)),
+        Owen(sobol(dims), jnp.asarray(seeds[:dims])),
         jnp.asarray(ranks, jnp.uint32),
         jnp.asarray(scrambles, jnp.uint32) << 16,
         jax.random.bits(checks.prng_key("key", key), (2,), jnp.uint32),

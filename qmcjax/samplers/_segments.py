@@ -15,7 +15,6 @@ from qmcjax.core import checks
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import check_count, check_size
 from qmcjax.samplers._index_64 import Strided, plus, points_64, times
 from qmcjax.sequences import Sequence, as_sequence
 
@@ -24,8 +23,6 @@ from qmcjax.sequences import Sequence, as_sequence
 class Segments(Strided):
     """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
 
-    order: Order
-    sequence: Sequence
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in the first iteration."""
     doubling: bool = field(metadata={"static": True})
@@ -63,11 +60,9 @@ class Segments(Strided):
         power = spp << (np.uint32(31) - jax.lax.clz(rounds | np.uint32(1)))
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("order", (self.order.width, self.order.height), (width, height))
-        why = f"in whole iterations for {self._limit} indices and {self.order.length} positions"
-        check_count(spp, self.most, why)
+    @property
+    def _limited(self) -> str:
+        return f"in whole iterations {super()._limited}"
 
 
 def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False) -> Segments:

@@ -6,25 +6,21 @@ from jax.typing import DTypeLike
 
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.samplers._base import AlongCurve
 from qmcjax.sequences import Sequence, as_sequence
 
 
 @frozen_pytree
-class ShiftedAlong(Sampler):
+class ShiftedAlong(AlongCurve):
     """Sample s of pixel j is point s of one sequence plus point j of another, modulo 1."""
 
-    order: Order
     shifts: Sequence
-    sequence: Sequence
+
+    _limited = "for this sequence"
 
     @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.order.raster, self.sequence.limit)
+    def most(self) -> int:
+        return self.sequence.limit
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         """Return the shifts of pixels as 32-bit fractions, rounded down."""
@@ -38,11 +34,6 @@ class ShiftedAlong(Sampler):
         offsets = zip(dims, state, strict=True)
         rotated = [self.sequence.rotated_coordinate(sample, j, offset, dtype) for j, offset in offsets]
         return jnp.stack(rotated, axis=-1)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("order", (self.order.width, self.order.height), (width, height))
-        check_count(spp, self.sequence.limit, "for this sequence")
 
 
 def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
@@ -88,4 +79,4 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
         raise ValueError(
             f"shifts must have a point for each of the curve's {order.length} positions, got {shifts.limit}"
         )
-    return ShiftedAlong(order, shifts, sequence)
+    return ShiftedAlong(order, sequence, shifts)

@@ -1,7 +1,6 @@
 """Tiles of designed points that repeat over the screen, moved and turned at random."""
 
-from dataclasses import field
-from importlib import resources
+from dataclasses import field, replace
 from typing import Any
 
 import jax
@@ -11,10 +10,10 @@ from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, check_count
+from qmcjax.samplers._base import OfDims
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
@@ -26,7 +25,7 @@ MAX_SPP = 2**16
 
 
 @frozen_pytree
-class Tiled(Sampler):
+class Tiled(OfDims):
     """Sample s of a pixel is a point of the tile there, moved and turned, in one of equal boxes."""
 
     tile: Array
@@ -35,21 +34,12 @@ class Tiled(Sampler):
     """uint32 (8, 2)."""
     frame: Array
     """uint32: the number of the frame."""
-    coordinates: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
     """Number of samples that the sampler is made for."""
 
     @property
-    def dims(self) -> int:
-        return self.coordinates
-
-    @property
     def limits(self) -> tuple[int, int, int]:
         return (*super().limits[:2], self.spp)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_count(spp, self.spp, "for this sampler")
 
     def at_frame(self, frame: Array | int) -> "Tiled":
         """Return the sampler of another frame of an animation; its program is the same.
@@ -58,7 +48,7 @@ class Tiled(Sampler):
         ----------
         frame : int, or integer Array of shape (), in [0, 2**32)
         """
-        return Tiled(self.tile, self.seeds, checks.frame(frame), self.coordinates, self.spp)
+        return replace(self, frame=checks.frame(frame))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return pixels and hashes of them for jitter."""
@@ -119,7 +109,7 @@ class Tiled(Sampler):
 def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -> Tiled:
     """Return the sampler of a tile."""
     seeds = jax.random.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
-    return Tiled(jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), dims, spp)
+    return Tiled(dims, jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), spp)
 
 
 def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: int | None = None) -> Tiled:
@@ -254,7 +244,5 @@ def designed(
         if progressive:
             raise ValueError("progressive must be False for frames, got True")
         name = "frames"
-    source = resources.files("qmcjax.samplers") / "_data" / "designed.npz"
-    with source.open("rb") as stream, np.load(stream) as table:
-        words = table[name]
+    (words,) = tables.arrays("samplers", "designed.npz", name)
     return of_words(words[:, :, :, :spp], dims, spp, key)

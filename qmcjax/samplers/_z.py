@@ -125,7 +125,7 @@ def z(
             )
     orders = _orders(width, height, key, variant, alphabet, len(sizes))
     of_frames = None if frames is None else of_key(frames, sequence, key, len(sizes))
-    return Z(orders, sequence, width, height, spp, sizes, frames=of_frames)
+    return Z(width, height, orders, sequence, spp, sizes, frames=of_frames)
 
 
 def _padded(dims: int, constituents: tuple[int, ...] | None) -> tuple[int, ...]:

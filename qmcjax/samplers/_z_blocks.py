@@ -12,8 +12,8 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders import ScrambledMorton, log_side, morton
-from qmcjax.samplers._base import Sampler, check_count, check_size
+from qmcjax.orders import ScrambledMorton, morton
+from qmcjax.samplers._base import ForImage, OnRaster
 from qmcjax.samplers._frames import Frames, at_frame
 from qmcjax.samplers._index_64 import Index, needed
 from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
@@ -21,20 +21,20 @@ from qmcjax.sequences import BinarySequence
 
 
 @frozen_pytree
-class Z(Sampler):
+class Z(ForImage):
     """Pixel p in the order of a constituent takes the points spp * p, ..., in its own order."""
 
     orders: ScrambledMorton | None
     """A family with one order for each constituent; None for Z0, which has Morton order for all."""
     sequence: BinarySequence
     """Each constituent has its first coordinates."""
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
     spp: int = field(metadata={"static": True})
     constituents: tuple[int, ...] = field(metadata={"static": True})
     rounds: int = field(default=1, metadata={"static": True})
     frames: Frames | None = None
     """Numbers of one frame, for each constituent."""
+
+    _limited = "samples of a pixel"
 
     @property
     def dims(self) -> int:
@@ -44,10 +44,6 @@ class Z(Sampler):
     def log_spp(self) -> int:
         """Binary logarithm of ``spp``."""
         return self.spp.bit_length() - 1
-
-    @property
-    def log_side(self) -> int:
-        return log_side(self.width, self.height)
 
     def extended(self, rounds: int) -> "Z":
         """Continue after ``spp`` samples of a pixel, up to ``rounds * spp``.
@@ -128,8 +124,8 @@ class Z(Sampler):
         return [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        return 2**self.log_side, 2**self.log_side, self.rounds * self.spp
+    def most(self) -> int:
+        return self.rounds * self.spp
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the positions and nodes of pixels in each wanted order, by its number."""
@@ -201,27 +197,32 @@ class Z(Sampler):
         sequence = sequence.with_high_word(high) if self._has_64_bits else sequence
         return sequence.coordinate(low, dim, dtype)
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("sampler", (self.width, self.height), (width, height))
-        check_count(spp, self.rounds * self.spp, "samples of a pixel")
-
 
 @frozen_pytree
-class AdaptiveZ(Sampler):
+class AdaptiveZ(OnRaster):
     """The Z-sampler with a separate number of samples for each pixel."""
 
     sampler: Z
     log_counts: Array
     """uint32 (height, width): binary logarithms of the numbers."""
 
+    _limited = "samples of the pixel that has fewest"
+
     @property
     def dims(self) -> int:
         return self.sampler.dims
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        return self.sampler.width, self.sampler.height, self.sampler.limits[2]
+    def _size(self) -> tuple[int, int]:
+        return self.sampler.width, self.sampler.height
+
+    @property
+    def raster(self) -> tuple[int, int]:
+        return self._size
+
+    @property
+    def most(self) -> int:
+        return self.sampler.most
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the state of the sampler, and the logarithms of the numbers of samples."""
@@ -248,7 +249,5 @@ class AdaptiveZ(Sampler):
             )
         return x, y, sample
 
-    def check(self, width: int, height: int, spp: int) -> None:
-        super().check(width, height, spp)
-        check_size("sampler", (self.sampler.width, self.sampler.height), (width, height))
-        check_count(spp, int(self._counts.min()), "samples of the pixel that has fewest")
+    def _check_count(self, spp: int, limit: int | None = None) -> None:
+        super()._check_count(spp, int(self._counts.min()))

@@ -54,7 +54,7 @@ from qmcjax.sequences._nets.searched import optimized_sequence as optimized_sequ
 from qmcjax.sequences._protocol.base import Sequence as Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence as BinarySequence
 from qmcjax.sequences._protocol.binary import as_binary as as_binary
-from qmcjax.sequences._protocol.blocks import Blocks as Blocks
+from qmcjax.sequences._protocol.fraction import Blocks as Blocks
 from qmcjax.sequences._protocol.fraction import Fraction as Fraction
 from qmcjax.sequences._protocol.plug_in import as_sequence as as_sequence
 from qmcjax.sequences._protocol.plug_in import function as function

@@ -24,10 +24,7 @@ class Discrete:
     count: int = field(metadata={"static": True})
     cuts: Any  # uint32: where the choices from the second to the last with a weight begin, times 2**32
 
-    @property
-    def dims(self) -> int:
-        """Number of coordinates of a point."""
-        return 1
+    dims = 1
 
     def __call__(self, points: ArrayLike) -> Array:
         """Map points to choices.

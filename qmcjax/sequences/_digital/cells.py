@@ -80,12 +80,7 @@ class NetByFrames:
         return 4 ** (16 - log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of the point of a cell in frame ``sample``.
-
-        ``x``, ``y``: uint32 Array: column and row of the cell. ``log_side``: as of the frames. ``sample``:
-        uint32 Array: the frame: indices ``sample * 4**log_side`` and following. Returns uint32 Array, the
-        broadcast shape.
-        """
+        """Return the index of the point of a cell in a frame: ``sample * 4**log_side`` or following."""
         if log_side == 0:
             return sample
         # With 2**16 cells per side there is one frame; a shift by 32 is not defined.

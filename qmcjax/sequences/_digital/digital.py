@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
-from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, pascal, reverse
@@ -17,7 +16,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import NetByFrames, net_by_frames_of
 from qmcjax.sequences._digital.joe_kuo import columns_beyond, matrices_of
 from qmcjax.sequences._digital.matrix_products import product, selected
-from qmcjax.sequences._protocol.base import FEW, Sequence
+from qmcjax.sequences._protocol.base import FEW, Derived, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.fraction import Fraction
 
@@ -104,9 +103,10 @@ class Digital(BinarySequence):
 
     def radical_bases(self) -> tuple[int | None, ...]:
         """Return 2 for each component with a lower triangular or traced matrix."""
-        leading = self._leading_digits()
-        if leading is None:
+        if isinstance(self.matrices, Tracer):
             return (2,) * self.dims
+        # Rows 0 to k of column k as a number, with row k as lowest bit.
+        leading = np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
         return tuple(2 if lower else None for lower in np.all(leading == 1, axis=1))
 
     def index_digits(self, component: int, count: int) -> None:
@@ -117,12 +117,6 @@ class Digital(BinarySequence):
         if np.any(np.asarray(self.matrices[component]) != identity):
             super().index_digits(component, count)
 
-    def _leading_digits(self) -> NDArray[np.uint32] | None:
-        """Return rows 0 to k of column k of each matrix as a number, with row k as lowest bit."""
-        if isinstance(self.matrices, Tracer):
-            return None
-        return np.asarray(self.matrices) >> np.arange(31, -1, -1, dtype=np.uint32)
-
     def _columns(self, dims: tuple[int, ...]) -> Array:
         """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
         if dims != tuple(range(self.dims)):
@@ -131,16 +125,12 @@ class Digital(BinarySequence):
 
 
 @frozen_pytree
-class Digital64(BinarySequence):
+class Digital64(Derived, BinarySequence):
     """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
 
     sequence: Digital
     high: Array
     upper: Callable[[int, Array], Array] = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)

@@ -7,6 +7,7 @@ import numpy as np
 from qmcjax.core import checks, finite_field
 from qmcjax.core.digits import digit_count
 from qmcjax.sequences._digital.digital import Digital, digital
+from qmcjax.sequences._digital.matrix_products import packed
 from qmcjax.sequences._digital.prime_digital import PrimeDigital, prime_digital
 from qmcjax.sequences._digital.replacement import replace_component
 
@@ -64,7 +65,7 @@ def faure(dims: int, base: int | None = None, modified: int | None = None) -> Pr
         ones = np.triu(np.ones_like(matrices[0]))
         matrices = replace_component(matrices, component, ones, base)
     if base == 2:
-        return digital(_columns(matrices))
+        return digital(packed(matrices))
     return prime_digital(matrices, base)
 
 
@@ -75,9 +76,3 @@ def faure_matrices(dims: int, base: int, size: int) -> np.ndarray:
         for i in range(dims)
     ]
     return np.array(entries, np.int64)
-
-
-def _columns(matrices: np.ndarray) -> np.ndarray:
-    """Pack matrices over F_2, shape (dims, 32, 32), into words: one per column, the first row in bit 31."""
-    weights = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
-    return np.einsum("jrc,r->jc", matrices.astype(np.uint32), weights)

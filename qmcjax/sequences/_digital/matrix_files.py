@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.sequences._digital.digital import digital
+from qmcjax.sequences._digital.matrix_products import packed
 from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
 
 _WORD = 32
@@ -171,8 +172,7 @@ def _of_rows(file: IntegerFile, size: int, base: int) -> NDArray:
     matrices = np.array(table, np.int64).reshape(-1, size, size)
     if base != 2:
         return matrices
-    columns = matrices[:, :_WORD, :].astype(np.uint32) << np.arange(31, -1, -1, dtype=np.uint32)[:size, None]
-    words = np.bitwise_or.reduce(columns, axis=1)[:, :_WORD]
+    words = packed(matrices[:, :_WORD])[:, :_WORD]
     return np.pad(words, ((0, 0), (0, _WORD - words.shape[1])))
 
 

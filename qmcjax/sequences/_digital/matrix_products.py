@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import NDArray
 
 from qmcjax.core.traces import traced_once
 
@@ -24,6 +25,12 @@ def product(columns: Array, index: Array) -> Array:
         # A byte is within its table: this skips bounds checks.
         words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
     return words
+
+
+def packed(matrices: NDArray) -> NDArray[np.uint32]:
+    """Pack matrices over F2, (dims, up to 32 rows, columns), into words: columns, the first row in bit 31."""
+    weights = np.uint32(1) << np.arange(31, 31 - matrices.shape[1], -1, dtype=np.uint32)
+    return np.einsum("jrc,r->jc", matrices.astype(np.uint32), weights)
 
 
 @traced_once

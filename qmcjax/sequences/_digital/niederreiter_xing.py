@@ -1,12 +1,11 @@
 """Digital sequences of small t in base 2, from function fields with many rational places."""
 
 from functools import cache
-from importlib import resources
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.sequences._digital.digital import Digital, digital
 
 NIEDERREITER_XING_DIMS = 11
@@ -60,15 +59,14 @@ def niederreiter_xing(dims: int) -> Digital:
      [3 1 1 3]]
     """
     dims = checks.integer("dims", dims, 1, NIEDERREITER_XING_DIMS)
-    tables = _matrices()
-    return digital(tables[min(size for size in tables if size >= dims)][:dims])
+    known = _matrices()
+    return digital(known[min(size for size in known if size >= dims)][:dims])
 
 
 @cache
 def _matrices() -> dict[int, NDArray[np.uint32]]:
     """Read the matrices, by the number of dimensions."""
-    text = (resources.files("qmcjax.sequences") / "_data" / "niederreiter_xing.txt").read_text()
-    lines = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    lines = tables.rows("sequences", "niederreiter_xing.txt")
     found: dict[int, NDArray[np.uint32]] = {}
     for dims, *_ in lines:
         words = [[int(word, 16) for word in line[1:]] for line in lines if line[0] == dims]

@@ -2,7 +2,7 @@
 
 from importlib import resources
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.direction_numbers import read_direction_numbers, sobol_of
 
@@ -44,6 +44,6 @@ def one_two(dims: int) -> Digital:
      [3 1 1 3]]
     """
     dims = checks.integer("dims", dims, 1, ONE_TWO_DIMS)
-    with resources.as_file(resources.files("qmcjax.sequences") / "_data" / "one_two.txt") as path:
+    with resources.as_file(tables.file("sequences", "one_two.txt")) as path:
         numbers = read_direction_numbers(path)
     return digital(sobol_of(numbers).matrices[:dims])

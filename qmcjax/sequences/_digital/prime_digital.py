@@ -35,10 +35,6 @@ class PrimeDigital(DigitSequence):
     reported = ("dims", "base")
 
     @property
-    def dims(self) -> int:
-        return len(self.bases)
-
-    @property
     def base(self) -> int:
         """The prime q."""
         return self.bases[0]

@@ -1,12 +1,11 @@
 """A digital sequence in base 3 with optimised consecutive pairs and quadruples of coordinates."""
 
 from functools import cache
-from importlib import resources
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.sequences._digital.prime_digital import PrimeDigital, prime_digital
 
 QUAD_DIMS = 32
@@ -52,6 +51,5 @@ def quad_optimized(dims: int) -> PrimeDigital:
 @cache
 def _matrices() -> NDArray[np.uint8]:
     """Read the matrices, shape (32, 21, 21)."""
-    text = (resources.files("qmcjax.sequences") / "_data" / "quadruples.txt").read_text()
-    lines = [line.split() for line in text.splitlines() if not line.startswith("#")]
+    lines = tables.rows("sequences", "quadruples.txt")
     return np.array([[list(row) for row in line] for line in lines], np.uint8)

@@ -72,30 +72,36 @@ def checked_numbers(polynomial: Any, initial: Any) -> DirectionNumbers:
     return DirectionNumbers(polynomial, numbers)
 
 
-def columns_of(numbers: Sequence[DirectionNumbers]) -> NDArray[np.uint32]:
-    """Return the matrices of components, uint32 (components, 32), by Eq. 5.13."""
+def columns_of(numbers: Sequence[DirectionNumbers], count: int = 32) -> NDArray[np.uint32]:
+    """Return the first columns of the matrices of components, uint32 (components, count), by Eq. 5.13."""
     degrees = np.array([len(initial) for _, initial in numbers])
-    matrices = np.zeros((len(numbers), 32), np.uint32)
+    matrices = np.zeros((len(numbers), count), np.uint32)
     for degree in np.unique(degrees):
         rows = np.flatnonzero(degrees == degree).tolist()
         polynomials = np.array([numbers[row].polynomial for row in rows], np.uint64)
         initial = np.array([numbers[row].initial for row in rows], np.uint64)
-        matrices[rows] = _columns_of_degree(polynomials, initial)
+        matrices[rows] = _columns_of_degree(polynomials, initial, count)
     return matrices
 
 
-def _columns_of_degree(polynomials: NDArray[np.uint64], initial: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _columns_of_degree(
+    polynomials: NDArray[np.uint64], initial: NDArray[np.uint64], count: int
+) -> NDArray[np.uint64]:
+    """Return columns as fractions v_k = m_k / 2**k of 32 digits.
+
+    Products of m_k with powers of two become shifts of v_k to the right, so digits beyond 32 are not needed
+    for the next column.
+    """
     components, degree = initial.shape
-    numbers = np.zeros((components, 32), np.uint64)
-    numbers[:, :degree] = initial
-    for k in range(degree, 32):
-        oldest = numbers[:, k - degree]
-        number = oldest ^ (oldest << np.uint64(degree))
+    columns = np.zeros((components, count), np.uint64)
+    columns[:, :degree] = initial << np.arange(31, 31 - degree, -1, dtype=np.uint64)
+    for k in range(degree, count):
+        oldest = columns[:, k - degree]
+        column = oldest ^ (oldest >> np.uint64(degree))
         for i in range(1, degree):
-            coefficient = (polynomials >> np.uint64(degree - i)) & np.uint64(1)
-            number = number ^ (coefficient * (numbers[:, k - i] << np.uint64(i)))
-        numbers[:, k] = number
-    return numbers << np.arange(31, -1, -1, dtype=np.uint64)
+            column ^= (polynomials >> np.uint64(degree - i) & np.uint64(1)) * columns[:, k - i]
+        columns[:, k] = column
+    return columns
 
 
 @lru_cache(maxsize=2**16)

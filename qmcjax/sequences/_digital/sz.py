@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.bits import pascal, reverse
 from qmcjax.sequences._digital.digital import Digital, _identity
-from qmcjax.sequences._digital.matrix_products import selected
+from qmcjax.sequences._digital.matrix_products import packed, selected
 
 SZ_DIMS = 256
 
@@ -87,8 +87,7 @@ def _columns(component: int) -> NDArray[np.uint32]:
     for bits, part in ((1, 1), (2, 2), (4, 12), (8, 240)):
         if component & part:
             matrix = matrix @ _pascal(component & part, bits) % 2
-    weights = np.int64(1) << np.arange(31, -1, -1)
-    return (weights @ matrix[:32]).astype(np.uint32)
+    return packed(matrix[None, :32])[0]
 
 
 def _pascal(element: int, bits: int) -> NDArray[np.int64]:

@@ -1,7 +1,9 @@
-"""Digit permutations of the Halton sequence: an array (digits, base) per base, row k for digit k."""
+"""Digit permutations of the Halton sequence: an array (digits, base) per base, row k for digit k.
+
+References are those of :func:`qmcjax.sequences.halton`.
+"""
 
 from functools import partial
-from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -10,41 +12,31 @@ from jax import Array
 
 from qmcjax.core.digits import digit_count, digit_spans
 from qmcjax.core.permuted_digits import reflection_tables
+from qmcjax.core.tables import rows
 
 FAURE_LEMIEUX_DIMS = 360
 """Number of factors in the table."""
 
 
 def zaremba(base: int) -> np.ndarray:
-    """Return the shifts (a + k) mod b of digit k (Hilbert paper, Sect. 3.1)."""
+    """Return the shifts (a + k) mod b of digit k [1]_."""
     digit, k = np.arange(base), np.arange(digit_count(base))
     return (digit[None, :] + k[:, None]) % base
 
 
 def faure(base: int) -> np.ndarray:
-    """Return Faure's permutation for all digits; it keeps 0.
+    """Return Faure's permutation for all digits [2]_; it keeps 0.
 
     From the identity for b = 2, the permutation of 2b is twice the permutation of b, then the same plus 1;
     for odd b = 2c + 1, the entries of the permutation of 2c that reach c increase by one, and c becomes the
     middle.
-
-    References
-    ----------
-    .. [1] H. Faure, "Good permutations for extreme discrepancy", J. Number Theory 42, 1992.
     """
     return _every_digit(_faure_permutation(base))
 
 
 def faure_lemieux(bases: tuple[int, ...]) -> list[np.ndarray]:
-    """Return the multiples f a mod b of each base.
-
-    References
-    ----------
-    .. [1] H. Faure, C. Lemieux, "Generalized Halton Sequences in 2008: A Comparative Study", 2009.
-    """
-    source = resources.files("qmcjax.sequences") / "_data" / "faure_lemieux.txt"
-    with source.open() as stream:
-        factors = np.loadtxt(stream, dtype=np.int64)
+    """Return the multiples f a mod b of each base [3]_."""
+    factors = [int(factor) for (factor,) in rows("sequences", "faure_lemieux.txt")]
     return [
         _every_digit(factor * np.arange(base) % base)
         for base, factor in zip(bases, factors[: len(bases)], strict=True)

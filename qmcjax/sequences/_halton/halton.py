@@ -16,11 +16,12 @@ from qmcjax.core.digits import (
     base_of,
     digit_reversed,
     digit_spans,
+    limit_64,
     radical_inverse,
+    radical_inverse_64,
     span_numbers,
     word,
 )
-from qmcjax.core.digits_64 import limit_64, radical_inverse_64
 from qmcjax.core.finite_field import next_prime
 from qmcjax.core.permuted_digits import permuted_radical_inverse, permuted_spans, table_starts
 from qmcjax.core.pytrees import frozen_pytree
@@ -60,10 +61,6 @@ class RadicalInverses(DigitSequence):
     def permuted(self) -> bool:
         """Whether digits are permuted."""
         return self.tables is not None
-
-    @property
-    def dims(self) -> int:
-        return len(self.bases)
 
     @property
     def limit_64(self) -> int:
@@ -222,10 +219,8 @@ def halton(dims: int, permutation: str | None = None, key: Array | int | None = 
     >>> print((halton(3, "faure").points(5)[:, 2] * 5).astype(int))
     [0 3 2 1 4]
     """
-    if permutation is not None and not isinstance(permutation, str):
-        raise TypeError(f"permutation must be one of {PERMUTATIONS}, got {checks.shown(permutation)}")
-    if permutation not in PERMUTATIONS:
-        raise ValueError(f"permutation must be one of {PERMUTATIONS}, got {permutation!r}")
+    if permutation is not None:
+        checks.choice("permutation", permutation, PERMUTATIONS)
     if (key is None) == (permutation == "random"):
         raise ValueError(f"key must be given for permutation='random' only, got {checks.shown(key)}")
     limit = digit_permutations.FAURE_LEMIEUX_DIMS if permutation == "faure_lemieux" else HALTON_DIMS

@@ -39,9 +39,8 @@ def carried(low: Array, k: Array, size: int) -> tuple[Array, Array]:
 def prepare(first: Array, count: int, base: int, tables: Array | None, start: int) -> Any:
     """Return the shared state of the blocks from ``first`` on, in one coordinate.
 
-    ``first``: uint32 Array. ``count``: number of points in a block. ``tables``: uint16 Array, optional:
-    reflection tables of permuted digits. ``start``: start of the tables of this base. Returns pytree of
-    uint32 Array: for :func:`points`, with the same ``count``, ``base``, ``tables`` and ``start``.
+    ``count``: number of points in a block. ``tables``: reflection tables of permuted digits, uint16.
+    ``start``: start of the tables of this base. For :func:`points`, with the same arguments.
     """
     if base == 2 or not _shares(base, count, tables):
         return first

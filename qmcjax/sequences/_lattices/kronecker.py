@@ -1,5 +1,6 @@
 """Kronecker sequences: multiples of a vector modulo 1, by exact integer arithmetic at every index."""
 
+from dataclasses import replace
 from fractions import Fraction as Rational
 from typing import Any
 
@@ -10,7 +11,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.word_first import WordFirst
+from qmcjax.sequences._protocol.binary import WordFirst
 
 ROBERTS_DIMS = 64
 
@@ -24,6 +25,8 @@ class Kronecker(WordFirst):
 
     steps: Array
     """uint32 (dims, 3): the digits of the vector, 1 to 32 in word 0."""
+    high: Array | None = None
+    """Upper words of 64-bit indices."""
 
     called = "kronecker"
 
@@ -35,26 +38,11 @@ class Kronecker(WordFirst):
     def limit_64(self) -> int:
         return checks.INDEX_LIMIT**2
 
-    def with_high_word(self, high: Array) -> "Kronecker64":
-        return Kronecker64(self, high)
+    def with_high_word(self, high: Array) -> "Kronecker":
+        return replace(self, high=high)
 
     def word(self, index: Array, dim: int) -> Array:
-        return _multiple(self.steps[dim], index, np.uint32(0))
-
-
-@frozen_pytree
-class Kronecker64(WordFirst):
-    """Point i is point ``high * 2**32 + i`` of a Kronecker sequence."""
-
-    sequence: Kronecker
-    high: Array
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    def word(self, index: Array, dim: int) -> Array:
-        return _multiple(self.sequence.steps[dim], index, self.high)
+        return _multiple(self.steps[dim], index, np.uint32(0) if self.high is None else self.high)
 
 
 def _multiple(step: Array, low: Array, high: Array | np.uint32) -> Array:

@@ -1,33 +1,52 @@
 """The extensible rank-1 lattice sequence in base 2, by exact integer arithmetic modulo 1."""
 
-from importlib import resources
+import abc
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import high_product, reverse
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.sequences._protocol.base import Derived
+from qmcjax.sequences._protocol.binary import WordFirst
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.word_first import WordFirst
 
 LATTICE_DIMS = 250
 """Number of components of Cools, Kuo and Nuyens' vector."""
 
 
+class Multiples(WordFirst):
+    """Multiples of a vector modulo 1: as fractions of 32 bits, products of words that wrap."""
+
+    vector: Array
+    """uint32 (dims,)."""
+
+    @property
+    def dims(self) -> int:
+        return self.vector.shape[0]
+
+    @abc.abstractmethod
+    def _factor(self, index: Array) -> Array:
+        """Return the factors of the vector."""
+
+    def word(self, index: Array, dim: int) -> Array:
+        return self._factor(index) * self.vector[dim]
+
+    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+        wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
+        return Fraction(lambda: self._factor(index)[..., None] * wanted)
+
+
 @frozen_pytree
-class LatticeSequence(WordFirst):
-    """Point i is phi_2(i) z modulo 1: as fractions of 32 bits, a product of words that wraps."""
+class LatticeSequence(Multiples):
+    """Point i is phi_2(i) z modulo 1."""
 
     vector: Array
     """uint32 (dims,): the generating vector z."""
 
     called = "lattice"
-
-    @property
-    def dims(self) -> int:
-        return self.vector.shape[0]
 
     @property
     def limit_64(self) -> int:
@@ -36,24 +55,16 @@ class LatticeSequence(WordFirst):
     def with_high_word(self, high: Array) -> "Lattice64":
         return Lattice64(self, high)
 
-    def word(self, index: Array, dim: int) -> Array:
-        return reverse(index) * self.vector[dim]
-
-    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
-        return Fraction(lambda: reverse(index)[..., None] * wanted)
+    def _factor(self, index: Array) -> Array:
+        return reverse(index)
 
 
 @frozen_pytree
-class Lattice64(WordFirst):
+class Lattice64(Derived, WordFirst):
     """Point i is point ``high * 2**32 + i`` of a lattice sequence, rounded down to 32 digits."""
 
     sequence: LatticeSequence
     high: Array
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
 
     def word(self, index: Array, dim: int) -> Array:
         # The product of phi_2's 64 digits with z modulo 1: the upper 32 bits.
@@ -93,6 +104,5 @@ def lattice(dims: int) -> LatticeSequence:
      [0.75 0.25 0.25]]
     """
     dims = checks.integer("dims", dims, 1, LATTICE_DIMS)
-    source = resources.files("qmcjax.sequences") / "_data" / "ckn_lattice_vector.txt"
-    vector = np.loadtxt(source.read_text().splitlines(), np.uint32)
+    vector = np.array(tables.rows("sequences", "ckn_lattice_vector.txt")).astype(np.uint32).ravel()
     return LatticeSequence(jnp.asarray(vector[:dims]))

@@ -2,7 +2,6 @@
 
 from dataclasses import field
 from functools import lru_cache
-from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -10,13 +9,12 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import below_one
 from qmcjax.core.maximin_lattices import best_planar, best_spatial
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.sequences._lattices.lattice_sequence import Multiples
 from qmcjax.sequences._protocol.base import Sequence
-from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._protocol.word_first import WordFirst
 
 _PLANAR_LIMIT = 2**22
 """The search takes half a second."""
@@ -58,8 +56,8 @@ class Rank1Lattice(Sequence):
 
 
 @frozen_pytree
-class BinaryRank1Lattice(WordFirst):
-    """The multiples of a vector modulo 1 for n = 2**m: as fractions of 32 bits, products that wrap."""
+class BinaryRank1Lattice(Multiples):
+    """The multiples of a vector modulo 1 for n = 2**m."""
 
     m: int = field(metadata={"static": True})
     vector: Array
@@ -68,19 +66,11 @@ class BinaryRank1Lattice(WordFirst):
     called = "rank1_lattice"
 
     @property
-    def dims(self) -> int:
-        return self.vector.shape[0]
-
-    @property
     def size(self) -> int:
         return 2**self.m
 
-    def word(self, index: Array, dim: int) -> Array:
-        return index * self.vector[dim]
-
-    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
-        return Fraction(lambda: index[..., None] * wanted)
+    def _factor(self, index: Array) -> Array:
+        return index
 
 
 def rank1_of(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Lattice:
@@ -179,6 +169,5 @@ def _best(n: int, dims: int) -> tuple[int, ...]:
 
 @lru_cache
 def _tabulated() -> dict[int, tuple[int, ...]]:
-    source = resources.files("qmcjax.sequences") / "_data" / "rank1_lattices.txt"
-    rows = np.loadtxt(source.read_text().splitlines(), np.int64)
+    rows = tables.rows("sequences", "rank1_lattices.txt")
     return {int(n): (int(a), int(b)) for n, a, b, _ in rows}

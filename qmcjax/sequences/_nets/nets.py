@@ -1,8 +1,7 @@
 """Nets of 2**m points with i / 2**m as first coordinate, and their inversion from pixel to index."""
 
 import abc
-from dataclasses import field
-from typing import Self
+from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,10 +13,11 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Net(BinarySequence):
     """A (0,m,2)-net in base 2: one point in every elementary interval of area 2**-m."""
 
-    m: int
+    m: int = field(metadata={"static": True})
 
     reported = ("m",)
 
@@ -38,10 +38,6 @@ class Net(BinarySequence):
 
     def word(self, index: Array, dim: int) -> Array:
         return reverse(self._second(index)) if dim else _fraction(index, self.m)
-
-    def inverted(self, log_side: int) -> Self:
-        self.points_per_cell(log_side)
-        return self
 
     def points_per_cell(self, log_side: int) -> int:
         """Return ``2**(m - 2 * log_side)``, the points in each of ``2**log_side`` x ``2**log_side`` cells."""
@@ -91,8 +87,6 @@ def _reverse_low(word: Array, count: int) -> Array:
 class HammersleyNet(Net):
     """The points (i / 2**m, phi_2(i))."""
 
-    m: int = field(metadata={"static": True})
-
     called = "hammersley_net"
 
     def _second(self, index: Array) -> Array:
@@ -105,8 +99,6 @@ class HammersleyNet(Net):
 @frozen_pytree
 class LarcherPillichshammerNet(Net):
     """The points (i / 2**m, C'1 times the bits of i)."""
-
-    m: int = field(metadata={"static": True})
 
     called = "larcher_pillichshammer_net"
 
@@ -123,8 +115,6 @@ class LarcherPillichshammerNet(Net):
 @frozen_pytree
 class PermutationNet(Net):
     """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""
-
-    m: int = field(metadata={"static": True})
 
     called = "permutation_net"
 

@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Callable
 from dataclasses import field
-from typing import Any, Self
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +14,7 @@ from qmcjax.core.bits import pascal, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import _larcher_sobol
 from qmcjax.sequences._nets.nets import HammersleyNet, LarcherPillichshammerNet, Net
-from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.binary import BinarySequence, WordFirst
 
 
 class OverPlane(BinarySequence):
@@ -42,10 +42,6 @@ class OverPlane(BinarySequence):
 
     def word(self, index: Array, dim: int) -> Array:
         return reverse(self._third(index)) if dim == 2 else self.plane.word(index, dim)
-
-    def inverted(self, log_side: int) -> Self:
-        self.points_per_cell(log_side)
-        return self
 
     def points_per_cell(self, log_side: int) -> int:
         return self.plane.points_per_cell(log_side)
@@ -85,7 +81,7 @@ _PERMUTATIONS = {
 
 
 @frozen_pytree
-class PermutationNet3D(BinarySequence):
+class PermutationNet3D(WordFirst):
     """One of P_2, ..., P_5, tiled until there are 2**m points (thesis Sect. 5.3.2)."""
 
     m: int = field(metadata={"static": True})
@@ -100,9 +96,6 @@ class PermutationNet3D(BinarySequence):
     @property
     def size(self) -> int:
         return 2**self.m
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return reverse(self.word(index, dim))
 
     def word(self, index: Array, dim: int) -> Array:
         numerator = index if dim == 0 else self._numerator(index, dim)

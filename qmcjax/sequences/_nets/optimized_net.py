@@ -1,14 +1,11 @@
 """Digital (0,m,2)-nets of large minimum distance, from searched generator matrices."""
 
-from dataclasses import field
-from importlib import resources
-
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._nets.nets import Net, _above, _low, _reverse_low
@@ -17,8 +14,6 @@ from qmcjax.sequences._nets.nets import Net, _above, _low, _reverse_low
 @frozen_pytree
 class MatrixNet(Net):
     """The points (i / 2**m, C times the bits of i) for C = L U with unit triangular factors over F2."""
-
-    m: int = field(metadata={"static": True})
 
     columns: Array
     """uint32 (m,): column k of C, its first row in bit 0."""
@@ -98,8 +93,7 @@ def _matrix(m: int) -> NDArray[np.uint8]:
 
 
 def _searched() -> dict[int, NDArray[np.uint8]]:
-    text = (resources.files("qmcjax.sequences") / "_data" / "optimized_nets.txt").read_text()
-    rows = [line.split()[2:] for line in text.splitlines() if not line.startswith("#")]
+    rows = [words[2:] for words in tables.rows("sequences", "optimized_nets.txt")]
     return {len(row): np.array([list(digits) for digits in row], np.uint8) for row in rows}
 
 

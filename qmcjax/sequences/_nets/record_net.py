@@ -1,13 +1,12 @@
 """Point sets of small discrepancy, from searches."""
 
 from functools import cache
-from importlib import resources
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.sequences._protocol.tabulated import Tabulated
 
 _FILES = {
@@ -89,6 +88,6 @@ def record_net(n: int, dims: int = 2, discrepancy: str = "star") -> Tabulated:
 @cache
 def _records(file: str) -> dict[str, NDArray[np.uint32]]:
     """Read 32-bit fractions by discrepancy, dimensions and size."""
-    with (resources.files("qmcjax.sequences") / "_data" / file).open("rb") as opened:
+    with tables.file("sequences", file).open("rb") as opened:
         arrays = dict(np.load(opened))
     return {name: array for name, array in arrays.items() if not name.endswith("_seconds")}

@@ -1,15 +1,13 @@
 """A (0,2)-sequence and (0,m,3)-nets of large minimum distance, from searched generator matrices."""
 
-from importlib import resources
-
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
-from qmcjax.sequences._digital.matrix_products import selected
+from qmcjax.sequences._digital.matrix_products import packed, selected
 from qmcjax.sequences._nets.nets_3d import OverPlane
 from qmcjax.sequences._nets.optimized_net import MatrixNet, columns_of, matrix_net
 
@@ -19,7 +17,6 @@ class MatrixNet3D(OverPlane):
     """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
 
     plane: MatrixNet
-    """The net of the first two coordinates."""
     columns: Array
     """uint32 (m,): column k of C_2, its first row in bit 0."""
 
@@ -96,16 +93,12 @@ def optimized_sequence() -> Digital:
     """
     first, second = _read("optimized_sequence.txt")[16]
     matrices = np.stack([np.kron(np.eye(2, dtype=np.uint8), first), np.kron([[1, 1], [0, 1]], second)])
-    weights = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
-    return digital((matrices.astype(np.uint32) * weights[:, None]).sum(axis=1, dtype=np.uint32))
+    return digital(packed(matrices))
 
 
 def _read(name: str) -> dict[int, NDArray[np.uint8]]:
     """Read pairs of matrices by their order."""
-    text = (resources.files("qmcjax.sequences") / "_data" / name).read_text()
-    rows = [
-        line.split()[-2 * int(line.split()[0]) :] for line in text.splitlines() if not line.startswith("#")
-    ]
+    rows = [words[-2 * int(words[0]) :] for words in tables.rows("sequences", name)]
     return {
         len(row) // 2: np.array([list(digits) for digits in row], np.uint8).reshape(2, len(row) // 2, -1)
         for row in rows

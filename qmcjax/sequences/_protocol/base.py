@@ -246,8 +246,8 @@ _TURN = 4096
 """Points made together in an iteration."""
 
 
-class PointByPoint(Sequence):
-    """A sequence with point i as a function of point i of another sequence."""
+class Derived(Sequence):
+    """A sequence with as many points and dimensions as another one."""
 
     sequence: Any
 
@@ -258,6 +258,10 @@ class PointByPoint(Sequence):
     @property
     def size(self) -> int | None:
         return self.sequence.size
+
+
+class PointByPoint(Derived):
+    """A sequence with point i as a function of point i of another sequence."""
 
     @property
     def limit_64(self) -> int:

@@ -14,8 +14,7 @@ from jax.typing import ArrayLike, DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.sequences._protocol.base import FEW, Sequence
-from qmcjax.sequences._protocol.blocks import Blocks
-from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.fraction import Blocks, Fraction
 from qmcjax.sequences._protocol.materialized import ROWS
 
 _BLOCKS_FROM = 4096
@@ -157,7 +156,11 @@ class BinarySequence(Sequence):
         -------
         Invertible
         """
-        raise ValueError(f"net must be invertible (have index_in_cell), got {checks.shown(self)}")
+        net: Any = self
+        if not hasattr(net, "index_in_cell"):
+            raise ValueError(f"net must be invertible (have index_in_cell), got {checks.shown(self)}")
+        net.points_per_cell(log_side)
+        return net
 
     def bits(self, index: ArrayLike, dims: tuple[int, ...] | None = None) -> Array:
         """Return the points of the given indices as exact 32-bit fractions.
@@ -175,6 +178,31 @@ class BinarySequence(Sequence):
         """
         wanted = checks.dimensions(dims, self.dims)
         return self.words(checks.unsigned("index", index, self.limit), wanted)
+
+
+class WordFirst(BinarySequence):
+    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``, as its sums carry."""
+
+    @abc.abstractmethod
+    def word(self, index: Array, dim: int) -> Array:
+        """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        return reverse(self.word(index, dim))
+
+
+class FractionFirst(BinarySequence):
+    """A sequence in base 2 that implements :meth:`fraction`, in the forms of another sequence."""
+
+    @abc.abstractmethod
+    def fraction(self, index: Array, dim: int) -> Fraction:
+        """Return one coordinate, lazily in either form."""
+
+    def bit_reversed(self, index: Array, dim: int) -> Array:
+        return self.fraction(index, dim).bit_reversed()
+
+    def word(self, index: Array, dim: int) -> Array:
+        return self.fraction(index, dim).word()
 
 
 # A separate program for the tables: XLA would fuse them into their use and recompute them for every point.

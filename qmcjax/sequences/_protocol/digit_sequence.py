@@ -15,23 +15,17 @@ class DigitSequence(Sequence):
 
     bases: tuple[int, ...]
 
+    @property
+    def dims(self) -> int:
+        return len(self.bases)
+
     @abc.abstractmethod
     def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
         """Return the digits of coordinates for scramblers: span by span, first digits first.
 
-        Parameters
-        ----------
-        index : uint32 Array
-            Valid indices.
-        dims : integer ndarray, broadcastable to ``index``
-            One coordinate, or several with equally many ``digit_spans`` of one digit each. Traced only if all
-            bases are the same.
-
-        Returns
-        -------
-        list of uint32 Array
-            One number for each of the ``digit_spans`` of the base; its lowest digit is the first one after
-            the radix point.
+        One number for each of the ``digit_spans`` of the base; its lowest digit is the first one after the
+        radix point. ``dims``: broadcastable to ``index``: one coordinate, or several with equally many
+        ``digit_spans`` of one digit each. Traced only if all bases are the same.
         """
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.word_first import WordFirst
+from qmcjax.sequences._protocol.binary import WordFirst
 
 
 @frozen_pytree

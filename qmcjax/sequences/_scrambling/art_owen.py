@@ -73,17 +73,13 @@ class Codes:
 class ArtOwen(Scrambled):
     """A sequence with an invertible nested permutation of each coordinate."""
 
-    sequence: BinarySequence
     codes: Codes
 
     called = "art_owen"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        def word() -> Array:
-            word = fraction.word()
-            return self.codes.scrambled(word, of_dims(jax.lax.iota(jnp.uint32, self.dims), dims, word))
-
-        return Fraction(word=word)
+        numbers = jax.lax.iota(jnp.uint32, self.dims)
+        return fraction.mapped(word=lambda word: self.codes.scrambled(word, of_dims(numbers, dims, word)))
 
     def inverted(self, log_side: int) -> Any:
         """Return an object that finds points from their cells by unscrambling the cells."""

@@ -9,7 +9,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import PointByPoint, Sequence
-from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._protocol.plug_in import as_sequence
 
@@ -60,7 +60,7 @@ class Components(Selection):
 
 
 @frozen_pytree
-class BinaryComponents(Selection, BinarySequence):
+class BinaryComponents(Selection, FractionFirst):
     """Some components of a sequence in base 2, with all bits."""
 
     sequence: BinarySequence
@@ -71,12 +71,6 @@ class BinaryComponents(Selection, BinarySequence):
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
         return self.sequence.fractions(index, self._of(dims))
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.sequence.bit_reversed(index, self.selected[dim])
-
-    def word(self, index: Array, dim: int) -> Array:
-        return self.sequence.word(index, self.selected[dim])
 
     @property
     def linear(self) -> BinarySequence | None:

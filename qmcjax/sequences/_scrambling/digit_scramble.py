@@ -14,14 +14,13 @@ from qmcjax.sequences._halton.digit_permutations import random_tables
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._scrambling.digital_shift import DigitalShift, digital_shift
-from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
+from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 
 @frozen_pytree
 class PermutedDigits(ScrambledDigits):
     """A sequence with one permutation per digit, also of the zeros after the last digit."""
 
-    sequence: DigitSequence
     tables: Array
     """uint16: the reflection tables of all coordinates, one after the other."""
     tails: Array

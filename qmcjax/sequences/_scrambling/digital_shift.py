@@ -19,22 +19,16 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class DigitalShift(Scrambled):
     """A sequence with digits flipped by one word per coordinate."""
 
-    sequence: BinarySequence
     shifts: Array
     """uint32 (dims,): fractions, the flip of the first digit in bit 31."""
 
     called = "digital_shift"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        def word() -> Array:
-            word = fraction.word()
-            return word ^ of_dims(self.shifts, dims, word)
-
-        def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed()
-            return bit_reversed ^ reverse(of_dims(self.shifts, dims, bit_reversed))
-
-        return Fraction(word, bit_reversed)
+        return fraction.mapped(
+            lambda word: word ^ of_dims(self.shifts, dims, word),
+            lambda bits: bits ^ reverse(of_dims(self.shifts, dims, bits)),
+        )
 
     def inverted(self, log_side: int) -> Any:
         """Return an object that finds points from their cells, which the shift permutes."""

@@ -4,37 +4,24 @@ from jax import Array
 
 from qmcjax.core.bits import gray_encode
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
+from qmcjax.sequences._protocol.base import Derived
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
 
 
 @frozen_pytree
-class Gray(BinarySequence):
+class Gray(Derived, FractionFirst):
     """Point i is the sequence's point i ^ (i >> 1)."""
 
     sequence: BinarySequence
 
     called = "gray"
 
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def size(self) -> int | None:
-        return self.sequence.size
-
     def fraction(self, index: Array, dim: int) -> Fraction:
         return self.sequence.fraction(gray_encode(index), dim)
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
         return self.sequence.fractions(gray_encode(index), dims)
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.sequence.bit_reversed(gray_encode(index), dim)
-
-    def word(self, index: Array, dim: int) -> Array:
-        return self.sequence.word(gray_encode(index), dim)
 
     @property
     def linear(self) -> "Gray | None":

@@ -11,7 +11,7 @@ from qmcjax.core.bits import pascal
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import sobol
 from qmcjax.sequences._protocol.base import PointByPoint
-from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
 from qmcjax.sequences._scrambling.components import BinaryComponents
 
@@ -24,7 +24,7 @@ error after a Gaussian in space and an average in time is up to 1.13 times as la
 
 
 @frozen_pytree
-class InTime(PointByPoint, BinarySequence):
+class InTime(PointByPoint, FractionFirst):
     """Point i of frame t is point i of a digital sequence xor a word of t, both before all scramblings.
 
     The word is the lower triangular matrix of binomial coefficients modulo 2 times point t. The minors of
@@ -68,23 +68,16 @@ class InTime(PointByPoint, BinarySequence):
         one = isinstance(dims, int)
         word = pascal(self.times.word(self.frame, dims) if one else self.times.words(self.frame, dims))
 
-        def moved() -> Array:
-            coordinates = fraction.word()
+        def moved(coordinates: Array) -> Array:
             return coordinates ^ word.reshape((1,) * (coordinates.ndim - word.ndim) + word.shape)
 
-        return self.sequence.of_linear(Fraction(moved), dims)
+        return self.sequence.of_linear(fraction.mapped(moved), dims)
 
     def fraction(self, index: Array, dim: int) -> Fraction:
         return self.of_linear(self._digital.fraction(index, dim), dim)
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
         return self.of_linear(self._digital.fractions(index, dims), dims)
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).bit_reversed()
-
-    def word(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).word()
 
 
 def in_time(sequence: BinarySequence) -> InTime:

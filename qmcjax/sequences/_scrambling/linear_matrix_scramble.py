@@ -19,20 +19,13 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class Linear(Scrambled):
     """A sequence with digits multiplied by one matrix per coordinate."""
 
-    sequence: BinarySequence
     columns: Array
     """uint32 (dims, 32): column k of L_j, its first row in bit 0; lower unit-triangular."""
 
     called = "linear_matrix_scramble"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Multiply the digits."""
-
-        def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed()
-            return _product(of_dims(self.columns, dims, bit_reversed), bit_reversed)
-
-        return Fraction(bit_reversed=bit_reversed)
+        return fraction.mapped(bit_reversed=lambda bits: _product(of_dims(self.columns, dims, bits), bits))
 
     @property
     def linear(self) -> BinarySequence | None:

@@ -18,18 +18,13 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class Owen(Scrambled):
     """A sequence with a nested random permutation of each coordinate."""
 
-    sequence: BinarySequence
     seeds: Array
     """uint32 (dims,)."""
 
     called = "owen"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed()
-            return owen_hash(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
-
-        return Fraction(bit_reversed=bit_reversed)
+        return fraction.mapped(bit_reversed=lambda bits: owen_hash(bits, of_dims(self.seeds, dims, bits)))
 
 
 def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | OwenDigits:

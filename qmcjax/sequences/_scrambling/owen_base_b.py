@@ -14,7 +14,7 @@ from qmcjax.core.permuted_digits import looked_up
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._halton.digit_permutations import random_permutations
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence
-from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
+from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 
 @frozen_pytree
@@ -28,7 +28,6 @@ class OwenDigits(ScrambledDigits):
     go through one uniform permutation.
     """
 
-    sequence: DigitSequence
     tables: Array
     """uint16: the tables of all coordinates, one after the other."""
     seeds: Array

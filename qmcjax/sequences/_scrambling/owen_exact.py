@@ -11,7 +11,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._scrambling.owen_exact_base_b import OwenExactDigits, owen_exact_digits
+from qmcjax.sequences._scrambling.owen_exact_base_b import OwenExactDigits
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 
@@ -19,18 +19,13 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class OwenExact(Scrambled):
     """A sequence with a nested uniform permutation of each coordinate."""
 
-    sequence: BinarySequence
     seeds: Array
     """uint32 (dims, 2)."""
 
     called = "owen_exact"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        def bit_reversed() -> Array:
-            bit_reversed = fraction.bit_reversed()
-            return _scramble(bit_reversed, of_dims(self.seeds, dims, bit_reversed))
-
-        return Fraction(bit_reversed=bit_reversed)
+        return fraction.mapped(bit_reversed=lambda bits: _scramble(bits, of_dims(self.seeds, dims, bits)))
 
 
 def _scramble(reversed_bits: Array, seeds: Array) -> Array:
@@ -99,7 +94,6 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
     >>> print(sorted((points[:, 2] * 9).astype(int).tolist()))
     [0, 1, 2, 3, 4, 5, 6, 7, 8]
     """
-    if not isinstance(sequence, BinarySequence):
-        return owen_exact_digits(with_digits("sequence", sequence), checks.prng_key("key", key))
-    seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
-    return OwenExact(sequence, seeds)
+    known = sequence if isinstance(sequence, BinarySequence) else with_digits("sequence", sequence)
+    seeds = jax.random.bits(checks.prng_key("key", key), (known.dims, 2), jnp.uint32)
+    return OwenExact(known, seeds) if isinstance(known, BinarySequence) else OwenExactDigits(known, seeds)

@@ -9,8 +9,7 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.digit_sequence import DigitSequence
-from qmcjax.sequences._scrambling.scrambled_digits import ScrambledDigits
+from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 _DRAWN = 2**13
 """Most outcomes of swaps drawn together from 32 random bits."""
@@ -20,7 +19,6 @@ _DRAWN = 2**13
 class OwenExactDigits(ScrambledDigits):
     """A sequence with a nested uniform permutation of each coordinate."""
 
-    sequence: DigitSequence
     seeds: Array
     """uint32 (dims, 2)."""
 
@@ -93,8 +91,3 @@ def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) 
         return position
 
     return jax.lax.fori_loop(np.uint32(0), np.uint32(-(-(top - 1) // together)), swap, digit)
-
-
-def owen_exact_digits(sequence: DigitSequence, key: Array) -> OwenExactDigits:
-    """Draw the seeds of all coordinates."""
-    return OwenExactDigits(sequence, jax.random.bits(key, (sequence.dims, 2), jnp.uint32))

@@ -18,20 +18,13 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 class RotatedBinary(Scrambled):
     """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
 
-    sequence: BinarySequence
     offsets: Array
     """uint32 (dims,): fractions."""
 
     called = "rotate"
 
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Add the offsets."""
-
-        def word() -> Array:
-            word = fraction.word()
-            return word + of_dims(self.offsets, dims, word)
-
-        return Fraction(word)
+        return fraction.mapped(lambda word: word + of_dims(self.offsets, dims, word))
 
 
 @frozen_pytree

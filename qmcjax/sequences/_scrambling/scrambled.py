@@ -1,17 +1,23 @@
-"""Base class of the randomisations in base 2."""
+"""Base classes of the randomisations, in base 2 and in base b."""
 
 import abc
+from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import DTypeLike
 
-from qmcjax.sequences._protocol.base import FEW, PointByPoint
-from qmcjax.sequences._protocol.binary import BinarySequence
+from qmcjax.core.digits import alike
+from qmcjax.sequences._protocol.base import FEW, Derived, PointByPoint
+from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst
+from qmcjax.sequences._protocol.digit_sequence import DigitSequence
 from qmcjax.sequences._protocol.fraction import Fraction
 
 
-class Scrambled(PointByPoint, BinarySequence):
+@dataclass(frozen=True, eq=False, repr=False)
+class Scrambled(PointByPoint, FractionFirst):
     """A sequence in base 2 with coordinates mapped one by one: subclasses implement :meth:`mapped`."""
 
     sequence: BinarySequence
@@ -27,12 +33,6 @@ class Scrambled(PointByPoint, BinarySequence):
         if len(dims) <= FEW:
             return super().fractions(index, dims)
         return self.mapped(self.sequence.fractions(index, dims), dims)
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).bit_reversed()
-
-    def word(self, index: Array, dim: int) -> Array:
-        return self.fraction(index, dim).word()
 
     @property
     def linear(self) -> BinarySequence | None:
@@ -56,3 +56,32 @@ def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) 
     else:
         wanted = parameters[np.array(dims)]
     return wanted.reshape((1,) * (coordinates.ndim - 1) + wanted.shape)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ScrambledDigits(Derived):
+    """A sequence with coordinates mapped one by one, digit after digit."""
+
+    sequence: DigitSequence
+
+    def radical_bases(self) -> tuple[int | None, ...]:
+        return self.sequence.radical_bases()
+
+    @abc.abstractmethod
+    def _scrambled(self, index: Array, dims: np.ndarray | Array, dtype: DTypeLike) -> Array:
+        """Return coordinates ``dims``, broadcast against ``index``, as for ``DigitSequence.spans``."""
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        return self._scrambled(index, np.array(dim), dtype)
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        bases = self.sequence.bases
+        if len(dims) > 1 and len(set(bases)) == 1:
+            # A loop: one program for all coordinates would recompute shared values.
+            wanted = jnp.asarray(np.array(dims, np.uint32))
+            return jnp.moveaxis(jax.lax.map(lambda dim: self._scrambled(index, dim, dtype), wanted), 0, -1)
+        if len(dims) <= FEW:
+            return super().coordinates(index, dims, dtype)
+        row = (1,) * index.ndim + (-1,)
+        groups = [np.array(group).reshape(row) for group in alike(bases, dims)]
+        return jnp.concatenate([self._scrambled(index[..., None], g, dtype) for g in groups], axis=-1)

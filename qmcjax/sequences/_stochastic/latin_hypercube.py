@@ -12,7 +12,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.word_first import WordFirst
+from qmcjax.sequences._protocol.binary import WordFirst
 
 
 def _rounds(n: int) -> int:

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
+"""Of shape (n, d); and moments of their cells."""
 
 
 def relaxed(points: Points, iterations: int) -> Points:
-    """Return the points after some iterations, in [0, 1).
-
-    ``points``: float64 array, shape (n, d): in [0, 1). Returns float64 array, shape (n, d).
-    """
+    """Return the points after some iterations, in [0, 1)."""
     for _ in range(iterations):
         points = centroids(points)
         points -= np.floor(points)
@@ -26,8 +24,6 @@ def centroids(points: Points) -> Points:
 
     Copies of the points in a margin around the unit cube are added. The margin must be twice as wide as the
     largest circumscribed sphere that touches one of the points; it is widened until it is.
-
-    ``points``: float64 array, shape (n, d): in [0, 1). Returns float64 array, shape (n, d).
     """
     n, d = points.shape
     margin = 3 * n ** (-1 / d)

@@ -1,7 +1,6 @@
 """Random points at random access: uniform, and stratified on a grid."""
 
 from dataclasses import field
-from typing import Self
 
 import jax
 import jax.numpy as jnp
@@ -11,8 +10,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.binary import BinarySequence
-from qmcjax.sequences._protocol.word_first import WordFirst
+from qmcjax.sequences._protocol.binary import BinarySequence, WordFirst
 
 
 def _draw(index: Array, seeds: Array) -> Array:
@@ -60,10 +58,6 @@ class Jittered(WordFirst):
     def word(self, index: Array, dim: int) -> Array:
         cell = index // np.uint32(self.side**dim) % np.uint32(self.side)
         return _divided(cell, _draw(index, self.seeds[dim]), self.side)
-
-    def inverted(self, log_side: int) -> Self:
-        self.points_per_cell(log_side)
-        return self
 
     def points_per_cell(self, log_side: int) -> int:
         if self.dims != 2 or self.side % 2**log_side:

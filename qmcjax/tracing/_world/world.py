@@ -1,21 +1,19 @@
 """Worlds: all objects and lights of a scene, with one number per primitive."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.object import Object, as_object
 from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._world.lights import Environment, Light, as_light
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class World:
     """Objects and lights."""
 

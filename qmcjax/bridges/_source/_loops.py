@@ -153,7 +153,6 @@ def _equations(jaxpr: Any) -> int:
 
 RULES: dict[str, Rule] = {
     "jit": _inlined,
-    "pjit": _inlined,
     "closed_call": _inlined,
     "custom_jvp_call": _inlined,
     "custom_vjp_call": _inlined,

@@ -129,12 +129,6 @@ class Program:
     shapes: tuple[tuple[int, ...], ...]
     statements: list[Statement]
 
-    @property
-    def tables(self) -> tuple[Table, ...]:
-        """The tables that the statements read, each once, in the order of use."""
-        loads = (v.detail for v in self.computed() if v.kind == "load")
-        return tuple(dict.fromkeys(loads))
-
     def computed(self) -> Iterator[Value]:
         """Return the values that the statements compute, those of loops included."""
         return _computed(self.statements)

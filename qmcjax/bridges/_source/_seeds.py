@@ -12,9 +12,7 @@ from qmcjax.samplers import Sampler
 
 def padding_words(known: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Return the seeds of pairs beyond the sampler's: other words of the sampler's own."""
-    return np.asarray(np.random.SeedSequence([2, *known.tolist()]).generate_state(2), np.uint32).astype(
-        np.uint32
-    )
+    return np.random.SeedSequence([2, *known.tolist()]).generate_state(2).astype(np.uint32)
 
 
 def seed_words(value: Any, seeded: Seeded) -> NDArray[np.uint32]:

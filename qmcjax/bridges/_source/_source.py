@@ -9,7 +9,7 @@ import numpy as np
 
 from qmcjax.bridges._padding import padding_pair, padding_pixel
 from qmcjax.bridges._source._c import C, Cuda
-from qmcjax.bridges._source._header import Header
+from qmcjax.bridges._source._header import EXACT, FLOATS, Header
 from qmcjax.bridges._source._language import RESERVED, Language
 from qmcjax.bridges._source._nouns import Seeded, noun
 from qmcjax.bridges._source._prepared import Prepared
@@ -169,7 +169,7 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     named = zip("xys", limits, strict=True)
     known = [f"{letter} < {limit}" for letter, limit in named if limit < checks.INDEX_LIMIT]
     about.add(f"Arguments: {', '.join(known) or 'any words'}.")
-    about.exact()
+    about.add(*EXACT)
     return writer.text(about, seeded, sampler, wanted, padded=True)
 
 
@@ -190,7 +190,7 @@ def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -
     about = Header(sequence, "A sequence", name, language, writer.seeds.size)
     about.call(name, "index", f"coordinates {_listed(wanted)} of a point")
     about.add(f"The index is below {sequence.limit}.")
-    about.exact()
+    about.add(*EXACT)
     return writer.text(about, seeded, sequence, wanted)
 
 
@@ -217,5 +217,5 @@ def _of_scene(scene: Any, language: Language, name: str) -> Source:
     writer.fill(name, program, [f"p[{k}]" for k in needs], (), FLOAT, parameter)
     about = Header(scene, "A scene", name, language, 0)
     about.call(name, "p", f"its value at p: {', '.join(scene.needs)}")
-    about.floats()
+    about.add(*FLOATS)
     return writer.text(about, Seeded.of(()), scene, ())

@@ -17,15 +17,12 @@ class Words:
         self.builder = builder
 
     def word(self, number: int) -> Value:
-        """Return a constant."""
         return self.builder.constant(number % 2**32, UINT)
 
     def pair(self, number: int) -> Pair:
-        """Return a constant."""
         return self.word(number >> 32), self.word(number)
 
     def op(self, kind: str, *given: Value) -> Value:
-        """Return an operation."""
         return self.builder.apply(kind, *given)
 
     def bit(self, condition: Value) -> Value:
@@ -33,12 +30,10 @@ class Words:
         return self.builder.convert(condition, UINT)
 
     def choose(self, condition: Value, if_true: Pair, if_false: Pair) -> Pair:
-        """Return one of two pairs."""
         select = self.builder.select
         return select(condition, if_true[0], if_false[0]), select(condition, if_true[1], if_false[1])
 
     def both(self, kind: str, a: Pair, b: Pair) -> Pair:
-        """Return an operation of both words."""
         return self.op(kind, a[0], b[0]), self.op(kind, a[1], b[1])
 
     def add(self, a: Pair, b: Pair) -> Pair:

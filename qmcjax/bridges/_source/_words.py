@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from qmcjax.bridges._source._builder import Builder
-from qmcjax.bridges._source._program import UINT, Value
+from qmcjax.bridges._source._program import UINT, Value, innermost
 
 Pair: TypeAlias = tuple[Value, Value]
 """Upper and lower word."""
@@ -32,9 +32,6 @@ class Words:
     def choose(self, condition: Value, if_true: Pair, if_false: Pair) -> Pair:
         select = self.builder.select
         return select(condition, if_true[0], if_false[0]), select(condition, if_true[1], if_false[1])
-
-    def both(self, kind: str, a: Pair, b: Pair) -> Pair:
-        return self.op(kind, a[0], b[0]), self.op(kind, a[1], b[1])
 
     def add(self, a: Pair, b: Pair) -> Pair:
         low = self.op("add", a[1], b[1])
@@ -143,9 +140,7 @@ class Words:
         step: Callable[[Sequence[Value]], list[Value]],
     ) -> list[Value]:
         """Return what values become when they change a number of times, in a loop."""
-        homes = [value.home for value in (*initial, *used) if value.home is not None]
-        around = max(homes, key=lambda loop: loop.depth, default=None)
-        loop = self.builder.loop([*initial, self.word(0)], around)
+        loop = self.builder.loop([*initial, self.word(0)], innermost((*initial, *used)))
         *state, counter = loop.variables
         loop.condition = self.op("lt", counter, self.word(count))
         loop.following = [*step(state), self.op("add", counter, self.word(1))]

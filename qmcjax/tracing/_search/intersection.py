@@ -12,10 +12,10 @@ from jax.typing import DTypeLike
 from qmcjax.core.parameters import cast
 from qmcjax.tracing._search.picked import EACH, picked
 from qmcjax.tracing._search.search import search
-from qmcjax.tracing._shapes.object import Frame, Object, identity, seen_from
+from qmcjax.tracing._shapes.object import Frame, identity, seen_from
 from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, kept, minus, plus, times, unit, where
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import World, with_shapes
 
 UNKNOWN = -2
 """Replaces the number of a primitive that has to be searched."""
@@ -45,8 +45,7 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
         others: Any = cast(shape.alone(), dtype)
         return others if shape.tree is None else replace(others, tree=shape.tree)
 
-    objects = (Object(tuple(map(numbers, item.shapes)), item.motion, item.material) for item in world.objects)
-    return World(tuple(objects), cast(world.lights, dtype))
+    return World(with_shapes(world, numbers).objects, cast(world.lights, dtype))
 
 
 def intersect(

@@ -136,9 +136,7 @@ class BakedTable:
         # A line that ended in a backslash would continue the comment on the next line.
         comment = "\n".join(f"// {line}".replace("\\", "/") for line in self.readme.splitlines())
         ends = {8: "", 16: "", 24: "f", 32: "u"}[self.bits]
-        numbers = [f"{number}{ends}" for number in self.values.ravel().tolist()]
-        if self.bits == 24:
-            numbers = [f"{number!s}{ends}" for number in self.values.ravel()]
+        numbers = [f"{number!s}{ends}" for number in self.values.ravel()]
         lines = [f"    {', '.join(numbers[k : k + 12])}," for k in range(0, len(numbers), 12)]
         return c_header(self._layout(2), Coding(self.bits, self.fractions), name, comment, lines)
 

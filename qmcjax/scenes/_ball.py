@@ -8,10 +8,10 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import cast, numbers, positive, require
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._ball_reference import swept_means
-from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast_edges, in_float64
 from qmcjax.scenes._constancy import disc_sides
 
 
@@ -147,6 +147,4 @@ def ball(
         ends = numbers("ends", ends, (lines, 2))
     times = numbers("times", times, (lines - 1,))
     require("times", times, lambda t: np.diff(t, prepend=0, append=1) > 0, "increasing between 0 and 1")
-    radius = numbers("radius", radius)
-    checks.positive("radius", radius)
-    return Ball(starts, ends, times, radius)
+    return Ball(starts, ends, times, positive("radius", radius))

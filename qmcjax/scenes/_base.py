@@ -104,17 +104,6 @@ class ExactScene(abc.ABC):
         """Return the means and the bound."""
 
 
-def coordinates(point: Array, parameter: Any) -> tuple[Array, Array, Array]:
-    """Return x, y and the scene's parameter, all in the dtype of ``point``."""
-    x, y = point[..., 0], point[..., 1]
-    return x, y, jnp.asarray(parameter).astype(point.dtype)
-
-
-def cast(scene: Any, dtype: DTypeLike) -> Any:
-    """Return the scene with all parameters in ``dtype``."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
-
-
 def in_float64(scene: Any) -> Any:
     """Return the scene with all parameters as float64 NumPy arrays, for references."""
     return jax.tree.map(lambda leaf: np.asarray(leaf, np.float64), scene)

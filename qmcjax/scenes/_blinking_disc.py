@@ -7,10 +7,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import cast, numbers, positive, require
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._constancy import disc_sides
 
@@ -78,8 +77,7 @@ def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25,
     >>> blinking_disc(centre=(0.5, 0.5), on=(0.0, 0.5))(jnp.array([[0.5, 0.5, 0.4], [0.5, 0.5, 0.6]]))
     Array([1., 0.], dtype=float32)
     """
-    centre, radius = numbers("centre", centre, (2,)), numbers("radius", radius)
-    checks.positive("radius", radius)
+    centre, radius = numbers("centre", centre, (2,)), positive("radius", radius)
     if on is not None:
         on = numbers("on", on, (2,))
         require("on", on, lambda on: 0 <= on[0] < on[1] <= 1, "0 <= on[0] < on[1] <= 1")

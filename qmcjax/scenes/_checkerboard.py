@@ -7,11 +7,10 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, positive
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _checkerboard_reference
-from qmcjax.scenes._base import ExactScene, cast_edges, coordinates
+from qmcjax.scenes._base import ExactScene, cast_edges
 
 
 @frozen_pytree
@@ -28,15 +27,15 @@ class Checkerboard(ExactScene):
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        x, y, squares = coordinates(point, cast_edges(self, point.dtype).squares)
+        x, y, squares = point[..., 0], point[..., 1], cast_edges(self, point.dtype).squares
         farthest = float(0.5 / jnp.finfo(point.dtype).eps)
         depth = jnp.minimum(squares / y, farthest)
         half = 0.5 * (jnp.floor((x - 0.5) * depth) + jnp.floor(depth))
         return jnp.where(depth < farthest, 1 - 2 * (half - jnp.floor(half)), 0.5)
 
     def varies(self, low: Array, high: Array) -> Array:
-        squares, dtype = jnp.asarray(self.squares).astype(low.dtype), low.dtype
-        farthest, slack = float(0.5 / jnp.finfo(dtype).eps), 8 * jnp.finfo(dtype).eps
+        squares, eps = cast(self, low.dtype).squares, jnp.finfo(low.dtype).eps
+        farthest, slack = float(0.5 / eps), 8 * eps
         near = jnp.minimum(squares / high[..., 1] * (1 - slack), farthest)
         far = jnp.minimum(squares / low[..., 1] * (1 + slack), farthest)
         left, right = low[..., 0] - 0.5, high[..., 0] - 0.5
@@ -89,6 +88,4 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
     >>> checkerboard()(jnp.array([[0.51, 0.9], [0.49, 0.9]]))
     Array([1., 0.], dtype=float32)
     """
-    checks.positive("squares", squares)
-    squares = numbers("squares", squares)
-    return Checkerboard(squares)
+    return Checkerboard(positive("squares", squares))

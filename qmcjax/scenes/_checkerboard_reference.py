@@ -26,6 +26,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from qmcjax.scenes._base import EPS
+
 Floats = NDArray[np.float64]
 
 _HORIZON = 1024
@@ -140,7 +142,7 @@ def _bound(squares: float, width: int, height: int, first: float) -> float:
     the means are ``width`` times differences of terms that have relative errors of a few units each.
     """
     truncation = 0.08 * width * height * squares * first**-6
-    return truncation + 16 * width * float(np.finfo(float).eps)
+    return truncation + 16 * width * EPS
 
 
 def parity(integers: NDArray) -> Floats:

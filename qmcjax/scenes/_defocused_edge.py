@@ -10,9 +10,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box, smeared_by_disc
 from qmcjax.scenes._constancy import linear, sign_varies
 
@@ -103,11 +103,6 @@ def defocused_edge(
     >>> scene(jnp.array([[0.4, 0.5, 0.81, 0.0], [0.4, 0.5, 0.81, 0.5]]))
     Array([0., 1.], dtype=float32)
     """
-    if not isinstance(aperture, str):
-        raise TypeError(f"aperture must be 'disc' or 'square', got {checks.shown(aperture)}")
-    if aperture not in ("disc", "square"):
-        raise ValueError(f"aperture must be 'disc' or 'square', got {aperture!r}")
-    if blur is not None:
-        blur = numbers("blur", blur)
-        checks.positive("blur", blur)
+    checks.choice("aperture", aperture, ("disc", "square"))
+    blur = None if blur is None else positive("blur", blur)
     return DefocusedEdge(numbers("angle", angle), numbers("offset", offset), blur, aperture)

@@ -10,9 +10,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast_edges, in_float64
 from qmcjax.scenes._circle_area import disc_in_boxes
 from qmcjax.scenes._constancy import disc_sides
 from qmcjax.scenes._edges import spread
@@ -123,5 +123,4 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
     >>> disc((0.5, 0.5), 0.25)(jnp.array([[0.5, 0.7], [0.7, 0.7]]))
     Array([1., 0.], dtype=float32)
     """
-    checks.positive("radius", radius)
-    return Disc(numbers("centre", centre, (2,)), numbers("radius", radius))
+    return Disc(numbers("centre", centre, (2,)), positive("radius", radius))

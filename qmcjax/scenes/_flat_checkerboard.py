@@ -9,10 +9,10 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _flat_checkerboard_reference
-from qmcjax.scenes._base import ExactScene, cast, cast_edges
+from qmcjax.scenes._base import ExactScene, cast_edges
 from qmcjax.scenes._edges import visible
 
 
@@ -117,5 +117,4 @@ def flat_checkerboard(squares: Array | float = 8.0, angle: Array | float = 0.3) 
     >>> flat_checkerboard(squares=2.0, angle=0.0)(jnp.array([[0.1, 0.1], [0.9, 0.1]]))
     Array([1., 0.], dtype=float32)
     """
-    checks.positive("squares", squares)
-    return FlatCheckerboard(numbers("squares", squares), numbers("angle", angle))
+    return FlatCheckerboard(positive("squares", squares), numbers("angle", angle))

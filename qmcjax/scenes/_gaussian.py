@@ -8,10 +8,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, in_float64
 from qmcjax.scenes._factors import bell_means, separable
 
 
@@ -57,6 +56,4 @@ def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
     >>> gaussian(centre=(0.5, 0.5), width=0.5)(jnp.array([[0.5, 0.5], [0.5, 0.0]]))
     Array([1.        , 0.60653067], dtype=float32)
     """
-    width = numbers("width", width)
-    checks.positive("width", width)
-    return Gaussian(numbers("centre", centre, (2,)), width)
+    return Gaussian(numbers("centre", centre, (2,)), positive("width", width))

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes import _genz_reference
-from qmcjax.scenes._base import ExactScene, cast, in_float64
+from qmcjax.scenes._base import ExactScene, in_float64
 from qmcjax.scenes._parameters import named
 
 FAMILIES = ("oscillatory", "product_peak", "corner_peak", "gaussian", "continuous", "discontinuous")

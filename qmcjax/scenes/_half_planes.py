@@ -10,9 +10,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast_edges, in_float64
 from qmcjax.scenes._constancy import sign_varies
 from qmcjax.scenes._edges import along
 from qmcjax.scenes._pixel_cuts import split_segments
@@ -227,5 +227,4 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
     >>> line(angle=0.0, offset=0.5, thickness=0.2)(jnp.array([[0.35, 0.9], [0.55, 0.9], [0.65, 0.1]]))
     Array([0., 1., 0.], dtype=float32)
     """
-    checks.positive("thickness", thickness)
-    return Line(numbers("angle", angle), numbers("offset", offset), numbers("thickness", thickness))
+    return Line(numbers("angle", angle), numbers("offset", offset), positive("thickness", thickness))

@@ -11,9 +11,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges
+from qmcjax.scenes._base import EPS, ExactScene, cast_edges
 from qmcjax.scenes._half_planes import Step
 from qmcjax.scenes._parameters import named
 

@@ -10,9 +10,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import cast, numbers, positive, require
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, in_float64
 
 
 @frozen_pytree
@@ -96,9 +96,8 @@ def path_toy(bounces: int = 8, albedo: Any = 0.9, survival: Any = 0.5, emission:
     (Array(0.625, dtype=float32), ('x', 'y', 'u1', 'v1'))
     """
     bounces = checks.integer("bounces", bounces, 1, 340)
-    albedo, emission = numbers("albedo", albedo), numbers("emission", emission)
+    albedo, emission = numbers("albedo", albedo), positive("emission", emission)
     require("albedo", albedo, lambda a: (a > 0) & (a <= 1), "in (0, 1]")
-    checks.positive("emission", emission)
     if survival is not None:
         survival = numbers("survival", survival)
         require("survival", survival, lambda s: (s > 0) & (s <= 1), "in (0, 1]")

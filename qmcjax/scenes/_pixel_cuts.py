@@ -27,7 +27,6 @@ class Pieces(NamedTuple):
 
     @property
     def middle(self) -> Floats:
-        """The middle of each piece."""
         return 0.5 * (self.low + self.high)
 
     @property

@@ -8,9 +8,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import cast, numbers, require
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, in_float64
 from qmcjax.scenes._factors import separable
 from qmcjax.scenes._parameters import named
 

@@ -9,9 +9,9 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import cast, numbers, require
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import ExactScene, cast_edges, in_float64
 from qmcjax.scenes._blurred_edge import smeared_by_box
 from qmcjax.scenes._constancy import linear, sign_varies
 

@@ -9,9 +9,9 @@ from jax.core import Tracer
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, numbers
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast, cast_edges, in_float64
+from qmcjax.scenes._base import EPS, ExactScene, cast_edges, in_float64
 from qmcjax.scenes._edges import along
 from qmcjax.scenes._pixel_cuts import split_segments
 

@@ -8,10 +8,9 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
-from qmcjax.core.parameters import numbers
+from qmcjax.core.parameters import cast, positive
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import ExactScene, coordinates
+from qmcjax.scenes._base import EPS, ExactScene
 
 
 @frozen_pytree
@@ -23,7 +22,7 @@ class ZonePlate(ExactScene):
     needs: ClassVar[tuple[str, ...]] = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
-        x, y, frequency = coordinates(point, self.frequency)
+        x, y, frequency = point[..., 0], point[..., 1], cast(self.frequency, point.dtype)
         return 0.5 + 0.5 * _sine(frequency / (2 * math.pi) * (x * x + y * y))
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -36,7 +35,7 @@ class ZonePlate(ExactScene):
         down, down_bound = _chirp_means(frequency, height)
         waves = np.outer(down.imag, across.real) + np.outer(down.real, across.imag)
         # The factors have modulus at most 1, so the product has at most the error of one factor.
-        return 0.5 + 0.5 * waves, 0.5 * (across_bound + down_bound) + float(np.finfo(float).eps)
+        return 0.5 + 0.5 * waves, 0.5 * (across_bound + down_bound) + EPS
 
 
 # sin(2 pi t) / t in powers of t**2, interpolated at Chebyshev points of |t| <= 1/4: off by 7e-9.
@@ -60,14 +59,13 @@ def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], 
     Differences of Fresnel integrals lose digits in proportion to ``count``. Where an interval covers little
     of a wave, Gauss-Legendre quadrature is exact up to the rounding of the phase.
     """
-    eps = float(np.finfo(float).eps)
     if 2 * frequency <= 4 * count:
         # 12 nodes integrate a wave of up to 4 radians to below 1e-18.
         nodes, weights = np.polynomial.legendre.leggauss(12)
         x = (np.arange(count)[:, None] + 0.5 * (1 + nodes)) / count
         phase = frequency * x * x
         means = np.cos(phase) @ (0.5 * weights) + 1j * (np.sin(phase) @ (0.5 * weights))
-        return means, eps * (4 * frequency + 8)
+        return means, EPS * (4 * frequency + 8)
 
     from scipy.special import fresnel
 
@@ -75,7 +73,7 @@ def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], 
     unit = math.sqrt(math.pi / (2 * frequency))
     # Rounding of the arguments moves both ends by about x eps; Cephes states a relative error of 2e-15.
     means = (count * unit) * (np.diff(cosine) + 1j * np.diff(sine))
-    return means, eps * count * (4 + 20 * unit)
+    return means, EPS * count * (4 + 20 * unit)
 
 
 def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
@@ -100,6 +98,4 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
     >>> zone_plate(frequency=jnp.pi)(jnp.array([[0.0, 0.0], [0.5, 0.5]]))
     Array([0.5, 1. ], dtype=float32)
     """
-    checks.positive("frequency", frequency)
-    frequency = numbers("frequency", frequency)
-    return ZonePlate(frequency)
+    return ZonePlate(positive("frequency", frequency))

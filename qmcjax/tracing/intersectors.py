@@ -12,9 +12,8 @@ from qmcjax.tracing._search.compiled_world import search as _compiled
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._search.loops import by_program
 from qmcjax.tracing._search.search import search
-from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.vectors import components
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import World, with_shapes
 
 Intersector = Callable[[World, Array, Array, Array, Array, bool], tuple[Array, Array]]
 """From a world, origins and directions (n, 3), times and limits (n,), and whether any hit counts, to
@@ -26,11 +25,8 @@ def loops(
     world: World, origin: Array, direction: Array, time: Array, limit: Array, any_hit: bool
 ) -> tuple[Array, Array]:
     """Test all primitives in fused loops over tiles of rays; see `Intersector`."""
-    objects = (
-        Object(tuple(shape.alone() for shape in item.shapes), item.motion, item.material)
-        for item in world.objects
-    )
-    return trees(World(tuple(objects), world.lights), origin, direction, time, limit, any_hit)
+    alone = with_shapes(world, lambda shape: shape.alone())
+    return trees(alone, origin, direction, time, limit, any_hit)
 
 
 @jit("any_hit")

@@ -45,7 +45,7 @@ def requested(stream, number, pairs):
 def test_pairs_of_the_sampler_are_its_own():
     """Also those that are computed together, and those of one sample alone."""
     sampler = samplers.independent(sequences.sobol(11), 3)
-    samples = pixels.Wavefront(pixels.Window(5, 3, 7, 2), 4, 6)
+    samples = pixels.Block(pixels.Window(5, 3, 7, 2), (0, 0), 8, 4, 6)
     x, y, sample = samples.where(np.arange(60, dtype=np.uint32))
     assert (x[:5].tolist(), y[-1], sample[:5].tolist()) == ([7, 7, 7, 7, 8], 4, [6, 7, 8, 9, 6])
     points = np.asarray(sampler(x, y, sample, tuple(range(10)))).reshape(60, 5, 2)
@@ -57,7 +57,7 @@ def test_pairs_of_the_sampler_are_its_own():
 def test_tiles_do_not_show():
     """Samples on both sides of the border of two tiles, and in a last one that is not full."""
     sampler = samplers.independent(sequences.sobol(2), 1)
-    samples = pixels.Wavefront(pixels.Window(300, 73, 0, 0), 4, 0)
+    samples = pixels.Block(pixels.Window(64, 64, 0, 0), (0, 0), 64, 5, 0)
     assert samples.count > TILE and samples.count % TILE
     stream = stream_of(sampler, samples)
     some = np.array([0, TILE - 1, TILE, samples.count - 1], np.uint32)
@@ -72,7 +72,7 @@ def test_tiles_do_not_show():
 def padded(spp, pairs=(1, 2), key=5, side=16):
     """Return pairs behind those of a sampler, shape (pairs, pixels, spp, 2)."""
     made = PaddedPairs(samplers.independent(sequences.sobol(2), 0), prng_key("key", key))
-    samples = pixels.Wavefront(pixels.Window(side, side, 0, 0), spp, 0)
+    samples = pixels.Block(pixels.Window(side, side, 0, 0), (0, 0), side, spp, 0)
     where = samples.where(np.arange(samples.count, dtype=np.uint32))
     values = [np.transpose(made.coordinates(made.group(pair), *where)) for pair in pairs]
     return np.reshape(values, (len(pairs), side**2, spp, 2))
@@ -143,7 +143,7 @@ def test_what_is_no_sampler_is_refused():
     with pytest.raises(ValueError, match="seed or seek must set the pixels"):
         Stream().next(0)
     outside = samplers.function(lambda x, y, sample: jax.numpy.full((*x.shape, 2), 1.5), 2)
-    stream = stream_of(outside, pixels.Wavefront(pixels.Window(8, 8, 0, 0), 1, 0))
+    stream = stream_of(outside, pixels.Block(pixels.Window(8, 8, 0, 0), (0, 0), 8, 1, 0))
     with pytest.raises(ValueError, match=r"points in \[0, 1\), got \[1.5, 1.5\] in pixel \(0, 0\), sample 0"):
         stream.next(0)
 

@@ -43,7 +43,6 @@ class Builder:
         return self._new("constant", dtype, (), known.astype(dtype)[()])
 
     def input(self, number: int, dtype: np.dtype) -> Value:
-        """Return an input of the program."""
         return self._new("input", dtype, (), number)
 
     def loop(self, initial: list[Value], around: Loop | None) -> Loop:
@@ -146,7 +145,6 @@ class Builder:
         return None
 
     def select(self, condition: Value, if_true: Value, if_false: Value) -> Value:
-        """Return one of two values."""
         if condition.kind == "constant":
             return if_true if condition.detail else if_false
         if if_true is if_false:

@@ -5,9 +5,8 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from qmcjax.bridges._source._language import INFIX, LOGICAL, RESULT, Language, rows
+from qmcjax.bridges._source._language import BRACED, INFIX, LOGICAL, Language
 from qmcjax.bridges._source._operations import interval
 from qmcjax.bridges._source._program import BOOL, DOUBLE, FLOAT, INT, LONG, UINT, ULONG, Value
 
@@ -54,8 +53,16 @@ class C(Language):
     has_64: ClassVar = True
     repeats: ClassVar = frozenset(("min", "max"))
     smallest: ClassVar = "(-2147483647 - 1)"
-    qualifier: ClassVar[str] = "QMCJAX_INLINE"
-    constant: ClassVar[str] = "static const"
+    suffix: ClassVar = "f"
+    cast: ClassVar = "({kind}){value}"
+    as_float: ClassVar = "qmcjax_as_float({value})"
+    as_integer: ClassVar = "({kind})qmcjax_as_word({value})"
+    constant: ClassVar = "const {kind} {name} = {value};"
+    array: ClassVar = f"static const{BRACED}"
+    structure: ClassVar = "typedef struct {{\n{members}\n}} {name};"
+    arrays: ClassVar = "const {kind} {name}[{size}]"
+    filled: ClassVar = "{kind} {name}[{size}]"
+    head_of: ClassVar = "QMCJAX_INLINE {kind} {name}({parameters})"
 
     def literal(self, known: Any) -> str:
         if known.dtype == BOOL:
@@ -68,26 +75,12 @@ class C(Language):
             return f"{known}ll" if known > np.iinfo(LONG).min else "(-9223372036854775807ll - 1)"
         if known.dtype.kind == "f" and not np.isfinite(known):
             return "NAN" if known != known else "INFINITY" if known > 0 else "(-INFINITY)"
-        text = super().literal(known)
-        if known.dtype != FLOAT:
-            return text
-        return f"{text[:-1]}f)" if text.endswith(")") else f"{text}f"
+        return super().literal(known)
 
     def head(self, text: str) -> str:
         casts = [cast for cast in _CASTS if f"{cast}(" in text]
         lines = ["#include <math.h>", "#include <stdint.h>"] + ["#include <string.h>"] * bool(casts)
         return "\n\n".join(["\n".join(lines), _INLINE, *(_CASTS[cast] for cast in casts)])
-
-    def bits_to(self, dtype: np.dtype, value: str) -> str:
-        return f"qmcjax_as_float({value})"
-
-    def bits_of(self, dtype: np.dtype, value: str) -> str:
-        return f"({self.type(dtype)})qmcjax_as_word({value})"
-
-    def convert(self, value: Value, text: str) -> str:
-        return (
-            super().convert(value, text) if value.kind == "bitcast" else f"({self.type(value.dtype)}){text}"
-        )
 
     def operation(self, value: Value, *given: str) -> str:
         kind, dtype = value.kind, value.dtype
@@ -106,45 +99,23 @@ class C(Language):
         end = "f" if dtype == FLOAT else ""
         return f"{self.functions.get(kind, kind)}{end}({', '.join(given)})"
 
-    def declare(self, dtype: np.dtype, name: str, value: str, changes: bool = False) -> str:
-        return ("" if changes else "const ") + super().declare(dtype, name, value)
-
-    def table(self, name: str, entries: NDArray[Any]) -> str:
-        kind = f"{self.constant} {self.type(entries.dtype)}"
-        return f"{kind} {name}[{len(entries)}] = {{\n{rows(self, entries)}\n}};"
-
-    def struct(self, name: str, members: Sequence[tuple[np.dtype, str]]) -> str:
-        return f"typedef {super().struct('', members).replace('struct  {', 'struct {')[:-1]} {name};"
-
-    def parameter(self, kind: str, name: str, size: int | None = None) -> str:
-        return super().parameter(kind if size is None else f"const {kind}", name, size)
-
     def returning(self, kind: str, name: str, parameters: Sequence[str], inside: Sequence[str]) -> str:
         words = set(re.findall(r"\w+", "\n".join(inside)))
         names = [re.sub(r"\[.*", "", parameter).split()[-1] for parameter in parameters]
         unused = [f"(void){parameter};" for parameter in names if parameter not in words]
-        return super().returning(f"{self.qualifier} {kind}", name, parameters, [*unused, *inside])
-
-    def filling(
-        self, name: str, parameters: Sequence[str], size: int, inside: Sequence[str], kind: str
-    ) -> str:
-        return self.returning("void", name, [*parameters, f"{kind} {RESULT}[{size}]"], inside)
+        return super().returning(kind, name, parameters, [*unused, *inside])
 
 
 class Cuda(C):
     """CUDA C++, for device code."""
 
-    qualifier: ClassVar = "static __device__ inline"
-    constant: ClassVar = "static __device__ const"
+    as_float: ClassVar = "__uint_as_float({value})"
+    as_integer: ClassVar = "({kind})__float_as_uint({value})"
+    array: ClassVar = f"static __device__ const{BRACED}"
+    head_of: ClassVar = "static __device__ inline {kind} {name}({parameters})"
 
     def head(self, text: str) -> str:
         return "#include <stdint.h>"
-
-    def bits_to(self, dtype: np.dtype, value: str) -> str:
-        return f"__uint_as_float({value})"
-
-    def bits_of(self, dtype: np.dtype, value: str) -> str:
-        return f"({self.type(dtype)})__float_as_uint({value})"
 
 
 def _may_wrap(value: Value) -> bool:

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,20 +41,20 @@ class Tables:
             return f"{name}[{index}]"
         if table not in self._places:
             self._places[table] = sum(map(len, self._bound))
-            self._bound.append(_words(entries))
+            self._bound.append(entries.astype(widened(entries.dtype)).view(np.uint32))
         place = self._places[table]
-        word = self._language.bound(f"{self._prefix}_tables", f"{index} + {place}u" if place else index)
+        index = f"{index} + {place}u" if place else index
+        word = self._language.bound.format(name=f"{self._prefix}_tables", index=index)
         return word if entries.dtype.kind == "u" else self._language.from_word(widened(entries.dtype), word)
 
     def declarations(self) -> list[str]:
         """Return the declarations of all tables that were named."""
-        narrow = self._language.has_64
         made = []
         if self._bound and isinstance(self._language, Shader):
-            made.append(self._language.binding(f"{self._prefix}_tables"))
+            made.append(self._language.binding.format(name=f"{self._prefix}_tables"))
         for table, name in self._names.items():
             entries = table.entries
-            if not narrow and entries.dtype.itemsize < 4:
+            if not self._language.has_64 and entries.dtype.itemsize < 4:
                 entries = entries.astype(f"{entries.dtype.kind}4")
             made.append(self._language.table(name, entries))
         return made
@@ -129,7 +128,7 @@ class Body:
         self._line(language.loop)
         self._depth += 1
         self._block(statement.head)
-        self._line(language.leave(f"({self._whole(loop.condition)})"))
+        self._line(language.unless.format(condition=f"({self._whole(loop.condition)})"))
         self._block(statement.body)
         self._assign(state, [loop.following[number] for number in statement.kept])
         self._depth -= 1
@@ -149,12 +148,6 @@ class Body:
         for name, text in zip(state, texts, strict=True):
             if name != text:
                 self._line(f"{name} = {text};")
-
-
-def _words(entries: NDArray[Any]) -> NDArray[np.uint32]:
-    """Return the entries of a table as words."""
-    wide = entries.astype(widened(entries.dtype))
-    return wide.view(np.uint32)
 
 
 def _has_operators(text: str) -> bool:

@@ -217,7 +217,6 @@ class Floats:
         return self.words.op("xor", a[0], self.words.word(1 << 31)), a[1]
 
     def constant(self, number: float) -> Pair:
-        """Return a constant."""
         return self.words.pair(int(np.float64(number).view(np.uint64)))
 
     def _cut(self, a: Pair) -> Pair:

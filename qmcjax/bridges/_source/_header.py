@@ -14,14 +14,17 @@ from qmcjax.core.plug_ins import unwrap
 
 _LONGEST = 300
 
-_EXACT = (
+EXACT = (
     "Coordinates are in [0, 1), float32 with the bits that Python computes: only integers are computed with,",
     "and floats that are exact or rounded once. Do not compile with -ffast-math or the like.",
 )
-_FLOATS = (
+"""The promise of samplers and sequences."""
+
+FLOATS = (
     "Values are those that Python computes, within rounding. Compilers may fuse products and sums, here and",
     "there (-ffp-contract=off prevents it here), and each rounds exp, sin, cos and the like in its own way.",
 )
+"""The promise of scenes."""
 
 
 class Header:
@@ -42,16 +45,7 @@ class Header:
         self.lines.append(f"  {before}{name}({given}{seeds}{filled}): {what}")
 
     def add(self, *lines: str) -> None:
-        """Add a paragraph."""
         self.lines += ["", *lines]
-
-    def exact(self) -> None:
-        """Add the promise of samplers and sequences."""
-        self.add(*_EXACT)
-
-    def floats(self) -> None:
-        """Add the promise of scenes."""
-        self.add(*_FLOATS)
 
     def seeds(self, seeded: Seeded, padded: bool) -> None:
         """Add which words are the seeds."""
@@ -84,7 +78,6 @@ class Header:
             )
 
     def text(self) -> str:
-        """Return the comment."""
         return "\n".join(f"// {line}".rstrip() for line in self.lines)
 
 

@@ -51,6 +51,21 @@ class _Places:
             raise Untranslatable(f"an array of {entries.size} values that vary, at a place that varies")
         return builder.chosen(list(entries.ravel()), flat)
 
+    def clamped(
+        self, shape: Any, starts: dict[int, Value], sizes: dict[int, int], offsets: dict[int, int]
+    ) -> tuple[list[Value], Value]:
+        """Return the place at offsets from clamped starts, by axis, and whether none was clamped."""
+        builder = self.builder
+        place, valid = [], builder.constant(np.True_, BOOL)
+        for axis, whole in enumerate(shape):
+            start = builder.constant(0, UINT)
+            if axis in starts:
+                limit = whole - sizes.get(axis, 1)
+                valid = builder.apply("and", valid, self.inside(starts[axis], limit))
+                start = self.start(starts[axis], limit)
+            place.append(self.moved(start, offsets.get(axis, 0)))
+        return place, valid
+
     def moved(self, start: Value, by: int) -> Value:
         """Return a uint32 index plus a constant."""
         return self.builder.apply("add", start, self.builder.constant(by, UINT))
@@ -110,9 +125,9 @@ def _gather(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Ent
     builder, places = reader.builder, _Places(reader)
     entries, indices = given
     indices = lifted(builder, indices)
-    numbers, sizes = equation.params["dimension_numbers"], equation.params["slice_sizes"]
+    numbers, sizes = equation.params["dimension_numbers"], dict(enumerate(equation.params["slice_sizes"]))
     out = equation.outvars[0].aval
-    batching = dict(zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True))
+    batching = list(zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True))
     outside = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
     free = [axis for axis in range(entries.ndim) if axis not in outside]
     fills = equation.params["mode"] == GatherScatterMode.FILL_OR_DROP
@@ -120,15 +135,9 @@ def _gather(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Ent
     for at in np.ndindex(made.shape):
         batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.offset_dims)
         offsets = dict(zip(free, (at[axis] for axis in numbers.offset_dims), strict=True))
+        offsets |= {axis: batch[number] for axis, number in batching}
         starts = dict(zip(numbers.start_index_map, indices[batch], strict=True))
-        place, valid = [], builder.constant(np.True_, BOOL)
-        for axis, whole in enumerate(entries.shape):
-            start = builder.constant(batch[batching[axis]] if axis in batching else 0, UINT)
-            if axis in starts:
-                limit = whole - sizes[axis]
-                valid = builder.apply("and", valid, places.inside(starts[axis], limit))
-                start = places.start(starts[axis], limit)
-            place.append(places.moved(start, offsets.get(axis, 0)))
+        place, valid = places.clamped(entries.shape, starts, sizes, offsets)
         value = places.entry(entries, place)
         made[at] = builder.select(valid, value, _filling(reader, equation, value)) if fills else value
     return [made]
@@ -150,7 +159,7 @@ def _scatter(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[En
     numbers = equation.params["dimension_numbers"]
     if numbers.operand_batching_dims:
         raise Untranslatable("with batches")
-    combine = {"scatter": None, "scatter-add": "add", "scatter_add": "add"}[equation.primitive.name]
+    combine = {"scatter": None, "scatter-add": "add"}[equation.primitive.name]
     free = [axis for axis in range(made.ndim) if axis not in numbers.inserted_window_dims]
     windows = [updates.shape[axis] for axis in numbers.update_window_dims]
     sizes = dict(zip(free, windows, strict=True))
@@ -159,19 +168,11 @@ def _scatter(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[En
         batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.update_window_dims)
         offsets = dict(zip(free, (at[axis] for axis in numbers.update_window_dims), strict=True))
         starts = dict(zip(numbers.scatter_dims_to_operand_dims, indices[batch], strict=True))
-        place, valid = [], builder.constant(np.True_, BOOL)
-        for axis, whole in enumerate(made.shape):
-            start = builder.constant(0, UINT)
-            if axis in starts:
-                limit = whole - sizes.get(axis, 1)
-                start = places.start(starts[axis], limit)
-                if not clips:
-                    valid = builder.apply("and", valid, places.inside(starts[axis], limit))
-            place.append(places.moved(start, offsets.get(axis, 0)))
+        place, valid = places.clamped(made.shape, starts, sizes, offsets)
         value = updates[at]
         if combine:
             value = builder.apply(combine, places.entry(made, place), value)
-        _replace(places, made, place, value, valid)
+        _replace(places, made, place, value, None if clips else valid)
     return [made]
 
 
@@ -191,5 +192,4 @@ RULES: dict[str, Rule] = {
     "gather": _gather,
     "scatter": _scatter,
     "scatter-add": _scatter,
-    "scatter_add": _scatter,
 }

@@ -42,22 +42,15 @@ def _encrypted(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[
     return [np.asarray(made[0]), np.asarray(made[1])]
 
 
-def _of_words(reader: Reader, function: Any, *given: Entries) -> Entries:
-    """Inline a function of the words of a key."""
-    avals = [jax.ShapeDtypeStruct(np.shape(entries), np.uint32) for entries in given]
-    closed = jax.make_jaxpr(function)(*avals)
-    return reader.closed(closed, given)[0]
-
-
 def _each(reader: Reader, function: Any, *given: Entries) -> Entries:
     """Inline a function of one key for each key of an array: results are stacked behind its axes."""
     keys, *others = np.broadcast_arrays(*given)
     results = []
     for place in np.ndindex(keys.shape):
         key: Any = keys[place]
-        pair = np.array(key.words, object)
-        result = _of_words(reader, function, pair, *(np.asarray(other[place]) for other in others))
-        results.append(lifted(reader.builder, result))
+        words = [np.array(key.words, object), *(np.asarray(other[place]) for other in others)]
+        closed = jax.make_jaxpr(function)(*(jax.ShapeDtypeStruct(each.shape, np.uint32) for each in words))
+        results.append(lifted(reader.builder, reader.closed(closed, words)[0]))
     return np.stack(results).reshape((*keys.shape, *results[0].shape))
 
 

@@ -1,6 +1,5 @@
 """What each language writes in its own way: types, constants, operations, declarations."""
 
-import abc
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -32,6 +31,9 @@ LOGICAL = {"and": "&&", "or": "||", "xor": "!="}
 RESULT = "u"
 """Name of the array that functions fill: ``point`` and ``sample`` are words of HLSL."""
 
+BRACED = " {kind} {name}[{size}] = {{\n{rows}\n}};"
+"""A table of constants, after what says so."""
+
 RESERVED = frozenset(
     """
     abs acos alignas alignof and array asfloat asin asm asuint atan atan2 auto bitand bitcast bitor bool
@@ -50,8 +52,11 @@ RESERVED = frozenset(
 """Words that some language keeps for itself, and that a function cannot have as name."""
 
 
-class Language(abc.ABC):
-    """How a language writes programs. Arguments of its methods are written as atoms, or in parentheses."""
+class Language:
+    """How a language writes programs. Arguments of its methods are written as atoms, or in parentheses.
+
+    Most are templates: ``kind`` is the name of a type, ``Kind`` capitalized.
+    """
 
     types: ClassVar[Mapping[np.dtype, str]]
     functions: ClassVar[Mapping[str, str]] = {}
@@ -68,17 +73,42 @@ class Language(abc.ABC):
 
     smallest: ClassVar[str] = "int(0x80000000u)"
     """The smallest int32."""
+    suffix: ClassVar[str] = ""
+    """Of a constant in float32."""
+    cast: ClassVar[str] = "{kind}({value})"
+    as_float: ClassVar[str]
+    """The bits of a word."""
+    as_integer: ClassVar[str]
+    """The bits of a float."""
+    choice: ClassVar[str] = "{condition} ? {if_true} : {if_false}"
+    constant: ClassVar[str] = "{kind} {name} = {value};"
+    variable: ClassVar[str] = "{kind} {name} = {value};"
+    loop: ClassVar[str] = "for (;;) {"
+    """The head of a loop that only its inside leaves."""
+    unless: ClassVar[str] = "if (!{condition}) break;"
+    """Leaves a loop."""
+    array: ClassVar[str] = "const {kind} {name}[{size}] = {kind}[{size}](\n{rows}\n);"
+    """A table of constants."""
+    structure: ClassVar[str] = "struct {name} {{\n{members}\n}};"
+    member: ClassVar[str] = "{kind} {name};"
+    scalars: ClassVar[str] = "{kind} {name}"
+    """A parameter: a scalar or structure."""
+    arrays: ClassVar[str] = "{kind} {name}[{size}]"
+    """A parameter: an array of known size."""
+    filled: ClassVar[str] = "out {kind} {name}[{size}]"
+    """The parameter of a function that fills it."""
+    head_of: ClassVar[str] = "{kind} {name}({parameters})"
+    """The head of a function."""
+    uninitialized: ClassVar[str] = "{kind} {name};"
 
     def head(self, text: str) -> str:
         """Return what the text of functions needs before it."""
         return ""
 
     def type(self, dtype: np.dtype) -> str:
-        """Return the name of a dtype."""
         return self.types[dtype]
 
     def literal(self, known: Any) -> str:
-        """Return a constant."""
         if known.dtype == BOOL:
             return "true" if known else "false"
         if known.dtype == UINT:
@@ -86,35 +116,31 @@ class Language(abc.ABC):
         if known.dtype == INT:
             return self.smallest if known == np.iinfo(INT).min else f"{known}" if known >= 0 else f"({known})"
         if not np.isfinite(known):
-            return self.bits_to(FLOAT, f"{known.view(UINT)}u")
+            return self.of_bits(FLOAT, f"{known.view(UINT)}u")
         size = abs(known)
         if size == 0 or 1e-3 <= size < 1e6:
             text = np.format_float_positional(known, trim="0")
         else:
             text = np.format_float_scientific(known, trim="0", exp_digits=1).replace("e+", "e")
+        text += self.suffix if known.dtype == FLOAT else ""
         return f"({text})" if np.signbit(known) else text
 
-    @abc.abstractmethod
-    def bits_to(self, dtype: np.dtype, value: str) -> str:
-        """Return the bits of a word as another dtype of 32 bits."""
+    def of_bits(self, dtype: np.dtype, value: str) -> str:
+        """Return the bits of a word as a float, or of a float as an integer."""
+        kind = self.type(dtype)
+        template = self.as_float if dtype == FLOAT else self.as_integer
+        return template.format(kind=kind, Kind=kind.capitalize(), value=value)
 
     def convert(self, value: Value, text: str) -> str:
         """Return a value, converted or with its bits in another dtype."""
         if value.kind == "bitcast":
-            bits = self.bits_to if value.dtype == FLOAT else self.bits_of
-            return bits(value.dtype, text)
-        return f"{self.type(value.dtype)}({text})"
-
-    @abc.abstractmethod
-    def bits_of(self, dtype: np.dtype, value: str) -> str:
-        """Return the bits of a float as an integer."""
+            return self.of_bits(value.dtype, text)
+        return self.cast.format(kind=self.type(value.dtype), value=text)
 
     def select(self, condition: str, if_true: str, if_false: str) -> str:
-        """Return one of two values."""
-        return f"{condition} ? {if_true} : {if_false}"
+        return self.choice.format(condition=condition, if_true=if_true, if_false=if_false)
 
     def operation(self, value: Value, *given: str) -> str:
-        """Return an operation."""
         kind, dtype = value.kind, value.arguments[0].dtype
         if kind in ("not", "neg"):
             return {"not": "!" if dtype == BOOL else "~", "neg": "-"}[kind] + given[0]
@@ -129,54 +155,38 @@ class Language(abc.ABC):
         return f"{self.functions.get(kind, kind)}({', '.join(given)})"
 
     def declare(self, dtype: np.dtype, name: str, value: str, changes: bool = False) -> str:
-        """Return the declaration of a variable."""
-        return f"{self.type(dtype)} {name} = {value};"
-
-    @property
-    def loop(self) -> str:
-        """The head of a loop that only its inside leaves."""
-        return "for (;;) {"
-
-    def leave(self, condition: str) -> str:
-        """Return the statement that leaves a loop unless a condition holds."""
-        return f"if (!{condition}) break;"
+        template = self.variable if changes else self.constant
+        return template.format(kind=self.type(dtype), name=name, value=value)
 
     def table(self, name: str, entries: NDArray[Any]) -> str:
-        """Return the declaration of a table of constants."""
-        kind = self.type(entries.dtype)
-        return f"const {kind} {name}[{len(entries)}] = {kind}[{len(entries)}](\n{rows(self, entries)}\n);"
+        kind, lines = self.type(entries.dtype), rows(self, entries)
+        return self.array.format(kind=kind, name=name, size=len(entries), rows=lines)
 
     def struct(self, name: str, members: Sequence[tuple[np.dtype, str]]) -> str:
-        """Return the declaration of a structure."""
-        inside = "\n".join(f"    {self.type(dtype)} {member};" for dtype, member in members)
-        return f"struct {name} {{\n{inside}\n}};"
+        lines = (f"    {self.member.format(kind=self.type(dtype), name=each)}" for dtype, each in members)
+        return self.structure.format(name=name, members="\n".join(lines))
 
     def parameter(self, kind: str, name: str, size: int | None = None) -> str:
-        """Return a parameter of a function: a scalar or structure, or an array of known size."""
-        return f"{kind} {name}" if size is None else f"{kind} {name}[{size}]"
+        return (self.scalars if size is None else self.arrays).format(kind=kind, name=name, size=size)
 
     def returning(self, kind: str, name: str, parameters: Sequence[str], inside: Sequence[str]) -> str:
-        """Return a function."""
-        return written(f"{kind} {name}({', '.join(parameters)})", inside)
+        head = self.head_of.format(kind=kind, name=name, parameters=", ".join(parameters))
+        return "\n".join([f"{head} {{", *(f"    {line}" for line in inside), "}"])
 
     def filling(
         self, name: str, parameters: Sequence[str], size: int, inside: Sequence[str], kind: str
     ) -> str:
         """Return a function that fills an array of a type."""
-        return self.returning("void", name, [*parameters, f"out {kind} {RESULT}[{size}]"], inside)
+        filled = self.filled.format(kind=kind, name=RESULT, size=size)
+        return self.returning("void", name, [*parameters, filled], inside)
 
     def local(self, kind: str, name: str) -> str:
         """Return the declaration of a structure without values."""
-        return f"{kind} {name};"
+        return self.uninitialized.format(kind=kind, name=name)
 
     def call(self, name: str, given: Sequence[str]) -> str:
         """Return the call of a function that fills the array that this one fills."""
         return f"{name}({', '.join([*given, RESULT])});"
-
-
-def written(head: str, inside: Sequence[str]) -> str:
-    """Return a function."""
-    return "\n".join([f"{head} {{", *(f"    {line}" for line in inside), "}"])
 
 
 def rows(language: Language, entries: NDArray[Any]) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._indexing import entry_at
-from qmcjax.bridges._source._program import UINT, Loop, Value
+from qmcjax.bridges._source._program import UINT, Loop, Value, innermost
 from qmcjax.bridges._source._reader import Entries, Key, Reader, Rule, as_keys, lifted, words
 
 UNROLLED = 512
@@ -45,11 +45,7 @@ class _Carry:
             for entries, same in zip(initial, unchanged, strict=True)
         ]
         flat = self.flat(self.lifted)
-        around = max(
-            (v.home for v in [*flat, *_values(inside), *_values(initial)] if v.home is not None),
-            key=lambda loop: loop.depth,
-            default=None,
-        )
+        around = innermost([*flat, *_values(inside), *_values(initial)])
         self.loop: Loop = builder.loop([*flat, builder.constant(0, UINT)], around)
 
     def flat(self, arrays: Sequence[Entries]) -> list[Value]:
@@ -153,7 +149,6 @@ def _equations(jaxpr: Any) -> int:
 
 RULES: dict[str, Rule] = {
     "jit": _inlined,
-    "pjit": _inlined,
     "closed_call": _inlined,
     "custom_jvp_call": _inlined,
     "custom_vjp_call": _inlined,

@@ -33,7 +33,7 @@ def lowered(program: Program) -> Program:
     if all(value.dtype.itemsize < 8 for value in program.computed()):
         return program
     lowering = _Lowering(program)
-    return scheduled(lowering.inputs, [lowering.one(value) for value in program.outputs], program.shapes)
+    return scheduled(lowering.inputs, [lowering.one(value) for value in program.outputs])
 
 
 class _Lowering:
@@ -167,7 +167,7 @@ class _Lowering:
         if kind in ("add", "sub", "mul"):
             return {"add": words.add, "sub": words.sub, "mul": words.mul}[kind](a, b)
         if kind in ("and", "or", "xor"):
-            return words.both(kind, a, b)
+            return words.op(kind, a[0], b[0]), words.op(kind, a[1], b[1])
         if kind == "not":
             return words.op("not", a[0]), words.op("not", a[1])
         if kind in ("div", "rem"):

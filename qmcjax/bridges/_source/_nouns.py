@@ -66,9 +66,10 @@ class Seeded:
         return tuple(self.leaves[place] for place in self.places)
 
     @property
-    def rest(self) -> list[Any]:
-        """The other leaves."""
-        return [leaf for place, leaf in enumerate(self.leaves) if place not in self.places]
+    def constants(self) -> list[tuple[np.dtype, tuple[int, ...], bytes]]:
+        """The dtypes, shapes and bits of the other leaves."""
+        rest = (np.asarray(leaf) for place, leaf in enumerate(self.leaves) if place not in self.places)
+        return [(leaf.dtype, leaf.shape, leaf.tobytes()) for leaf in rest]
 
     def words(self) -> np.ndarray:
         """Return all words of the seeds, those of keys included."""

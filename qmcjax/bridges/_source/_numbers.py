@@ -1,7 +1,8 @@
 """Rules of primitives that compute with numbers, besides one operation entry by entry."""
 
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import partial, reduce
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -115,23 +116,18 @@ def _ones(builder: Builder, value: Value, **_: Any) -> Value:
     return builder.apply("shift_right_logical", product, builder.constant(bits - 8, dtype))
 
 
-def _leading_zeros(builder: Builder, value: Value) -> Value:
-    bits, word = 8 * value.dtype.itemsize, value
-    for shift in (1, 2, 4, 8, 16, 32):
-        if shift < bits:
-            by = builder.constant(shift, value.dtype)
-            word = builder.apply("or", word, builder.apply("shift_right_logical", word, by))
-    return _ones(builder, builder.apply("not", word))
-
-
-def _clz(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    dtype = np.dtype(equation.outvars[0].aval.dtype)
-    surplus = 32 - 8 * dtype.itemsize
+def _leading_zeros(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    """Spread the first bit that is set to all below it, and count the others."""
+    builder, dtype = reader.builder, np.dtype(equation.outvars[0].aval.dtype)
 
     def zeros(value: Value) -> Value:
-        found = _leading_zeros(reader.builder, value)
-        by = reader.builder.constant(max(surplus, 0), value.dtype)
-        return reader.builder.apply("sub", found, by)
+        word = value
+        for shift in (1, 2, 4, 8, 16, 32):
+            if shift < 8 * value.dtype.itemsize:
+                by = builder.constant(shift, value.dtype)
+                word = builder.apply("or", word, builder.apply("shift_right_logical", word, by))
+        surplus = builder.constant(max(32 - 8 * dtype.itemsize, 0), value.dtype)
+        return builder.apply("sub", _ones(builder, builder.apply("not", word)), surplus)
 
     return [reader.map(zeros, dtype, *given)]
 
@@ -157,33 +153,27 @@ def _reduction(kind: str) -> Rule:
         axes = tuple(equation.params["axes"])
         entries = np.moveaxis(lifted(reader.builder, given[0]), axes, range(len(axes)))
         flat = entries.reshape(-1, *entries.shape[len(axes) :])
-        dtype = equation.outvars[0].aval.dtype
-
-        def combined(one: Entries, other: Entries) -> Entries:
-            return reader.map(lambda a, b: reader.builder.apply(kind, a, b), dtype, one, other)
-
-        return [reduce(combined, [np.asarray(entry) for entry in flat])]
+        return [reduce(partial(_combined, reader, equation, kind), map(np.asarray, flat))]
 
     return apply
 
 
 def _cumulative(kind: str) -> Rule:
+    """Return the rule that combines each entry with all before it."""
+
     def apply(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-        axis, reverse = equation.params["axis"], equation.params["reverse"]
-        entries = np.moveaxis(lifted(reader.builder, given[0]), axis, 0)[:: -1 if reverse else 1]
-        made = np.empty_like(entries)
-        for number, entry in enumerate(entries):
-            made[number, ...] = entry
-            if number:
-                made[number, ...] = reader.map(
-                    lambda a, b: reader.builder.apply(kind, a, b),
-                    equation.outvars[0].aval.dtype,
-                    np.asarray(made[number - 1]),
-                    np.asarray(entry),
-                )
-        return [np.moveaxis(made[:: -1 if reverse else 1], 0, axis)]
+        axis, step = equation.params["axis"], -1 if equation.params["reverse"] else 1
+        entries = np.moveaxis(lifted(reader.builder, given[0]), axis, 0)[::step]
+        combined = partial(_combined, reader, equation, kind)
+        made = list(accumulate((np.asarray(entry) for entry in entries), combined))
+        return [np.moveaxis(np.stack(made)[::step], 0, axis)]
 
     return apply
+
+
+def _combined(reader: Reader, equation: Any, kind: str, one: Entries, other: Entries) -> Entries:
+    dtype = equation.outvars[0].aval.dtype
+    return reader.map(lambda a, b: reader.builder.apply(kind, a, b), dtype, one, other)
 
 
 def _dot(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
@@ -220,7 +210,7 @@ RULES: dict[str, Rule] = {
     "neg": _of_entries(_negative),
     "round": _of_entries(_round),
     "population_count": _of_entries(_ones),
-    "clz": _clz,
+    "clz": _leading_zeros,
     "logistic": _of_entries(_logistic),
     "rsqrt": _of_entries(_rsqrt),
     "is_finite": _of_entries(_is_finite),

@@ -45,7 +45,7 @@ class Prepared:
     def program(self, numbers: Sequence[int] | None = None) -> Program:
         """Return the program of the members, or of some: its inputs are the seeds and the words."""
         members = self.members if numbers is None else [self.members[number] for number in numbers]
-        return scheduled(self._inputs, members, [(len(members),)])
+        return scheduled(self._inputs, members)
 
     def used(self, *programs: Program) -> list[int]:
         """Return the numbers of the members that programs use."""

@@ -57,8 +57,7 @@ class Value:
         """Return the innermost loop that the value depends on."""
         if self.loop is not None:
             return self.loop if self.kind == "variable" else self.loop.around
-        homes = [argument.home for argument in self.arguments if argument.home is not None]
-        return max(homes, key=lambda loop: loop.depth, default=None)
+        return innermost(self.arguments)
 
     def needed(self) -> list[Value]:
         """Return what the value depends on: results on what their loop begins with, tests and makes."""
@@ -69,6 +68,12 @@ class Value:
 
     def __repr__(self) -> str:
         return f"{self.kind}{self.number}:{self.dtype}"
+
+
+def innermost(values: Iterable[Value]) -> Loop | None:
+    """Return the innermost loop that values depend on."""
+    homes = [value.home for value in values if value.home is not None]
+    return max(homes, key=lambda loop: loop.depth, default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,21 +124,11 @@ Statement: TypeAlias = Compute | Repeat
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Statements that compute the outputs from the inputs.
-
-    ``outputs`` are values; ``shapes`` are those of the arrays that they fill in C order, one after the other.
-    """
+    """Statements that compute the outputs, the entries of arrays in C order, from the inputs."""
 
     inputs: tuple[Value, ...]
     outputs: tuple[Value, ...]
-    shapes: tuple[tuple[int, ...], ...]
     statements: list[Statement]
-
-    @property
-    def tables(self) -> tuple[Table, ...]:
-        """The tables that the statements read, each once, in the order of use."""
-        loads = (v.detail for v in self.computed() if v.kind == "load")
-        return tuple(dict.fromkeys(loads))
 
     def computed(self) -> Iterator[Value]:
         """Return the values that the statements compute, those of loops included."""
@@ -160,12 +155,10 @@ def _computed(statements: Iterable[Statement]) -> Iterator[Value]:
             yield from _computed(statement.body)
 
 
-def scheduled(
-    inputs: Iterable[Value], outputs: Iterable[Value], shapes: Iterable[tuple[int, ...]]
-) -> Program:
+def scheduled(inputs: Iterable[Value], outputs: Iterable[Value]) -> Program:
     """Return the program that computes outputs."""
     outputs = tuple(outputs)
-    return Program(tuple(inputs), outputs, tuple(shapes), _Schedule(outputs).statements)
+    return Program(tuple(inputs), outputs, _Schedule(outputs).statements)
 
 
 class _Schedule:

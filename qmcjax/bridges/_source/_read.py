@@ -58,7 +58,7 @@ def reader_of(builder: Builder) -> Reader:
 def finished(builder: Builder, inputs: Sequence[Value], outputs: Sequence[Entries]) -> Program:
     """Return the program of the entries of some arrays."""
     values = [value for output in outputs for value in lifted(builder, output).ravel()]
-    return scheduled(inputs, values, [np.shape(output) for output in outputs])
+    return scheduled(inputs, values)
 
 
 def traced(function: Callable[..., Any], *examples: Any) -> tuple[ClosedJaxpr, Any]:

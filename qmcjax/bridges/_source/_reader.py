@@ -133,7 +133,7 @@ class Reader:
         return builder.apply("shift_right_arithmetic", builder.apply("shift_left", value, by), by)
 
 
-_ALWAYS = frozenset(("jit", "pjit", "closed_call", "custom_jvp_call", "custom_vjp_call"))
+_ALWAYS = frozenset(("jit", "closed_call", "custom_jvp_call", "custom_vjp_call"))
 """Primitives with a rule even for known arguments: others are evaluated by JAX."""
 
 

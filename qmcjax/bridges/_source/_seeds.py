@@ -12,9 +12,7 @@ from qmcjax.samplers import Sampler
 
 def padding_words(known: NDArray[np.uint32]) -> NDArray[np.uint32]:
     """Return the seeds of pairs beyond the sampler's: other words of the sampler's own."""
-    return np.asarray(np.random.SeedSequence([2, *known.tolist()]).generate_state(2), np.uint32).astype(
-        np.uint32
-    )
+    return np.random.SeedSequence([2, *known.tolist()]).generate_state(2).astype(np.uint32)
 
 
 def seed_words(value: Any, seeded: Seeded) -> NDArray[np.uint32]:
@@ -54,19 +52,10 @@ def seeds(sampler: Any, other: Any) -> NDArray[np.uint32]:
     """
     one, value = noun("sampler", sampler), noun("other", other)
     known, seeded = Seeded.of(one), Seeded.of(value)
-    if known.tree != seeded.tree or known.places != seeded.places or not _equal(known.rest, seeded.rest):
+    same = known.tree == seeded.tree and known.places == seeded.places
+    if not same or known.constants != seeded.constants:
         raise ValueError(f"other must differ from sampler in its seeds only, got {checks.shown(other)}")
     words = seed_words(value, seeded)
     if words.size != seed_words(one, known).size:
         raise ValueError(f"other must have as many seeds as sampler, got {checks.shown(other)}")
     return words
-
-
-def _equal(some: list[Any], others: list[Any]) -> bool:
-    """Return whether all leaves have the same dtypes, shapes and bits."""
-    return all(_bits(one) == _bits(other) for one, other in zip(some, others, strict=True))
-
-
-def _bits(leaf: Any) -> tuple[Any, ...]:
-    array = np.asarray(leaf)
-    return array.dtype, array.shape, array.tobytes()

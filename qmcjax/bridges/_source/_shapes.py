@@ -63,7 +63,6 @@ def _same(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entri
 RULES: dict[str, Rule] = {
     "reshape": _moved(lambda entries, **_: entries),
     "squeeze": _moved(lambda entries, **_: entries),
-    "expand_dims": _moved(lambda entries, **_: entries),
     "slice": _moved(_slice),
     "transpose": _moved(lambda entries, permutation: entries.transpose(permutation)),
     "rev": _moved(lambda entries, dimensions: np.flip(entries, dimensions)),
@@ -74,7 +73,6 @@ RULES: dict[str, Rule] = {
     "split": _split,
     "pad": _pad,
     "copy": _same,
-    "copy_p": _same,
     "stop_gradient": _same,
     "optimization_barrier": _same,
 }

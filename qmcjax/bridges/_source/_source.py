@@ -7,15 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qmcjax.bridges._padding import padding_pair, padding_pixel
 from qmcjax.bridges._source._c import C, Cuda
-from qmcjax.bridges._source._header import Header
+from qmcjax.bridges._source._header import EXACT, FLOATS, Header
 from qmcjax.bridges._source._language import RESERVED, Language
 from qmcjax.bridges._source._nouns import Seeded, noun
-from qmcjax.bridges._source._prepared import Prepared
 from qmcjax.bridges._source._program import FLOAT, UINT
 from qmcjax.bridges._source._read import read, traced
-from qmcjax.bridges._source._seeds import seed_words
+from qmcjax.bridges._source._sampler_programs import SamplerPrograms
+from qmcjax.bridges._source._seeds import padding_words
 from qmcjax.bridges._source._shaders import Glsl, Hlsl, Wgsl
 from qmcjax.bridges._source._writer import Source, Writer
 from qmcjax.core import checks
@@ -136,25 +135,13 @@ def _limits(sampler: Sampler, size: list[int | None]) -> list[int]:
 
 def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limits: list[int]) -> Source:
     wanted, seeded = checks.dimensions(dims, sampler.dims), Seeded.of(sampler)
-    writer = Writer(language, name, seed_words(sampler, seeded))
     if not is_own(sampler):  # A call checks the shape and the dtype of its points.
         traced(lambda x, y, s: sampler(x, y, s, wanted), _WORD, _WORD, _WORD)
-
-    def prepare(seeds: Any, x: Any, y: Any) -> Any:
-        own, padding = seeds
-        return seeded.put(own).prepare(x, y, wanted), padding_pixel(padding, x, y)
-
-    def points(seeds: Any, state: Any, sample: Any) -> Any:
-        return seeded.put(seeds[0]).points(state[0], sample, wanted, jnp.float32)
-
-    def pair(seeds: Any, state: Any, number: Any, sample: Any) -> Any:
-        return padding_pair(state[1], number, sample)
-
-    seeds = (seeded.seeds, jax.ShapeDtypeStruct((2,), np.uint32))
-    prepared = Prepared(prepare, seeds, _WORD, _WORD, has_64=language.has_64, below=limits[:2])
-    of_sample = prepared.then(points, _WORD, below=limits[2:])
-    of_pair = prepared.then(pair, _WORD, _WORD)
+    padding = padding_words(seeded.words())
+    programs = SamplerPrograms(sampler, padding, [wanted], language.has_64, limits)
+    prepared, of_sample, of_pair = programs.prepared, programs.own(0), programs.padding()
     used = prepared.used(of_sample, of_pair)
+    writer = Writer(language, name, programs.seeds)
     kind, pixel = f"{name}_pixel", language.parameter(f"{name}_pixel", "pixel")
     writer.structure(f"{name}_prepare", kind, ("x", "y"), prepared.program(used), used)
     state = [f"pixel.a{number}" for number in range(len(prepared.members))]
@@ -169,7 +156,7 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     named = zip("xys", limits, strict=True)
     known = [f"{letter} < {limit}" for letter, limit in named if limit < checks.INDEX_LIMIT]
     about.add(f"Arguments: {', '.join(known) or 'any words'}.")
-    about.exact()
+    about.add(*EXACT)
     return writer.text(about, seeded, sampler, wanted, padded=True)
 
 
@@ -190,7 +177,7 @@ def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -
     about = Header(sequence, "A sequence", name, language, writer.seeds.size)
     about.call(name, "index", f"coordinates {_listed(wanted)} of a point")
     about.add(f"The index is below {sequence.limit}.")
-    about.exact()
+    about.add(*EXACT)
     return writer.text(about, seeded, sequence, wanted)
 
 
@@ -217,5 +204,5 @@ def _of_scene(scene: Any, language: Language, name: str) -> Source:
     writer.fill(name, program, [f"p[{k}]" for k in needs], (), FLOAT, parameter)
     about = Header(scene, "A scene", name, language, 0)
     about.call(name, "p", f"its value at p: {', '.join(scene.needs)}")
-    about.floats()
+    about.add(*FLOATS)
     return writer.text(about, Seeded.of(()), scene, ())

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 from qmcjax.bridges._source._builder import Builder
-from qmcjax.bridges._source._program import UINT, Value
+from qmcjax.bridges._source._program import UINT, Value, innermost
 
 Pair: TypeAlias = tuple[Value, Value]
 """Upper and lower word."""
@@ -17,15 +17,12 @@ class Words:
         self.builder = builder
 
     def word(self, number: int) -> Value:
-        """Return a constant."""
         return self.builder.constant(number % 2**32, UINT)
 
     def pair(self, number: int) -> Pair:
-        """Return a constant."""
         return self.word(number >> 32), self.word(number)
 
     def op(self, kind: str, *given: Value) -> Value:
-        """Return an operation."""
         return self.builder.apply(kind, *given)
 
     def bit(self, condition: Value) -> Value:
@@ -33,13 +30,8 @@ class Words:
         return self.builder.convert(condition, UINT)
 
     def choose(self, condition: Value, if_true: Pair, if_false: Pair) -> Pair:
-        """Return one of two pairs."""
         select = self.builder.select
         return select(condition, if_true[0], if_false[0]), select(condition, if_true[1], if_false[1])
-
-    def both(self, kind: str, a: Pair, b: Pair) -> Pair:
-        """Return an operation of both words."""
-        return self.op(kind, a[0], b[0]), self.op(kind, a[1], b[1])
 
     def add(self, a: Pair, b: Pair) -> Pair:
         low = self.op("add", a[1], b[1])
@@ -148,9 +140,7 @@ class Words:
         step: Callable[[Sequence[Value]], list[Value]],
     ) -> list[Value]:
         """Return what values become when they change a number of times, in a loop."""
-        homes = [value.home for value in (*initial, *used) if value.home is not None]
-        around = max(homes, key=lambda loop: loop.depth, default=None)
-        loop = self.builder.loop([*initial, self.word(0)], around)
+        loop = self.builder.loop([*initial, self.word(0)], innermost((*initial, *used)))
         *state, counter = loop.variables
         loop.condition = self.op("lt", counter, self.word(count))
         loop.following = [*step(state), self.op("add", counter, self.word(1))]

@@ -38,7 +38,6 @@ class Writer:
         self._uint = language.type(UINT)
 
     def add(self, part: str) -> None:
-        """Add a declaration."""
         self._parts.append(part)
 
     def fill(

@@ -8,7 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from qmcjax.bridges._source import Compute, Program, Repeat, Table, Value
-from qmcjax.bridges._source._program import Statement
+from qmcjax.bridges._source._operations import COMPARISONS
+from qmcjax.bridges._source._program import BOOL, DTYPES, Statement
 
 Step: TypeAlias = Callable[[list[Any]], None]
 """What adds a value to the list of those that are known."""
@@ -21,39 +22,20 @@ class Arrays:
         self.drjit = drjit
         self.uint = drjit.uint32_array_t(real)
         self.types: dict[np.dtype, Any] = {
-            np.dtype(name): of(real)
-            for name, of in (
-                ("bool", drjit.mask_t),
-                ("uint32", drjit.uint32_array_t),
-                ("int32", drjit.int32_array_t),
-                ("float32", drjit.float32_array_t),
-                ("uint64", drjit.uint64_array_t),
-                ("int64", drjit.int64_array_t),
-                ("float64", drjit.float64_array_t),
-            )
+            dtype: (drjit.mask_t if dtype == BOOL else getattr(drjit, f"{dtype}_array_t"))(real)
+            for dtype in DTYPES
         }
         self.operations: dict[str, Callable[..., Any]] = {
-            "add": operator.add,
-            "sub": operator.sub,
-            "mul": operator.mul,
+            **{name: getattr(operator, name) for name in ("add", "sub", "mul", "xor", "neg", *COMPARISONS)},
             "rem": operator.mod,
             "and": operator.and_,
             "or": operator.or_,
-            "xor": operator.xor,
             "not": operator.invert,
-            "neg": operator.neg,
-            "eq": operator.eq,
-            "ne": operator.ne,
-            "lt": operator.lt,
-            "le": operator.le,
-            "gt": operator.gt,
-            "ge": operator.ge,
             "shift_left": operator.lshift,
             "select": drjit.select,
             "min": drjit.minimum,
             "max": drjit.maximum,
             "round_even": drjit.round,
-            "popcount": drjit.popcnt,
         }
 
     def constant(self, value: np.generic) -> Any:

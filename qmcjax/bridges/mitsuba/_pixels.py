@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges.mitsuba._streams import Words
+Words = NDArray[np.uint32]
 
 BLOCK = 32
 """Side of the blocks of Mitsuba's scalar variants (``MI_BLOCK_SIZE``)."""
@@ -22,26 +22,6 @@ class Window:
 
     def __len__(self) -> int:
         return self.width * self.height
-
-
-@dataclass(frozen=True)
-class Wavefront:
-    """Consecutive samples of all pixels of a window, row by row; those of a pixel are adjacent."""
-
-    window: Window
-    per_pixel: int
-    first: int
-
-    @property
-    def count(self) -> int:
-        """Number of samples."""
-        return len(self.window) * self.per_pixel
-
-    def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and index in its pixel, of some of the samples."""
-        pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
-        y, x = np.divmod(pixel, np.uint32(self.window.width))
-        return x + np.uint32(self.window.left), y + np.uint32(self.window.top), sample + np.uint32(self.first)
 
 
 @dataclass(frozen=True)
@@ -62,6 +42,7 @@ class Block:
         return self.side**2 * self.per_pixel
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
+        """Return column, row, and index in its pixel, of some of the samples."""
         pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
         last = self.window.width - 1, self.window.height - 1
         x, y = (

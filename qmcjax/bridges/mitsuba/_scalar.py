@@ -9,7 +9,7 @@ import numpy as np
 
 from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
 from qmcjax.bridges.mitsuba._native_sampler import Numbers, registered
-from qmcjax.bridges.mitsuba._pixels import Block, Blocks, Wavefront, Window, block_side
+from qmcjax.bridges.mitsuba._pixels import Block, Blocks, Window, block_side
 from qmcjax.bridges.mitsuba._streams import Stream
 from qmcjax.core import checks
 
@@ -68,7 +68,7 @@ def scalar(mitsuba: ModuleType) -> type:
             x, y = checks.integer("x", x, 0, columns - 1), checks.integer("y", y, 0, rows - 1)
             sample = checks.integer("sample", sample, 0, LIMIT - 1)
             end = max(self.given.first + self.sample_count(), sample + 1)
-            self._put(Wavefront(Window(1, 1, x, y), end - sample, sample), end)
+            self._put(Block(Window(1, 1, x, y), (0, 0), 1, end - sample, sample), end)
             self.block, self.number, self.end = None, 0, end - sample
 
         def advance(self) -> None:
@@ -91,7 +91,7 @@ def scalar(mitsuba: ModuleType) -> type:
                 )
             return self.stream.next(self.number)
 
-        def _put(self, samples: Block | Wavefront, end: int) -> None:
+        def _put(self, samples: Block, end: int) -> None:
             self.stream.put(self._numbers(end).pairs, samples)
 
         def _numbers(self, end: int) -> Numbers:

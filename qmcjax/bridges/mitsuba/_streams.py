@@ -1,14 +1,12 @@
 """Streams of pairs of coordinates of many samples, request by request, in tiles."""
 
-from typing import Protocol
-
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
+from qmcjax.bridges.mitsuba._pixels import Block
 
-Words = NDArray[np.uint32]
 SMALL, TILE = 2**10, 2**14
 """Tile sizes in samples: only two, since each one compiles programs."""
 
@@ -18,17 +16,6 @@ Row = memoryview
 _NO_ROWS = 0, 0, memoryview(b""), memoryview(b"")
 
 
-class Samples(Protocol):
-    """Consecutive samples of pixels."""
-
-    @property
-    def count(self) -> int: ...
-
-    def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and index in its pixel, of some of the samples."""
-        ...
-
-
 class Stream:
     """Samples of pixels, with requests for one pair of coordinates after the other.
 
@@ -36,10 +23,10 @@ class Stream:
     """
 
     def __init__(self) -> None:
-        self.samples: Samples | None = None
+        self.samples: Block | None = None
         self.restart()
 
-    def put(self, pairs: PaddedPairs, samples: Samples) -> None:
+    def put(self, pairs: PaddedPairs, samples: Block) -> None:
         """Start with the first pair of other samples."""
         self.pairs, self.samples = pairs, samples
         self._tile = SMALL if samples.count <= SMALL else TILE
@@ -62,7 +49,7 @@ class Stream:
             start, end, first, second = self._rows[pair] = self._row(pair, number, self.samples)
         return first[number - start], second[number - start]
 
-    def _row(self, pair: int, number: int, samples: Samples) -> tuple[int, int, Row, Row]:
+    def _row(self, pair: int, number: int, samples: Block) -> tuple[int, int, Row, Row]:
         count = samples.count
         if not 0 <= number < count:
             raise ValueError(f"sample must be one of {count}, got number {number}")
@@ -76,7 +63,7 @@ class Stream:
         end = min(start + self._tile, count)
         return start, end, memoryview(values[row]), memoryview(values[row + 1])
 
-    def _values(self, group: tuple[int, int], tile: int, samples: Samples) -> NDArray[np.float32]:
+    def _values(self, group: tuple[int, int], tile: int, samples: Block) -> NDArray[np.float32]:
         # An incomplete last tile repeats the last sample: all tiles share one program.
         start = tile * self._tile
         numbers = np.minimum(np.arange(start, start + self._tile), samples.count - 1).astype(np.uint32)

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from qmcjax.bridges._source import Table
+from qmcjax.bridges._source._sampler_programs import SamplerPrograms, first_of
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
 from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
-from qmcjax.bridges.mitsuba._programs import Programs, first_of
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler
 
@@ -22,13 +22,14 @@ class Recorded:
 
     def __init__(self, arrays: Arrays, key: Any, sampler: Sampler) -> None:
         self.sampler = sampler
-        programs = Programs(sampler, np.asarray(jax.random.bits(key, (2,), jnp.uint32)))
+        self.count = sampler.dims // 2
+        pairs = [(2 * k, 2 * k + 1) for k in range(self.count)]
+        programs = SamplerPrograms(sampler, np.asarray(jax.random.bits(key, (2,), jnp.uint32)), pairs)
         tables: dict[Table, Any] = {}
-        self.count = programs.count
-        self.prepare = Evaluated(arrays, programs.prepare, tables)
+        self.prepare = Evaluated(arrays, programs.prepared.program(), tables)
         self._pairs = [
             (Evaluated(arrays, first_of(program), tables), Evaluated(arrays, program, tables))
-            for program in (*map(programs.own, range(programs.count)), programs.padding)
+            for program in (*map(programs.own, range(self.count)), programs.padding())
         ]
         # In memory, not part of what is compiled: another key does not compile again.
         self.seeds = [arrays.drjit.opaque(arrays.uint, int(word)) for word in programs.seeds]

@@ -48,36 +48,16 @@ def _room() -> list[tracing.Object]:
     (x0, y0, z0), (x1, y1, z1) = LOW, HIGH
     (bottom, top), (far, near) = WINDOW
     wide, tall, deep = HIGH - LOW
-    # Ceiling, back, front, right; then the wall around the window: below, above, behind and before it.
-    corners = [
-        [x0, y1, z0],
-        [x0, y0, z0],
-        [x0, y0, z1],
-        [x1, y0, z0],
-        [x0, y0, z0],
-        [x0, top, z0],
-        [x0, bottom, z0],
-        [x0, bottom, near],
-    ]
-    edges_u = [
-        [wide, 0, 0],
-        [wide, 0, 0],
-        [wide, 0, 0],
-        [0, 0, deep],
-        [0, 0, deep],
-        [0, 0, deep],
-        [0, 0, far - z0],
-        [0, 0, z1 - near],
-    ]
-    edges_v = [
-        [0, 0, deep],
-        [0, tall, 0],
-        [0, tall, 0],
-        [0, tall, 0],
-        [0, bottom, 0],
-        [0, y1 - top, 0],
-        [0, top - bottom, 0],
-        [0, top - bottom, 0],
+    # Corner and edges: ceiling, back, front, right; then below, above, behind and before the window.
+    walls = [
+        ([x0, y1, z0], [wide, 0, 0], [0, 0, deep]),
+        ([x0, y0, z0], [wide, 0, 0], [0, tall, 0]),
+        ([x0, y0, z1], [wide, 0, 0], [0, tall, 0]),
+        ([x1, y0, z0], [0, 0, deep], [0, tall, 0]),
+        ([x0, y0, z0], [0, 0, deep], [0, bottom, 0]),
+        ([x0, top, z0], [0, 0, deep], [0, y1 - top, 0]),
+        ([x0, bottom, z0], [0, 0, far - z0], [0, top - bottom, 0]),
+        ([x0, bottom, near], [0, 0, z1 - near], [0, top - bottom, 0]),
     ]
     planks = tracing.stripes((0.45, 0.28, 0.15), (0.38, 0.22, 0.11), scale=22.0)
     frame = [[x0 - 0.05, bottom, 0.5 * (far + near) - 0.03], [x0 - 0.05, 0.5 * (bottom + top) - 0.03, far]]
@@ -87,7 +67,7 @@ def _room() -> list[tracing.Object]:
     )
     return [
         sky,
-        tracing.rectangle(corners, edges_u, edges_v, material=tracing.diffuse((0.78, 0.77, 0.74))),
+        tracing.rectangle(*zip(*walls, strict=True), material=tracing.diffuse((0.78, 0.77, 0.74))),
         tracing.rectangle([x0, y0, z1], [wide, 0, 0], [0, 0, -deep], material=tracing.diffuse(planks)),
         tracing.box(frame, bars, material=tracing.diffuse(0.6)),
         tracing.box(

@@ -5,7 +5,7 @@ samples there. Only shading is random: where shading does not change, the mean o
 variance in time.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import jax
@@ -15,13 +15,13 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats, together
-from qmcjax.core.pytrees import pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, guarded, named
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, named
 from qmcjax.tracing._intervals.linear import parts
 from qmcjax.tracing._intervals.visible import find_intervals
 from qmcjax.tracing._search.intersection import UNKNOWN, in_dtype
 from qmcjax.tracing._search.tiles import by_tiles
-from qmcjax.tracing._shapes.vectors import Vector, components, each, stacked
+from qmcjax.tracing._shapes.vectors import Vector, components, each, kept, stacked
 from qmcjax.tracing._world.camera import Sight
 from qmcjax.tracing._world.lights import Environment
 from qmcjax.tracing._world.world import World
@@ -45,8 +45,7 @@ class _Pieces(NamedTuple):
     """int32: how many samples there are up to the end of the piece."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class AnalyticVisibility:
     """See :func:`analytic_visibility`."""
 
@@ -72,13 +71,9 @@ class AnalyticVisibility:
         estimator, coordinates = self.estimator, named(point, self.needs)
         if "time" not in estimator.needs:
             return estimator(point)
-        world, camera = estimator.world, estimator.camera
-        if not estimator.smooth:
-            world, camera = guarded(world, camera)
+        world, camera = estimator.guarded()
         world = in_dtype(world, point.dtype)
-        rays, found = self._seen(world, camera, coordinates)
-        opened, closed = camera.times(jnp.array([0, 1], point.dtype))
-        pieces = _pieces(found, opened, closed, self.samples)
+        rays, pieces = self._seen(world, camera, coordinates)
         names = [name for name in coordinates if name not in ("x", "y", "shading")]
         offset = coordinates.get("shading", jnp.zeros_like(coordinates["x"]))
         others = [coordinates[name] for name in names]
@@ -89,8 +84,7 @@ class AnalyticVisibility:
             def turn(state: tuple[Array, Vector]) -> tuple[Array, Vector]:
                 place, total = state
                 time, number, weight = _sample(pieces, place, offset, self.samples)
-                way = each(lambda a: jnp.where(weight > 0, a, 0), rays[1])
-                sight = Sight(rays[0], way, time, number)
+                sight = Sight(rays[0], kept(weight > 0, rays[1]), time, number)
                 radiance = estimator.radiance(world, sight, dict(zip(names, others, strict=True)))
                 return place + 1, each(lambda t, r: t + weight * r, total, radiance)
 
@@ -106,14 +100,15 @@ class AnalyticVisibility:
                 radiance = each(lambda r, e: r + empty * e, tuple(radiance), components(light.radiance))
         return stacked(tuple(radiance)).reshape(*point.shape[:-1], 3)
 
-    def _seen(self, world: World, camera: Any, coordinates: Coordinates) -> Any:
+    def _seen(self, world: World, camera: Any, coordinates: Coordinates) -> tuple[Any, _Pieces]:
+        """Return rays, and the parts of the shutter in which each sees one primitive."""
         x = coordinates["x"]
         lens = tuple(coordinates[name] for name in camera.lens)
         opened, closed = camera.times(jnp.array([0, 1], x.dtype))
         sight = camera.rays(x, coordinates["y"], jnp.zeros_like(x), lens)
         rays = sight.origin, sight.direction
-        world, fixed, opened, closed = jax.lax.stop_gradient((world, rays, opened, closed))
-        return rays, find_intervals(world, *fixed, opened, closed, self.intervals)
+        fixed = jax.lax.stop_gradient((world, *rays, opened, closed))
+        return rays, _pieces(find_intervals(*fixed, self.intervals), opened, closed, self.samples)
 
     def unresolved(self, point: Array) -> Array:
         """Return the part of the shutter in which visibility is sampled because intervals do not fit.
@@ -125,9 +120,8 @@ class AnalyticVisibility:
         if "time" not in estimator.needs:
             return jnp.zeros(point.shape[:-1], point.dtype)
         world = in_dtype(estimator.world, point.dtype)
-        _, found = self._seen(world, estimator.camera, coordinates)
-        opened, closed = estimator.camera.times(jnp.array([0, 1], point.dtype))
-        return _pieces(found, opened, closed, 1).share[-1].reshape(point.shape[:-1])
+        _, pieces = self._seen(world, estimator.camera, coordinates)
+        return pieces.share[-1].reshape(point.shape[:-1])
 
     def varies(self, low: Array, high: Array) -> Array:
         """Return which coordinates may matter between opposite corners of boxes of points.

@@ -1,6 +1,6 @@
 """Bidirectional path tracing: camera paths connected to light paths."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from math import prod
 from typing import NamedTuple
 
@@ -10,10 +10,10 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
 from qmcjax.tracing._estimators.varies import Seen
-from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
+from qmcjax.tracing._light.illumination import Choice, visible
 from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
 from qmcjax.tracing._light.light_paths import (
     Emission,
@@ -30,8 +30,8 @@ from qmcjax.tracing._light.light_paths import (
     squared,
 )
 from qmcjax.tracing._light.reflection import evaluate
-from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, plus, times
+from qmcjax.tracing._light.scattering import Turn, bounce_needs, lit, scattered
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, kept, minus, plus, times
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
@@ -92,8 +92,7 @@ class _Surface(NamedTuple):
         return self.open + square(back(self.at, direction)) * self.others[-1]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Bidirectional(Estimator):
     """See :func:`bidirectional`."""
 
@@ -109,12 +108,8 @@ class Bidirectional(Estimator):
         return min(self.light_bounces, self.bounces) if emitters(self.world) else 0
 
     def light_needs(self) -> tuple[str, ...]:
-        choice = chosen_by(self.world)
-        needs = list(choice)
-        for k in range(1, self.bounces + 1):
-            needs += turned_by(self.world, f"bounce{k}")
-            needs += [name.replace("light", f"light{k}", 1) for name in choice]
-        return (*needs, *emission_needs(self.world, self._vertices))
+        needs = bounce_needs(self.world, self.bounces)
+        return needs + emission_needs(self.world, self._vertices)
 
     def moves(self, found: Seen) -> Array:
         return found.objects | found.moves if self.bounces else found.moves
@@ -167,9 +162,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | 
     direction, factor, density = scattered(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
     goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~last
-    direction, throughput = (
-        each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (direction, throughput)
-    )
+    direction, throughput = kept(goes_on, direction), kept(goes_on, throughput)
     density = jnp.where(goes_on, density, 1)
     inverse = jnp.where(mirror, 1, 1 / density)
     ratio = surface.ratio(direction)
@@ -185,23 +178,20 @@ def _lit(
     world: World, surface: _Surface, time: Array, throughput: Vector, choice: Choice, last: Array, joins: bool
 ) -> Vector:
     """Return the light of lights, weighted by how likely other strategies find it."""
-    at = surface.at
-    if not world.lights:
-        return each(jnp.zeros_like, at.normal)
-    light = illuminated(world, choice, at.hit.point, at.normal)
-    reflectance, density = evaluate(at.surface, at.normal, at.outgoing, light.direction)
-    others = jnp.where(last, 0, square(density / jnp.where(light.density > 0, light.density, 1)))
-    if joins:
-        # A point light is chosen with certainty, that is by area; by angle with the squared distance.
-        likely = jnp.where(
-            jnp.isinf(light.density), light.distance * light.distance / len(world.lights), light.density
-        )
-        start = begun(world, choice.number(world, time))
-        ratio = square(start * surface.scale / jnp.where(likely > 0, likely, 1))
-        others = others + ratio * surface.ratio(light.direction)
-    gained = each(lambda t, r, a: t * r * a / (1 + others), throughput, reflectance, light.arriving)
-    lit = visible(world, light, at.hit.point, time, at.hit.valid & any_of(gained))
-    return each(lambda a: jnp.where(lit, a, 0), gained)
+
+    def gain(light: Sample, reflectance: Vector, density: Array) -> Vector:
+        others = jnp.where(last, 0, square(density / jnp.where(light.density > 0, light.density, 1)))
+        if joins:
+            # A point light is chosen with certainty, that is by area; by angle with the squared distance.
+            likely = jnp.where(
+                jnp.isinf(light.density), light.distance * light.distance / len(world.lights), light.density
+            )
+            start = begun(world, choice.number(world, time))
+            ratio = square(start * surface.scale / jnp.where(likely > 0, likely, 1))
+            others = others + ratio * surface.ratio(light.direction)
+        return each(lambda t, r, a: t * r * a / (1 + others), throughput, reflectance, light.arriving)
+
+    return lit(world, choice, surface.at, time, gain)
 
 
 def _joined(
@@ -234,8 +224,8 @@ def _joined(
         gained = each(lambda *factors: prod(factors) * weight, throughput, here, there, vertex.throughput)
         slope = abs(dot(vertex.at.normal, direction))
         sample = Sample(direction, jnp.sqrt(apart), gained, density, slope)
-        lit = visible(world, sample, at.hit.point, time, at.hit.valid & vertex.at.hit.valid & any_of(gained))
-        return each(lambda r, g: r + jnp.where(lit, g, 0), radiance, gained), None
+        seen = visible(world, sample, at.hit.point, time, at.hit.valid & vertex.at.hit.valid & any_of(gained))
+        return plus(radiance, kept(seen, gained)), None
 
     numbers = jnp.arange(1, count + 1)
     return jax.lax.scan(join, (zero, zero, zero), (light, numbers, opened, others))[0]

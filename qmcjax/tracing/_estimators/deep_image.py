@@ -13,7 +13,7 @@ from qmcjax.core.pytrees import jit
 from qmcjax.tracing._estimators.estimator import Estimator
 from qmcjax.tracing._estimators.rasterized import rasterized
 from qmcjax.tracing._search.intersection import frames, in_dtype, intersect
-from qmcjax.tracing._shapes.vectors import components, each, plus, stacked
+from qmcjax.tracing._shapes.vectors import components, plus, stacked, where
 
 _FAR = 1e30
 """The depth of pixels without a hit."""
@@ -164,7 +164,7 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
     time = scene.camera.times(points[:, column["time"]] if "time" in column else jnp.zeros_like(x))
     sight = scene.camera.rays(x, y, time, ())
     at = intersect(world, sight.origin, sight.direction, time)
-    inside = each(lambda p, d: jnp.where(at.valid, p, d), at.inside, sight.direction)
+    inside = where(at.valid, at.inside, sight.direction)
     distance = jnp.where(at.valid, at.distance, jnp.inf)
     return DeepImage(scene(points), distance, stacked(inside), time, at.number)
 
@@ -177,5 +177,5 @@ def _projected(scene: Estimator, inside: Array, number: Array, time: Array) -> t
     point = local
     if frame is not None:
         point = plus(frame.outside(local), frame.translation)
-        point = each(lambda p, d: jnp.where(hit, p, d), point, local)
+        point = where(hit, point, local)
     return scene.camera.projected(point, hit.astype(time.dtype), time)

@@ -1,7 +1,6 @@
 """Direct light: surfaces lit by lights alone, seen directly and in mirrors."""
 
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -9,19 +8,20 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
 from qmcjax.tracing._estimators.varies import Seen
-from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
+from qmcjax.tracing._light.illumination import Choice, chosen_by
 from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
-from qmcjax.tracing._light.reflection import evaluate, reflected
-from qmcjax.tracing._shapes.vectors import Vector, each
+from qmcjax.tracing._light.reflection import reflected
+from qmcjax.tracing._light.scattering import lit
+from qmcjax.tracing._shapes.vectors import Vector, each, kept, where
 from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class DirectLight(Estimator):
     """See :func:`direct_light`."""
 
@@ -44,8 +44,12 @@ class DirectLight(Estimator):
         if last.surface.mirror is not None:
             state = jax.lax.fori_loop(0, self.mirrors, lambda _, state: _mirrored(world, time, *state), state)
         last, throughput, seen = state
-        lit = _lit(world, Choice.of(coordinates), last, time)
-        return each(lambda emitted, t, light: emitted + t * light, seen, throughput, lit)
+
+        def gain(light: Sample, reflectance: Vector, _: Array) -> Vector:
+            return each(lambda r, a: r * a, reflectance, light.arriving)
+
+        of_lights = lit(world, Choice.of(coordinates), last, time, gain)
+        return each(lambda emitted, t, light: emitted + t * light, seen, throughput, of_lights)
 
 
 def _mirrored(world: World, time: Array, last: SurfaceInteraction, throughput: Vector, seen: Vector) -> Any:
@@ -53,23 +57,12 @@ def _mirrored(world: World, time: Array, last: SurfaceInteraction, throughput: V
     mirror = last.surface.mirror
     assert mirror is not None
     on = last.hit.valid & any_of(mirror)
-    direction = each(lambda a: jnp.where(on, a, 0), reflected(last.normal, last.outgoing))
+    direction = kept(on, reflected(last.normal, last.outgoing))
     throughput = each(lambda t, m: jnp.where(on, t * m, t), throughput, mirror)
     following = interact(world, last.hit.point, direction, time)
     emitted, _ = emission(world, following, last.hit.point, last.normal)
     seen = each(lambda e, t, new: jnp.where(on, e + t * new, e), seen, throughput, emitted)
-    return jax.tree.map(partial(jnp.where, on), following, last), throughput, seen
-
-
-def _lit(world: World, choice: Choice, at: SurfaceInteraction, time: Array) -> Vector:
-    """Return the light of lights that surfaces scatter back along their rays."""
-    if not world.lights:
-        return each(jnp.zeros_like, at.normal)
-    light = illuminated(world, choice, at.hit.point, at.normal)
-    reflectance, _ = evaluate(at.surface, at.normal, at.outgoing, light.direction)
-    scattered = each(lambda r, a: r * a, reflectance, light.arriving)
-    lit = visible(world, light, at.hit.point, time, at.hit.valid & any_of(scattered))
-    return each(lambda a: jnp.where(lit, a, 0), scattered)
+    return where(on, following, last), throughput, seen
 
 
 def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool = False) -> DirectLight:

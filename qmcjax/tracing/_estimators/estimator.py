@@ -11,7 +11,6 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.edges import moves_an_edge
 from qmcjax.core.parameters import floats, together
-from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._estimators.varies import Seen, seen
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.object import Object
@@ -53,12 +52,12 @@ class Estimator(ABC):
         needs = self.needs
         point = floats("point", point, (len(needs),))
         coordinates = named(point, needs)
-        world, camera = (self.world, self.camera) if self.smooth else guarded(self.world, self.camera)
+        world, camera = self.guarded()
         world = in_dtype(world, point.dtype)
         time = coordinates.get("time", jnp.zeros_like(coordinates["x"]))
         time = camera.times(time)
         if camera.still or "time" not in needs:
-            world = stilled(world, jnp.asarray(camera.shutter).astype(point.dtype).reshape(-1)[0])
+            world = stilled(world, camera, point)
         lens = tuple(coordinates[name] for name in camera.lens)
         sight = camera.rays(coordinates["x"], coordinates["y"], time, lens)
         return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
@@ -75,10 +74,25 @@ class Estimator(ABC):
         if self.camera.motion is not None:
             return jnp.ones_like(low, bool)
         if "time" not in needs:
-            world = stilled(world, jnp.asarray(self.camera.shutter).astype(low.dtype).reshape(-1)[0])
+            world = stilled(world, self.camera, low)
         found = seen(world, self.camera, low[..., :2], high[..., :2])
         depends = dict.fromkeys(("x", "y", *self.camera.lens), found.anything) | {"time": self.moves(found)}
         return jnp.stack([depends.get(name, found.objects) for name in needs], axis=-1)
+
+    def guarded(self) -> tuple[World, Camera]:
+        """Return the parts, with those that move visibility edges guarded against differentiation."""
+        if self.smooth:
+            return self.world, self.camera
+        objects = (
+            Object(
+                _refused("shapes", item.shapes),
+                _refused("motion", item.motion),
+                _guarded("material", item.material),
+            )
+            for item in self.world.objects
+        )
+        lights = (_guarded("light", light) for light in self.world.lights)
+        return World(tuple(objects), tuple(lights)), _refused("camera", self.camera)
 
     @abstractmethod
     def moves(self, found: Seen) -> Array:
@@ -93,16 +107,12 @@ def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
 
 def moving(world: World, camera: Camera) -> bool:
     """Whether anything depends on time."""
-    return camera.motion is not None or any(
-        item.motion is not None
-        or any(shape.moving for shape in item.shapes)
-        or (item.material is not None and getattr(unwrap(item.material), "moving", True))
-        for item in world.objects
-    )
+    return camera.motion is not None or any(item.moves or item.recolors for item in world.objects)
 
 
-def stilled(world: World, time: Array) -> World:
-    """Return the world at one time: motions are evaluated once, not for each ray."""
+def stilled(world: World, camera: Camera, like: Array) -> World:
+    """Return the world when the shutter opens: motions are evaluated once, not for each ray."""
+    time = jnp.asarray(camera.shutter).astype(like.dtype).reshape(-1)[0]
 
     def still(item: Object) -> Object:
         frame = item.frame(time[None])
@@ -113,21 +123,6 @@ def stilled(world: World, time: Array) -> World:
         return Object(tuple(shape.at(time) for shape in item.shapes), motion, item.material)
 
     return World(tuple(still(item) for item in world.objects), world.lights)
-
-
-def guarded(world: World, camera: Camera) -> tuple[World, Camera]:
-    """Return the parts, with those that move visibility edges guarded against differentiation."""
-    objects = (
-        replace(
-            item,
-            shapes=_refused("shapes", item.shapes),
-            motion=_refused("motion", item.motion),
-            material=_guarded("material", item.material),
-        )
-        for item in world.objects
-    )
-    lights = (_guarded("light", light) for light in world.lights)
-    return World(tuple(objects), tuple(lights)), _refused("camera", camera)
 
 
 def _guarded(name: str, value: Any) -> Any:

@@ -1,6 +1,6 @@
 """Depth of field by lines on the lens, each with exact visibility (thesis, Sect. 3.3.5)."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
 import jax
@@ -11,18 +11,17 @@ from jax.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats
-from qmcjax.core.pytrees import pytree
-from qmcjax.tracing._estimators.estimator import Estimator, guarded, named
-from qmcjax.tracing._estimators.lens_shear import check_lens, checked_line, sheared, still
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.tracing._estimators.estimator import Estimator, named, stilled
+from qmcjax.tracing._estimators.lens_shear import check_lens, checked_line, sheared
 from qmcjax.tracing._intervals.visible import find_intervals
 from qmcjax.tracing._search.intersection import in_dtype
-from qmcjax.tracing._shapes.vectors import Vector, each, minus, plus, stacked, times, unit
+from qmcjax.tracing._shapes.vectors import Vector, each, kept, minus, plus, stacked, times, unit
 from qmcjax.tracing._world.camera import Sight
 from qmcjax.tracing._world.lights import Environment
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class LensLine:
     """See :func:`lens_line`."""
 
@@ -44,8 +43,8 @@ class LensLine:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
         point = floats("point", point, (len(self.needs),))
         coordinates, scene = named(point, self.needs), self.scene
-        world, camera = (scene.world, scene.camera) if scene.smooth else guarded(scene.world, scene.camera)
-        world = still(in_dtype(world, point.dtype), camera, point)
+        world, camera = scene.guarded()
+        world = stilled(in_dtype(world, point.dtype), camera, point)
         line = jnp.asarray(self.line).astype(point.dtype)
         view = camera.view(coordinates["x"], coordinates["y"])
         zero = jnp.zeros_like(coordinates["x"])
@@ -70,10 +69,9 @@ class LensLine:
                 place = self._place(low + coordinates["lens_u"] * share)
                 a, b = (aperture * (line[0, j] + place * (line[1, j] - line[0, j])) for j in range(2))
                 moved = plus(times(a, view.right), times(b, view.upward))
-                toward = unit(minus(view.seen, times(1 / view.focus, moved)))
-                toward = each(lambda d: jnp.where(share > 0, d, 0), toward)
+                toward = kept(share > 0, unit(minus(view.seen, times(1 / view.focus, moved))))
                 radiance = scene.radiance(world, Sight(plus(origin, moved), toward, time), coordinates)
-                return plus(total, times(share, each(lambda r: jnp.where(share > 0, r, 0), radiance)))
+                return plus(total, times(share, kept(share > 0, radiance)))
 
             return jax.lax.cond(jnp.any(share > 0), lit, lambda: total), None
 

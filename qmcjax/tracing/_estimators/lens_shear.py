@@ -6,7 +6,6 @@ same point of the screen sees there, moved by ``m (1 - z / focus)``. So the inve
 along a line, all vertices move on lines, and visibility in time is exact.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._estimators.estimator import check, moving, stilled
 from qmcjax.tracing._shapes.flat import Box, Rectangle
 from qmcjax.tracing._shapes.object import Object
@@ -102,7 +101,7 @@ def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
     check_lens(world, camera)
     line = checked_line(line)
     zero = jnp.zeros(())
-    return sheared(still(world, camera, zero), camera, line, zero)
+    return sheared(stilled(world, camera, zero), camera, line, zero)
 
 
 def check_lens(world: Any, camera: Any) -> None:
@@ -135,8 +134,7 @@ def checked_line(value: Any) -> Any:
     return line
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class _Shear:
     """The motion of a still object while a point moves along a line on the lens."""
 
@@ -161,11 +159,6 @@ class _Shear:
             return (1 - part) * one + part * other
 
         return between(matrix), between(translation)
-
-
-def still(world: World, camera: Camera, like: Array) -> World:
-    """Return the world at the camera's time."""
-    return stilled(world, jnp.asarray(camera.shutter).astype(like.dtype).reshape(-1)[0])
 
 
 def sheared(world: World, camera: Camera, line: Any, like: Array) -> World:

@@ -1,6 +1,6 @@
 """Path tracing."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import jax
@@ -9,15 +9,15 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
 from qmcjax.tracing._estimators.varies import Seen
-from qmcjax.tracing._light.illumination import Choice, chosen_by, illuminated, visible
-from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
-from qmcjax.tracing._light.reflection import evaluate
-from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
-from qmcjax.tracing._shapes.vectors import Vector, each
+from qmcjax.tracing._light.illumination import Choice
+from qmcjax.tracing._light.interaction import any_of, emission, interact
+from qmcjax.tracing._light.scattering import Turn, bounce_needs, lit, scattered
+from qmcjax.tracing._shapes.vectors import Vector, each, kept, plus
 from qmcjax.tracing._world.camera import Camera, Sight
+from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
 
 
@@ -45,8 +45,7 @@ class _Path(NamedTuple):
     radiance: Vector
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PathTracing(Estimator):
     """See :func:`path_tracing`."""
 
@@ -57,16 +56,7 @@ class PathTracing(Estimator):
     smooth: bool = field(metadata={"static": True})
 
     def light_needs(self) -> tuple[str, ...]:
-        choice = chosen_by(self.world)
-        needs = list(choice)
-        for k in range(1, self.bounces + 1):
-            needs += turned_by(self.world, f"bounce{k}")
-            needs += [f"roulette{k}"] if self._at_stake(k) else []
-            needs += [name.replace("light", f"light{k}", 1) for name in choice]
-        return tuple(needs)
-
-    def _at_stake(self, bounce: int) -> bool:
-        return self.roulette is not None and bounce >= self.roulette
+        return bounce_needs(self.world, self.bounces, self.roulette)
 
     def moves(self, found: Seen) -> Array:
         return found.objects | found.moves if self.bounces else found.moves
@@ -90,7 +80,7 @@ class PathTracing(Estimator):
         roulette = None
         if self.roulette is not None and self.roulette <= self.bounces:
             # All paths survive before roulette begins.
-            roulette = coordinates[f"roulette{of_bounce}"] if self._at_stake(of_bounce) else -one
+            roulette = coordinates.get(f"roulette{of_bounce}", -one)
         choice = Choice.of(coordinates, str(vertex) if vertex else "")
         turn = Turn.of(coordinates, f"bounce{of_bounce}")
         return _Draws(choice, turn, roulette, jnp.asarray(ends))
@@ -102,8 +92,12 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
     emitted, density = emission(world, at, path.origin, path.normal)
     weight = _weight(path.density, density)
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
-    lit = _lit(world, at, time, path.throughput, draw)
-    radiance = each(lambda r, light: r + light, radiance, lit)
+
+    def gain(light: Sample, reflectance: Vector, density: Array) -> Vector:
+        weight = jnp.where(draw.last, 1, _weight(light.density, density))
+        return each(lambda t, r, a: t * r * a * weight, path.throughput, reflectance, light.arriving)
+
+    radiance = plus(radiance, lit(world, draw.choice, at, time, gain))
     direction, factor, density = scattered(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
     goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~draw.last
@@ -112,24 +106,9 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
         survival = jax.lax.stop_gradient(jnp.where(draw.roulette < 0, 1, jnp.clip(largest, 0, 1)))
         goes_on = goes_on & (draw.roulette < survival)
         throughput = each(lambda t: t / jnp.where(survival > 0, survival, 1), throughput)
-
-    def alive(vector: Vector) -> Vector:
-        return each(lambda a: jnp.where(goes_on, a, 0), vector)
-
+    direction, throughput = kept(goes_on, direction), kept(goes_on, throughput)
     density = jnp.where(goes_on, density, 1)
-    return _Path(at.hit.point, alive(direction), at.normal, density, alive(throughput), radiance)
-
-
-def _lit(world: World, at: SurfaceInteraction, time: Array, throughput: Vector, draw: _Draws) -> Vector:
-    """Return the light of lights, weighted by how likely the next direction finds it."""
-    if not world.lights:
-        return each(jnp.zeros_like, at.normal)
-    light = illuminated(world, draw.choice, at.hit.point, at.normal)
-    reflectance, density = evaluate(at.surface, at.normal, at.outgoing, light.direction)
-    weight = jnp.where(draw.last, 1, _weight(light.density, density))
-    gained = each(lambda t, r, a: t * r * a * weight, throughput, reflectance, light.arriving)
-    lit = visible(world, light, at.hit.point, time, at.hit.valid & any_of(gained))
-    return each(lambda a: jnp.where(lit, a, 0), gained)
+    return _Path(at.hit.point, direction, at.normal, density, throughput, radiance)
 
 
 def _weight(density: Array, other: Array) -> Array:

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
-from qmcjax.core.plug_ins import unwrap
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._estimators.photon_map import Photons
 from qmcjax.tracing._intervals.visible import visible_intervals
@@ -19,7 +18,7 @@ from qmcjax.tracing._light.interaction import any_of, interact
 from qmcjax.tracing._light.light_paths import Emission, emission_needs, emitters, is_mirror, started
 from qmcjax.tracing._light.scattering import Turn, scattered
 from qmcjax.tracing._search.intersection import in_dtype
-from qmcjax.tracing._shapes.vectors import components, each, stacked
+from qmcjax.tracing._shapes.vectors import components, each, kept, stacked
 from qmcjax.tracing._world.world import World, as_world
 
 
@@ -219,16 +218,14 @@ def _arrived(
         return point, at.hit.number, stored
     on, factor, density = scattered(at, turn)
     goes_on = at.hit.valid & (density > 0) & any_of(factor)
-    on, factor = (stacked(each(lambda a: jnp.where(goes_on, a, 0), v)) for v in (on, factor))
-    return point, at.hit.number, stored, on, factor
+    return point, at.hit.number, stored, stacked(kept(goes_on, on)), stacked(kept(goes_on, factor))
 
 
 def _changes(world: World) -> NDArray[np.bool_]:
     """Return for each primitive whether it moves or changes its colour."""
     changes = np.zeros(max(world.count, 1), bool)
     for item, start in world.numbered():
-        material = None if item.material is None else unwrap(item.material)
-        of_all = item.motion is not None or (material is not None and getattr(material, "moving", True))
+        of_all = item.motion is not None or item.recolors
         for shape, before in zip(item.shapes, item.starts, strict=True):
             changes[start + before : start + before + shape.count] = of_all or shape.moving
     return changes

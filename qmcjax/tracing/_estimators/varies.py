@@ -69,16 +69,14 @@ class _Shaft(NamedTuple):
 def seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
     """Return what rays between opposite corners of boxes on the screen, (..., 2), may meet at any time."""
     dtype = low.dtype
-    moving = [item for item in world.objects if item.motion is not None or _bends(item)]
+    moving = [item for item in world.objects if item.moves]
     none = jnp.zeros(low.shape[:-1], bool)
     if not world.parts:
         return Seen(none, none, none, none)
     regions, flags = [], []
     for number, item in enumerate(world.parts):
-        given, is_object = unwrap(item.material), number < len(world.objects)
-        changes = item in moving or (given is not None and getattr(given, "moving", True))
-        of_item = _regions(item, dtype)
-        flag = is_object, changes, is_object and kinds(item)[0].mirror is not None
+        of_item, is_object = _regions(item, dtype), number < len(world.objects)
+        flag = is_object, item.moves or item.recolors, is_object and kinds(item)[0].mirror is not None
         regions.append(of_item)
         flags.append(np.broadcast_to(np.array(flag), (of_item.low.shape[0], 3)))
     blockers = [_regions(item, dtype) for item in moving]
@@ -109,10 +107,6 @@ def seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
     flags = jnp.asarray(np.concatenate(flags))
     marks = flags[:, 0], flags[:, 1], flags[:, 2]
     return jax.lax.scan(visit, Seen(none, none, none, none), (together, marks))[0]
-
-
-def _bends(item: Object) -> bool:
-    return any(shape.moving for shape in item.shapes)
 
 
 def _beams(camera: Camera, low: Array, high: Array) -> list[tuple[_Shaft, float, float]]:
@@ -166,9 +160,7 @@ def _slab(item: Object, shape: Shape, count: int, dtype: Any) -> tuple[Array, Ar
 
 def _extent(item: Object, shape: Shape, dtype: Any) -> tuple[Array, Array]:
     """Return boxes of primitives, (n, 3), or one for all of them."""
-    boxes = [shape.bounds(time) for time in (0, 1)]
-    low = jnp.minimum(boxes[0][0], boxes[1][0]).astype(dtype)
-    high = jnp.maximum(boxes[0][1], boxes[1][1]).astype(dtype)
+    low, high = (side.astype(dtype) for side in shape.extent())
     if item.motion is None and low.shape[0] <= _FEW:
         return low, high
     low, high = low.min(axis=0), high.max(axis=0)

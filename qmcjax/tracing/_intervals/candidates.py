@@ -14,7 +14,7 @@ from jax import Array
 
 from qmcjax.tracing._intervals.linear import Batch
 from qmcjax.tracing._intervals.spans import Depth, ShearedRays, Spans
-from qmcjax.tracing._shapes.shape_batches import rounding, slabs
+from qmcjax.tracing._shapes.shape_batches import meets, rounding
 from qmcjax.tracing._shapes.vectors import components, each, largest
 
 _SLOTS = 8
@@ -95,7 +95,7 @@ def _listed(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Ar
     rows, limit = batch.rows, state.bound.max(axis=0)
     total = batch.numbers.shape[0]
 
-    def meets(row: Any) -> Array:
+    def may_be_hit(row: Any) -> Array:
         def any_ray() -> Array:
             seen, hit = rows.seen(row, view)
             return jnp.any(hit & (rows.nearest(seen) <= limit))
@@ -107,7 +107,7 @@ def _listed(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Ar
     def tested(row: Any, found: tuple[Array, Array]) -> tuple[Array, Array]:
         order, listed = found
         # A row that is not listed is overwritten by the next one; the last place takes rows not listed.
-        return order.at[listed].set(row), listed + meets(row).astype(jnp.int32)
+        return order.at[listed].set(row), listed + may_be_hit(row).astype(jnp.int32)
 
     none = jnp.zeros(total + 1, jnp.int32), jnp.zeros((), jnp.int32)
     if batch.tree is None or batch.boxes is None:
@@ -121,11 +121,7 @@ def _listed(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Ar
         low, high = components(boxes[node, :3]), components(boxes[node, 3:])
         below = each(lambda a, o: a - o - wider, low, view.origin)
         above = each(lambda a, o: a - o + wider, high, view.origin)
-        enter, leave = slabs(below, above, view.direction)
-        slower = 1 + 8 * jnp.finfo(limit.dtype).eps
-        return jnp.any(
-            (leave >= 0) & (jnp.minimum(enter, enter / slower) <= leave * slower) & (enter <= limit * slower)
-        )
+        return jnp.any(meets(below, above, view.direction, limit))
 
     def step(walk: tuple[Array, Any]) -> tuple[Array, Any]:
         node, found = walk

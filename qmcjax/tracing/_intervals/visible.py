@@ -21,7 +21,7 @@ from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._search.search import search
 from qmcjax.tracing._search.tiles import by_tiles
 from qmcjax.tracing._shapes.triangles import sheared
-from qmcjax.tracing._shapes.vectors import Vector, components, dot, each, scaled
+from qmcjax.tracing._shapes.vectors import Vector, components, dot, kept, scaled
 from qmcjax.tracing._world.world import World
 
 TILE = 32
@@ -138,7 +138,7 @@ def find_intervals(
     good = jnp.isfinite(dot(origin, origin)) & jnp.isfinite(squared) & (squared > 0)
     # Rays without a hit get no distance of sight; not NaN, which would break comparisons.
     distance = jnp.where(good, distance, -jnp.inf)
-    origin, direction = (each(lambda a: jnp.where(good, a, 0), vector) for vector in (origin, direction))
+    origin, direction = kept(good, origin), kept(good, direction)
 
     def tile(rays: Any) -> tuple[list[Array], list[Array], list[Array], Array]:
         origin, direction, number, distance = rays

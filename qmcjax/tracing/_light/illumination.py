@@ -11,7 +11,7 @@ from jax import Array
 from qmcjax.tracing._search.intersection import Intersection
 from qmcjax.tracing._search.search import search
 from qmcjax.tracing._shapes.shape_batches import rounding
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, largest, times
+from qmcjax.tracing._shapes.vectors import Vector, dot, kept, largest, plus, times, where
 from qmcjax.tracing._world.lights import Environment, Light, Sample
 from qmcjax.tracing._world.world import World
 
@@ -57,7 +57,7 @@ def illuminated(world: World, choice: Choice, point: Vector, normal: Vector) -> 
     for lights, row, here in by_kind(world.lights, number):
         u, v = (zero if part is None else part for part in (choice.u, choice.v))
         sample = lights.sample(row, point, normal, u, v)
-        result = jax.tree.map(lambda new, old, here=here: jnp.where(here, new, old), sample, result)
+        result = where(here, sample, result)
     return result._replace(arriving=times(count, result.arriving), density=result.density / count)
 
 
@@ -67,9 +67,8 @@ def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Ar
     size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
     slack = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
     limit = sample.distance - jnp.minimum(slack, 0.5 * sample.distance)
-    direction = each(lambda a: jnp.where(wanted, a, 0), sample.direction)
-    limit = jnp.where(wanted, limit, 0)
-    blocked = search(*jax.lax.stop_gradient((world, point, direction, time, limit)), True)[1] >= 0
+    rays = point, kept(wanted, sample.direction), time, jnp.where(wanted, limit, 0)
+    blocked = search(*jax.lax.stop_gradient((world, *rays)), True)[1] >= 0
     return wanted & ~blocked
 
 
@@ -94,7 +93,7 @@ def shining(
             number += 1
         one, row = jax.tree.map(lambda leaf: leaf[None], light), jnp.zeros_like(at.number)
         emitted = one.emitted(row)
-        radiance = each(lambda new, old, here=here: old + jnp.where(here, new, 0), emitted, radiance)
+        radiance = plus(radiance, kept(here, emitted))
         likely = one.density(row, origin, normal, direction, at.point)
         density = jnp.where(here, density + likely / len(world.lights), density)
     return radiance, density

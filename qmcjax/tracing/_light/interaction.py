@@ -12,7 +12,7 @@ from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._light.illumination import shining
 from qmcjax.tracing._search.intersection import Intersection, coordinates, intersect
 from qmcjax.tracing._shapes.object import Object
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, plus
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, plus, where
 from qmcjax.tracing._world.materials import Surface
 from qmcjax.tracing._world.world import World
 
@@ -61,7 +61,7 @@ def surface(world: World, at: Intersection, time: Array) -> Surface:
         value = zero + 1 if name == "roughness" else (zero, zero, zero)
         for place, part in enumerate(parts):
             if part is not None:
-                value = jax.tree.map(partial(jnp.where, which == place + 1), part, value)
+                value = where(which == place + 1, part, value)
         return value
 
     return Surface(*(field(name) for name in Surface._fields))

@@ -12,7 +12,6 @@ References
 .. [1] E. Veach, "Robust Monte Carlo Methods for Light Transport Simulation", 1997, section 10.2.
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -25,7 +24,7 @@ from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, intera
 from qmcjax.tracing._light.reflection import evaluate
 from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
 from qmcjax.tracing._search.intersection import Intersection
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, times
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, kept, minus, times, where
 from qmcjax.tracing._world.lights import Source, Start
 from qmcjax.tracing._world.world import World
 
@@ -155,7 +154,7 @@ def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array
     for batch, row, here in by_kind(lights, number):
         made = batch.start(row, u, v, emission.way_u, emission.way_v)
         new = made, batch.extent()[row], zero + float(batch.coordinates > 0)
-        start, extent, visible = jax.tree.map(partial(jnp.where, here), new, (start, extent, visible))
+        start, extent, visible = where(here, new, (start, extent, visible))
     return start, len(lights) * extent, visible
 
 
@@ -185,9 +184,7 @@ def _next(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:
     direction, factor, density = scattered(last.at, turn)
     throughput = each(lambda t, f: t * f, last.throughput, factor)
     goes_on = last.at.hit.valid & (density > 0) & any_of(throughput)
-    direction, throughput = (
-        each(lambda a: jnp.where(goes_on, a, 0), vector) for vector in (direction, throughput)
-    )
+    direction, throughput = kept(goes_on, direction), kept(goes_on, throughput)
     density = jnp.where(last.mirror | ~goes_on, 1, density)
     at = interact(world, last.at.hit.point, direction, time)
     apart = squared(at.hit.point, last.at.hit.point)

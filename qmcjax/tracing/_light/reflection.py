@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, minus, plus, tangents, times, unit
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, kept, minus, plus, tangents, times, unit, where
 from qmcjax.tracing._world import maps
 from qmcjax.tracing._world.materials import Surface
 
@@ -42,7 +42,7 @@ def evaluate(surface: Surface, normal: Vector, outgoing: Vector, incoming: Vecto
         distribution, fresnel, masked, _ = _facets(surface.roughness, out, into)
         gloss = each(lambda c: (c + (1 - c) * fresnel) * distribution * masked, surface.glossy)
         lit = jnp.any(jnp.stack(jnp.broadcast_arrays(*surface.glossy)) > 0, axis=0) & above
-        value = plus(value, each(lambda c: jnp.where(lit, c, 0), gloss))
+        value = plus(value, kept(lit, gloss))
         distribution, _, _, share = _facets(fixed.roughness, out, into)
         density = density + jnp.where(lit, rough * distribution * share, 0)
     return value, density
@@ -59,8 +59,7 @@ def sample_direction(surface: Surface, normal: Vector, outgoing: Vector, u: Any,
         if local is None:
             local = rough
         else:
-            here = lobe < _chance(surface)
-            local = each(lambda a, b: jnp.where(here, a, b), rough, local)
+            local = where(lobe < _chance(surface), rough, local)
     if local is None:
         return each(jnp.zeros_like, normal)
     return unit(maps.around(local, normal))

@@ -72,18 +72,8 @@ def _walk(world, tree, scratch, ray, limit, any_hit):
     found = -1
     # Planes that a ray meets first, and their distances from its origin, which is as wide as rounding.
     x, y, z = 0 if inverse[0] > 0 else 3, 1 if inverse[1] > 0 else 4, 2 if inverse[2] > 0 else 5
-    over, under = (
-        (
-            origin[0] + wider if x == 0 else origin[0] - wider,
-            origin[1] + wider if y == 1 else origin[1] - wider,
-            origin[2] + wider if z == 2 else origin[2] - wider,
-        ),
-        (
-            origin[0] - wider if x == 0 else origin[0] + wider,
-            origin[1] - wider if y == 1 else origin[1] + wider,
-            origin[2] - wider if z == 2 else origin[2] + wider,
-        ),
-    )
+    aside = wider if x == 0 else -wider, wider if y == 1 else -wider, wider if z == 2 else -wider
+    over, under = tests.plus(origin, aside), tests.minus(origin, aside)
     turned = triangles.turned(origin, ray.shear[0])
     node, waiting = tree.root, 0
     while True:

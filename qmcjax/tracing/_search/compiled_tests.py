@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qmcjax.tracing._search.numba_decorators import inlined
+from qmcjax.tracing._shapes import vectors
 
 PLANE, RECTANGLE, DISC, BOX, SPHERE, CYLINDER, TRIANGLE, MOVING = range(8)
 """Kinds of primitives; triangles move if their vertices do."""
@@ -35,19 +36,9 @@ class Ray(NamedTuple):
     """The slack of a coordinate of 1."""
 
 
-@inlined
-def minus(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@inlined
-def dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inlined
-def cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+plus, minus, times, dot, cross = map(
+    inlined, (vectors.plus, vectors.minus, vectors.times, vectors.dot, vectors.cross)
+)
 
 
 @inlined
@@ -62,16 +53,7 @@ def length(a):
 
 @inlined
 def _along(origin, distance, direction):
-    return (
-        origin[0] + distance * direction[0],
-        origin[1] + distance * direction[1],
-        origin[2] + distance * direction[2],
-    )
-
-
-@inlined
-def times(factor, a):
-    return factor * a[0], factor * a[1], factor * a[2]
+    return plus(origin, times(distance, direction))
 
 
 @inlined

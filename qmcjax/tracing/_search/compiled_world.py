@@ -125,9 +125,7 @@ def _numbers(shape: Shape) -> Array:
     parts = [part.reshape(shape.count, -1) for part in jax.tree.leaves(shape)]
     numbers = jnp.concatenate(parts, axis=1)
     numbers = jnp.pad(numbers, ((0, 0), (0, 18 - numbers.shape[1])))
-    boxes = [shape.bounds(time) for time in (0, 1)]
-    low, high = (jnp.stack(corners) for corners in zip(*boxes, strict=True))
-    return jnp.concatenate([numbers, low.min(axis=0), high.max(axis=0)], axis=1)
+    return jnp.concatenate([numbers, *shape.extent()], axis=1)
 
 
 def _fill(trees: _CachedTrees, any_hit: bool, context: Any, out: Any, *given: Any) -> None:

@@ -12,10 +12,10 @@ from jax.typing import DTypeLike
 from qmcjax.core.parameters import cast
 from qmcjax.tracing._search.picked import EACH, picked
 from qmcjax.tracing._search.search import search
-from qmcjax.tracing._shapes.object import Frame, Object, identity, seen_from
+from qmcjax.tracing._shapes.object import Frame, identity, seen_from
 from qmcjax.tracing._shapes.shape_batches import Shape
-from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, minus, plus, times, unit
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, kept, minus, plus, times, unit, where
+from qmcjax.tracing._world.world import World, with_shapes
 
 UNKNOWN = -2
 """Replaces the number of a primitive that has to be searched."""
@@ -45,8 +45,7 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
         others: Any = cast(shape.alone(), dtype)
         return others if shape.tree is None else replace(others, tree=shape.tree)
 
-    objects = (Object(tuple(map(numbers, item.shapes)), item.motion, item.material) for item in world.objects)
-    return World(tuple(objects), cast(world.lights, dtype))
+    return World(with_shapes(world, numbers).objects, cast(world.lights, dtype))
 
 
 def intersect(
@@ -64,7 +63,7 @@ def intersect(
         distance, number = _confirmed(*fixed, farthest, known)
     hit = number >= 0
     # Rays without a hit, also those with NaN, continue with harmless numbers, to keep derivatives finite.
-    origin, direction = (each(lambda a: jnp.where(hit, a, 0), vector) for vector in (origin, direction))
+    origin, direction = kept(hit, origin), kept(hit, direction)
     at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
     frame = frames(world, number, time)
     if frame is not None:
@@ -98,7 +97,7 @@ def _confirmed(
     for here, shape in picked(world.batches(), known):
         distance = jnp.where(here, shape.distance(EACH, shape.prepare(rays)), distance)
     lost = (known == UNKNOWN) | ((known >= 0) & (distance == jnp.inf))
-    direction = each(lambda a: jnp.where(lost, a, 0), direction)
+    direction = kept(lost, direction)
     others = jax.lax.cond(
         jnp.any(lost),
         lambda: search(world, origin, direction, time, farthest, False),
@@ -120,7 +119,7 @@ def coordinates(
     zero = jnp.zeros_like(time)
     result = zero, zero
     for here, shape in picked(marked, number):
-        result = _where(here, shape.coordinates(EACH, point, time), result)
+        result = where(here, shape.coordinates(EACH, point, time), result)
     return result
 
 
@@ -132,7 +131,7 @@ def frames(world: World, number: Array, time: Array) -> Frame | None:
         if frame is not None:
             here = (number >= first) & (number < first + item.count)
             chosen = identity(time) if chosen is None else chosen
-            chosen = _where(here, frame, chosen)
+            chosen = where(here, frame, chosen)
     return chosen
 
 
@@ -140,9 +139,5 @@ def _surface(kinds: list[tuple[Array, Shape]], time: Array, point: Vector) -> tu
     """Return the surface function and gradient of each ray's primitive; zeros without one."""
     result = jnp.zeros_like(time), each(jnp.zeros_like, point)
     for here, shape in kinds:
-        result = _where(here, shape.surface(EACH, point, time), result)
+        result = where(here, shape.surface(EACH, point, time), result)
     return result
-
-
-def _where(here: Array, one: Any, other: Any) -> Any:
-    return jax.tree.map(partial(jnp.where, here), one, other)

@@ -51,10 +51,11 @@ def _splat(builder: Any, value: Any) -> Any:
     return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), None))
 
 
-def _elementwise(result: Callable[[Any], Any], make: Callable[..., Any]) -> Any:
-    """Return what types and code two values have for an intrinsic; scalars get the type of lanes."""
+def _two(make: Callable[..., Any], result: Any = None) -> Any:
+    """Return an intrinsic of two values: scalars get the type of lanes, as has the result by default."""
 
-    def code(_: Any, a: Any, b: Any) -> Any:
+    @_intrinsic
+    def function(_: Any, a: Any, b: Any) -> Any:
         dtype = next((kind.dtype for kind in (a, b) if _is(kind)), a)
 
         def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
@@ -66,28 +67,10 @@ def _elementwise(result: Callable[[Any], Any], make: Callable[..., Any]) -> Any:
                 given.append(value)
             return make(builder, *given)
 
-        kind = result(dtype)
+        kind = result or dtype
         return (Lanes(kind) if _is(a) or _is(b) else kind)(a, b), build
 
-    return code
-
-
-def _two(result: Callable[[Any], Any], make: Callable[..., Any]) -> Any:
-    code = _elementwise(result, make)
-
-    @_intrinsic
-    def function(context: Any, a: Any, b: Any) -> Any:
-        return code(context, a, b)
-
     return function
-
-
-def _same(kind: Any) -> Any:
-    return kind
-
-
-def _boolean(_: Any) -> Any:
-    return types.boolean
 
 
 def _operator(symbol: Any, function: Any) -> None:
@@ -99,21 +82,21 @@ def _operator(symbol: Any, function: Any) -> None:
 for _symbol, _name in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
     _operator(
         getattr(operator, _symbol),
-        _two(_same, lambda builder, a, b, name=_name: getattr(builder, name)(a, b)),
+        _two(lambda builder, a, b, name=_name: getattr(builder, name)(a, b)),
     )
 for _symbol, _sign in (("lt", "<"), ("le", "<="), ("gt", ">"), ("ge", ">=")):
     _operator(
         getattr(operator, _symbol),
-        _two(_boolean, lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b)),
+        _two(lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b), types.boolean),
     )
-_operator(operator.ne, _two(_boolean, lambda builder, a, b: builder.fcmp_unordered("!=", a, b)))
-_operator(operator.and_, _two(_boolean, lambda builder, a, b: builder.and_(a, b)))
-_operator(operator.or_, _two(_boolean, lambda builder, a, b: builder.or_(a, b)))
+_operator(operator.ne, _two(lambda builder, a, b: builder.fcmp_unordered("!=", a, b), types.boolean))
+_operator(operator.and_, _two(lambda builder, a, b: builder.and_(a, b)))
+_operator(operator.or_, _two(lambda builder, a, b: builder.or_(a, b)))
 
-larger = _two(_same, lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
+larger = _two(lambda builder, a, b: builder.select(builder.fcmp_ordered(">", b, a), b, a))
 """The larger of two; the first one if any is NaN."""
 
-smaller = _two(_same, lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
+smaller = _two(lambda builder, a, b: builder.select(builder.fcmp_ordered("<", b, a), b, a))
 """The smaller of two; the first one if any is NaN."""
 
 

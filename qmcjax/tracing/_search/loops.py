@@ -15,8 +15,8 @@ from jax import Array
 
 from qmcjax.tracing._search.tiles import by_tiles
 from qmcjax.tracing._search.walk import walk
-from qmcjax.tracing._shapes.object import Frame, seen_from
-from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding, slabs
+from qmcjax.tracing._shapes.object import Frame, Object, seen_from
+from qmcjax.tracing._shapes.shape_batches import Rays, Shape, meets, rounding
 from qmcjax.tracing._shapes.triangles import Triangles
 from qmcjax.tracing._shapes.vectors import Vector, components, each, largest, minus
 from qmcjax.tracing._world.world import World, merged
@@ -72,8 +72,8 @@ def by_program(
                 if segment.low is None or segment.high is None:
                     nearest = rows(nearest)
                 else:
-                    meets = _meets(segment.low, segment.high, these, nearest[0])
-                    nearest = jax.lax.cond(meets, rows, lambda nearest: nearest, nearest)
+                    inside = _any_meets(segment.low, segment.high, these, nearest[0])
+                    nearest = jax.lax.cond(inside, rows, lambda nearest: nearest, nearest)
         return nearest
 
     rays = origin, direction, time, limit, [frames[place] for place in spaces]
@@ -118,18 +118,11 @@ def _sorted(world: World) -> tuple[list[int], list[_Kind]]:
             if not large and previous is not None and previous.space == space:
                 segments[-1] = previous._replace(stop=row + part.count)
             else:
-                box = _box(part) if large else (None, None)
+                box = Object((part,), None, None).bounds() if large else (None, None)
                 segments.append(_Segment(space, row, row + part.count, *box))
             row += part.count
         kinds.append(_Kind(shape, jnp.asarray(np.concatenate(numbers)), segments))
     return spaces, kinds
-
-
-def _box(shape: Shape) -> tuple[Array, Array]:
-    """Return the bounding box of all primitives at all times."""
-    boxes = [shape.bounds(time) for time in (0, 1)]
-    low, high = (jnp.stack(corners) for corners in zip(*boxes, strict=True))
-    return low.min(axis=(0, 1)), high.max(axis=(0, 1))
 
 
 def _rows(kind: _Kind, segment: _Segment, rays: Rays, any_hit: bool, nearest: Nearest) -> Nearest:
@@ -153,15 +146,11 @@ def _rows(kind: _Kind, segment: _Segment, rays: Rays, any_hit: bool, nearest: Ne
     return reduced(segment.stop - 1, *jax.lax.fori_loop(segment.first, segment.stop, turn, state))
 
 
-def _meets(low: Array, high: Array, rays: Rays, limit: Array) -> Array:
+def _any_meets(low: Array, high: Array, rays: Rays, limit: Array) -> Array:
     """Whether any ray hits a box before its limit."""
     corners = components(low), components(high)
     finite = [each(lambda a: jnp.where(jnp.isfinite(a), a, 0), corner) for corner in corners]
     wider = rays.slack + rounding(largest(finite[0]) + largest(finite[1]))
     below = each(lambda a: a - wider, minus(corners[0], rays.origin))
     above = each(lambda a: a + wider, minus(corners[1], rays.origin))
-    enter, leave = slabs(below, above, rays.direction)
-    # The products in slabs are rounded, too.
-    slower = 1 + 8 * jnp.finfo(limit.dtype).eps
-    meets = (leave >= 0) & (jnp.minimum(enter, enter / slower) <= leave * slower) & (enter < limit * slower)
-    return jnp.any(meets & jnp.isfinite(rays.slack))
+    return jnp.any(meets(below, above, rays.direction, limit) & jnp.isfinite(rays.slack))

@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from qmcjax.tracing._shapes.vectors import where
+
 _FEW = 16
 """Up to so many rows, selecting from all is faster than a gather."""
 
@@ -53,9 +55,7 @@ def _of_kind(tables: list[tuple[Any, int]], number: Array) -> tuple[Array, Any]:
 
 
 def _either(here: Array, rows: list[Any], others: list[Any] | None) -> list[Any]:
-    if others is None:
-        return rows
-    return jax.tree.map(lambda row, other: jnp.where(here, row, other), rows, others)
+    return rows if others is None else where(here, rows, others)
 
 
 def _parts(array: Array, axes: int = 0) -> list[Array]:

@@ -6,7 +6,6 @@ compiled loops (:mod:`qmcjax.tracing._search.compiled_world`). All find the same
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 
 import jax
@@ -17,7 +16,7 @@ from qmcjax.tracing._search import compiled_world
 from qmcjax.tracing._search.loops import by_program
 from qmcjax.tracing._shapes.object import Frame
 from qmcjax.tracing._shapes.vectors import Vector
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import World, with_shapes
 
 _MANY = 512
 """From so many triangles on, a JAX program for a processor is faster with their tree than with loops."""
@@ -61,8 +60,4 @@ def _fastest(world: World) -> tuple[World, Intersector]:
     known = all(type(shape) in compiled_world.KINDS for shape, _ in world.batches())
     if known and world.count > _FEW and find_spec("numba") is not None:
         return world, compiled_world.search
-    objects = (
-        replace(item, shapes=tuple(s if s.count >= _MANY else s.alone() for s in item.shapes))
-        for item in world.objects
-    )
-    return World(tuple(objects), world.lights), by_program
+    return with_shapes(world, lambda shape: shape if shape.count >= _MANY else shape.alone()), by_program

@@ -1,12 +1,11 @@
 """Flat shapes: planes, rectangles and discs; boxes."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, first, plane, rounding, row
 from qmcjax.tracing._shapes.vectors import (
     Vector,
@@ -27,8 +26,7 @@ from qmcjax.tracing._shapes.vectors import (
 )
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Plane(Shape):
     """Infinite planes. u and v are lengths along two orthogonal directions from the point."""
 
@@ -53,8 +51,7 @@ class Plane(Shape):
         return jnp.full_like(self.point, -jnp.inf), jnp.full_like(self.point, jnp.inf)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Rectangle(Shape):
     """Rectangles, or parallelograms, with normals along ``edge_u`` x ``edge_v``."""
 
@@ -98,8 +95,7 @@ class Rectangle(Shape):
         return self.corner + sum(ends), self.corner + sum(others)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Disc(Shape):
     """Discs. u is the angle in turns, v the distance from the centre."""
 
@@ -133,8 +129,7 @@ class Disc(Shape):
         return self.center - self.radius[:, None] * across, self.center + self.radius[:, None] * across
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Box(Shape):
     """Boxes with faces along the axes of coordinates. u and v run along the two axes after the face's."""
 

@@ -1,6 +1,5 @@
 """Objects: shapes that move together."""
 
-from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -10,7 +9,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast
 from qmcjax.core.plug_ins import unwrap, wrap
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
 from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, largest, minus, plus, times
 from qmcjax.tracing.motion.evaluation import moved
@@ -63,8 +62,7 @@ def _combined(vectors: tuple[Vector, Vector, Vector], factors: Vector) -> Vector
     return plus(plus(one, two), three)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Object:
     """Shapes in object space, and the motion of that space in the world."""
 
@@ -82,6 +80,16 @@ class Object:
     def starts(self) -> list[int]:
         """Number of the first primitive of each shape."""
         return list(accumulate((shape.count for shape in self.shapes[:-1]), initial=0))
+
+    @property
+    def moves(self) -> bool:
+        """Whether any primitive depends on time."""
+        return self.motion is not None or any(shape.moving for shape in self.shapes)
+
+    @property
+    def recolors(self) -> bool:
+        """Whether the material may depend on time."""
+        return self.material is not None and getattr(unwrap(self.material), "moving", True)
 
     def frame(self, time: Array) -> Frame | None:
         """Return the map to the world at some times, shape (n,); None for the identity.
@@ -101,9 +109,8 @@ class Object:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the bounding box of the shapes in object space, at all times: low and high, (3,)."""
-        boxes = [shape.bounds(time) for shape in self.shapes for time in (0, 1)]
-        lows, highs = zip(*((low.min(axis=0), high.max(axis=0)) for low, high in boxes), strict=True)
-        return jnp.min(jnp.stack(lows), axis=0), jnp.max(jnp.stack(highs), axis=0)
+        lows, highs = zip(*(shape.extent() for shape in self.shapes), strict=True)
+        return jnp.concatenate(lows).min(axis=0), jnp.concatenate(highs).max(axis=0)
 
 
 def as_motion(motion: Any) -> Any:

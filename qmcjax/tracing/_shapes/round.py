@@ -1,12 +1,11 @@
 """Round shapes: spheres and the sides of cylinders."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, ahead, first, roots, rounding, row
 from qmcjax.tracing._shapes.vectors import (
     Vector,
@@ -22,8 +21,7 @@ from qmcjax.tracing._shapes.vectors import (
 )
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Sphere(Shape):
     """Spheres. The pole of their coordinates is z; v runs from the south to the north pole."""
 
@@ -51,8 +49,7 @@ class Sphere(Shape):
         return self.center - self.radius[:, None], self.center + self.radius[:, None]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Cylinder(Shape):
     """Sides of cylinders, open at both ends. v runs along the axis."""
 

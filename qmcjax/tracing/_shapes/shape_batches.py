@@ -97,6 +97,14 @@ class Shape(ABC):
     def bounds(self, time: float) -> tuple[Array, Array]:
         """Return boxes of primitives when the shutter opens (0) or closes (1): low, high (count, 3)."""
 
+    def extent(self) -> tuple[Array, Array]:
+        """Return boxes of primitives at all times: low, high (count, 3)."""
+        low, high = self.bounds(0)
+        if self.moving:
+            last_low, last_high = self.bounds(1)
+            low, high = jnp.minimum(low, last_low), jnp.maximum(high, last_high)
+        return low, high
+
 
 def first(near: Any, far: Any, rays: Rays, slack: Any) -> Array:
     """Return the first of two distances that is a hit."""
@@ -140,6 +148,14 @@ def slabs(below: Vector, above: Vector, direction: Vector) -> tuple[Array, Array
         far = jnp.where(d == 0, jnp.where(inside, jnp.inf, -jnp.inf), far)
         enter, leave = jnp.maximum(enter, near), jnp.minimum(leave, far)
     return jnp.asarray(enter), jnp.asarray(leave)
+
+
+def meets(below: Vector, above: Vector, direction: Vector, limit: Array) -> Array:
+    """Return whether rays may hit boxes up to a limit, with the products of :func:`slabs` rounded."""
+    enter, leave = slabs(below, above, direction)
+    slower = 1 + 8 * jnp.finfo(limit.dtype).eps
+    inside = jnp.minimum(enter, enter / slower) <= leave * slower
+    return (leave >= 0) & inside & (enter <= limit * slower)
 
 
 def plane(point: Vector, normal: Vector, rays: Rays, slack: Any) -> Array:

@@ -5,13 +5,12 @@ are exact, so vertices that are replaced, by hand or by an optimiser, are hit wh
 may become slower.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 
 WORTHWHILE = 48
 """From so many triangles on, compiled traversal of their tree is faster than loops over all."""
@@ -28,8 +27,7 @@ _STEP = 1.0
 """Cost of visiting both children, in triangle tests."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Tree:
     """A binary tree in depth-first order: the children of a node are the next node and that node's skip.
 

@@ -1,12 +1,11 @@
 """Triangles, still or with vertices that move: no ray slips between two that share an edge or a vertex."""
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
 from qmcjax.tracing._shapes.vectors import (
     Vector,
@@ -31,8 +30,7 @@ class _Sheared(NamedTuple):
     z: Vector
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Triangles(Shape):
     """Triangles with normals along (b - a) x (c - a). u and v are the weights of b and c."""
 

@@ -5,7 +5,7 @@ with them fuse into one loop over rays.
 """
 
 from collections.abc import Callable
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import jax
@@ -30,6 +30,16 @@ def each(function: Callable[..., Any], *vectors: Vector) -> Vector:
     """Apply a function to corresponding components."""
     x, y, z = zip(*vectors, strict=True)
     return function(*x), function(*y), function(*z)
+
+
+def where(here: Any, one: Any, other: Any) -> Any:
+    """Return one of two pytrees where a condition holds, else the other."""
+    return jax.tree.map(partial(jnp.where, here), one, other)
+
+
+def kept(here: Any, a: Vector) -> Vector:
+    """Return vectors where a condition holds, else 0."""
+    return each(lambda part: jnp.where(here, part, 0), a)
 
 
 def plus(a: Vector, b: Vector) -> Vector:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.maps import disc
 from qmcjax.core.parameters import axes, cast, floats, numbers, positive, require, together
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.object import Object, as_motion
 from qmcjax.tracing._shapes.vectors import (
     Vector,
@@ -55,8 +55,7 @@ class View(NamedTuple):
     """Distance of the plane of focus."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Camera:
     """A camera; see :func:`camera`."""
 

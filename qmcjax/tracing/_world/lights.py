@@ -1,7 +1,6 @@
 """Lights: emission, sampling of points on them, and densities."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.maps import cone
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.flat import Rectangle
 from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.round import Sphere
@@ -93,8 +92,7 @@ class Source(Light):
         """Return area times projected solid angle; for point lights the solid angle."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class PointLight(Source):
     """See :func:`point_light`."""
 
@@ -123,8 +121,7 @@ class PointLight(Source):
         return jnp.full(self.position.shape[:-1], 4 * np.pi, self.position.dtype)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RectangleLight(Source):
     """See :func:`rectangle_light`."""
 
@@ -176,8 +173,7 @@ class RectangleLight(Source):
         return np.pi * self._across(...)[1]
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class SphereLight(Source):
     """See :func:`sphere_light`."""
 
@@ -226,8 +222,7 @@ class SphereLight(Source):
         return 4 * np.pi**2 * self.radius * self.radius
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Environment(Light):
     """See :func:`environment`."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
 from qmcjax.core.plug_ins import unwrap, wrap
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.vectors import Vector, components
 from qmcjax.tracing._world.textures import color as checked_color
 
@@ -55,8 +54,7 @@ class Material(ABC):
         """
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Diffuse(Material):
     """A Lambertian surface; see :func:`diffuse`."""
 
@@ -67,8 +65,7 @@ class Diffuse(Material):
         return Surface(diffuse=_look_up(self.color, u, v, time))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Mirror(Material):
     """A mirror; see :func:`mirror`."""
 
@@ -79,8 +76,7 @@ class Mirror(Material):
         return Surface(mirror=_look_up(self.color, u, v, time))
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Glossy(Material):
     """Microfacets, over a Lambertian surface if there is one; see :func:`glossy`."""
 
@@ -97,8 +93,7 @@ class Glossy(Material):
         )
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Emitter(Material):
     """An emitting surface; see :func:`emitter`."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
@@ -14,13 +13,12 @@ from numpy.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import axes, floats, numbers, require, together
 from qmcjax.core.plug_ins import unwrap, wrap
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.object import as_motion
-from qmcjax.tracing._shapes.vectors import Vector, components, each
+from qmcjax.tracing._shapes.vectors import Vector, components, where
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Pattern:
     """Two alternating colours; see :func:`checker` and :func:`stripes`."""
 
@@ -49,15 +47,14 @@ class Pattern:
             u, v = u - moved_u, v - moved_v
         first = self.first(u, v, jnp.asarray(self.scale).astype(dtype))
         colors = (components(jnp.asarray(color).astype(dtype)) for color in (self.one, self.other))
-        return each(lambda a, b: jnp.where(first, a, b), *colors)
+        return where(first, *colors)
 
     def first(self, u: Array, v: Array, scale: Array) -> Array:
         """Return where the first colour is."""
         return _even(u * scale[0]) == _even(v * scale[1])
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Stripes(Pattern):
     """Two colours alternating along u; see :func:`stripes`."""
 

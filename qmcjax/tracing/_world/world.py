@@ -1,21 +1,19 @@
 """Worlds: all objects and lights of a scene, with one number per primitive."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.object import Object, as_object
 from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._world.lights import Environment, Light, as_light
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class World:
     """Objects and lights."""
 
@@ -62,6 +60,12 @@ def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
         (jax.tree.map(lambda *a: jnp.concatenate(a), *(shapes[place] for place in places)), places)
         for places in kinds.values()
     ]
+
+
+def with_shapes(world: World, change: Callable[[Shape], Shape]) -> World:
+    """Return a world with other shapes, made of its own."""
+    objects = (Object(tuple(map(change, item.shapes)), item.motion, item.material) for item in world.objects)
+    return World(tuple(objects), world.lights)
 
 
 def as_world(value: Any) -> World:

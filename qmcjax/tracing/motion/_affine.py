@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -14,12 +13,11 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core.parameters import floats, numbers
 from qmcjax.core.plug_ins import unwrap, wrap
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing.motion._quaternions import rotation_matrix
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Affine:
     """A map x -> matrix x + translation that depends on time."""
 

@@ -13,7 +13,7 @@ References
 .. [2] G. Farin, "Curves and Surfaces for CAGD", 2002, Chapter 13.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from itertools import count
 from math import comb
@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing.motion._rows import fetched
 
 _NODES, _SHARES = np.polynomial.legendre.leggauss(16)
@@ -38,8 +38,7 @@ _MOST = 2**16
 """Pieces of a curve."""
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class ArcLength:
     """Chords between points at equal arc lengths along a curve."""
 

@@ -1,6 +1,6 @@
 """Non-uniform rational B-spline curves as functions of their parameter."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,15 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, known, numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing.motion._arc_length import ArcLength, by_arc_length
 from qmcjax.tracing.motion._rows import fetched, span
 
 MAX_DEGREE = 16
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Nurbs:
     """A curve over ``[knots[0], knots[-1]]``; parameters outside are clamped."""
 

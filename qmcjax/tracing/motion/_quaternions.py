@@ -1,7 +1,6 @@
 """Unit quaternions: orientations that can be interpolated."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -12,7 +11,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from qmcjax.core.parameters import cast, floats, numbers, require, together
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 
 UNIT = 1e-4
 """How far from 1 the length of a quaternion may be to count as a rotation; it is normalized."""
@@ -174,8 +173,7 @@ def _shorter(q: Array) -> Array:
     return jnp.where(q[..., 3:] < 0, -q, q)
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class RotationSpline:
     """Cubic Hermite curves of rotations between keys, with continuous angular velocity."""
 

@@ -1,7 +1,6 @@
 """Motions as linear segments: all points move on straight lines between given times."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import jax.numpy as jnp
@@ -10,13 +9,12 @@ from jax.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, numbers, require
-from qmcjax.core.pytrees import pytree
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing.motion._rows import interpolated
 from qmcjax.tracing.motion.evaluation import moved
 
 
-@pytree
-@dataclass(frozen=True, eq=False, repr=False)
+@frozen_pytree
 class Straightened:
     """Matrices and translations, interpolated linearly between times."""
 

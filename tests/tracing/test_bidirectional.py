@@ -36,6 +36,7 @@ def room(lights, material=WALLS, motion=None, walls=WALLS, opened=False):
 FLYING = tracing.motion.affine(None, tracing.motion.linear_segments([0, 1], [[0, 0, 0], [0.3, 0, -0.2]]))
 MIRROR = tracing.mirror(0.9)
 CASES = {
+    "diffuse": (room(["rectangle"]), camera(), 2, 1),
     "all lights, rough metal": (
         room(LIGHTS, tracing.glossy(0.9, 0.3), opened=True),
         camera(),

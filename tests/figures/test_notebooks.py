@@ -12,8 +12,8 @@ NOTEBOOKS = Path(__file__).parents[2] / "figures" / "notebooks"
 PICTURES = {"hilbert": 5, "z": 5, "thesis": 5, "explore": 4, "design": 2}
 """How many pictures each has."""
 
-# In a process of its own: kernels leave warnings and sockets behind, which are none of ours. One kernel, which
-# starts once and compiles once what notebooks share, runs them one after the other, each without any names.
+# In a process of its own: kernels leave warnings and sockets behind, which are none of ours. One kernel that
+# starts once and compiles what notebooks share once, runs one after the other and forgets all names between.
 EXECUTE = """
 import sys
 from pathlib import Path

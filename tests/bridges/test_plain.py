@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import tables
@@ -52,9 +53,10 @@ def test_every_sampler_has_its_numbers(name):
     sampler = tables.SAMPLERS[name]
     plain = PlainSampler(sampler)
     width, height, spp = (min(limit, 20) for limit in sampler.limits)
-    for x, y, s in ((0, 0, 0), (width - 1, height // 2, spp - 1)):
-        expected = np.asarray(sampler(x, y, s, tuple(range(sampler.dims))))
-        assert numbers(plain, x, y, s, [1] * sampler.dims) == expected.tolist()
+    where = np.array([(0, 0, 0), (width - 1, height // 2, spp - 1)], np.uint32)
+    expected = tables.points_of(sampler, *where.T, tuple(range(sampler.dims)), jnp.float32)
+    for (x, y, s), points in zip(where.tolist(), expected.tolist(), strict=True):
+        assert numbers(plain, x, y, s, [1] * sampler.dims) == points
 
 
 def test_tables_are_made_once(monkeypatch):

@@ -462,18 +462,11 @@ def llvm():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("llvm")
-def test_arrays_have_the_bits_of_the_sampler():
-    """Each sampler of the tests' table, all its coordinates."""
-    for name, equal in found_by("bits").items():
+@pytest.mark.parametrize("of", ["bits", "in_loops"])
+def test_arrays_have_the_bits_of_the_sampler(of):
+    """All coordinates of each sampler of the tests' table; pairs in loops of different lengths."""
+    for name, equal in found_by(of).items():
         assert all(equal), (name, equal)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
-def test_pairs_in_loops():
-    """Of the sampler first, then of padding, in lanes whose loops have different lengths."""
-    for mode, equal in found_by("in_loops").items():
-        assert all(equal), (mode, equal)
 
 
 @pytest.mark.slow

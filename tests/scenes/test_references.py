@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scene_tables import EVERY, MOTION, PERSPECTIVE, PLANE, SMOOTH
+from scene_tables import EVERY, MOTION, PERSPECTIVE, PLANE, SMOOTH, evaluated
 from scipy.stats import qmc
 from scipy.stats import t as student
 from tables import each
@@ -30,11 +30,6 @@ def test_double_resolution(name):
         average = finer.reshape(height, 2, width, 2).mean(axis=(1, 3))
         assert abs(average - image).max() <= min(bound + finer_bound, off * scale)
         assert bound + finer_bound <= most * scale
-
-
-@jax.jit
-def evaluated(scene, point):
-    return scene(point)
 
 
 @cache

@@ -61,7 +61,11 @@ def drawn(kind, name, count):
     if name.startswith("randomized"):
         limits = (32, 32, 64)  # Each is of another pass: a sampler of its own.
     given, dims = webgl.drawn(count, limits), tuple(range(value.dims))
-    program = jax.jit(lambda value, *given: value(*given, dims=dims))
+    # LLVM takes half of the time without optimisation.
+    program = jax.jit(
+        lambda value, *given: value(*given, dims=dims),
+        compiler_options={"xla_backend_optimization_level": 0},
+    )
     return value, limits, given, value.dims, np.asarray(program(value, *given))
 
 
@@ -109,7 +113,8 @@ def test_every_kind_of_object_has_the_same_bits(part, tmp_path):
             compiled.driven(texts[name], kind, compiler, size, name=name)
             for name, (kind, _, _, _, size, _) in cases.items()
         )
-        library = compiled.library(tmp_path, "\n".join(lines), compiler)
+        # With -O2 gcc takes nine seconds for 33 coordinates by ART.
+        library = compiled.library(tmp_path, "\n".join(lines), compiler, ["-O1"])
         for name, (kind, _, _, given, size, expected) in cases.items():
             if not equal(compiled.called(library, kind, given, size, name), expected):
                 different.append((compiler, *objects[name]))

@@ -34,9 +34,9 @@ def test_double_resolution(name):
 
 @cache
 def nets(dims):
-    """Return 32 scrambled nets of 2**12 points in each of 3 x 2 pixels, shape (2, 3, 32, 2**12, dims)."""
-    made = [qmc.Sobol(dims, bits=24, rng=np.random.default_rng(k)).random(2**12) for k in range(32)]
-    points = np.broadcast_to(np.stack(made), (2, 3, 32, 2**12, dims)).copy()
+    """Return 32 scrambled nets of 2**13 points in each of 3 x 2 pixels, shape (2, 3, 32, 2**13, dims)."""
+    made = [qmc.Sobol(dims, bits=24, rng=np.random.default_rng(k)).random(2**13) for k in range(32)]
+    points = np.broadcast_to(np.stack(made), (2, 3, 32, 2**13, dims)).copy()
     rows, columns = np.indices((2, 3))[..., None, None]
     points[..., 0] = (points[..., 0] + columns) / 3
     points[..., 1] = (points[..., 1] + rows) / 2
@@ -53,7 +53,7 @@ def test_reference_agrees_with_samples(name):
     image, bound = scene.reference(3, 2)
     means = np.asarray(evaluated(scene, nets(len(scene.needs))), np.float64).mean(axis=-1)
     # Where all agree, one point in all nets may be as probable as chance leaves unseen.
-    least = 1 / (32 * 2**12) if name in PLANE else 0
+    least = 1 / (32 * 2**13) if name in PLANE else 0
     sigma = np.maximum(means.std(axis=-1, ddof=1) / np.sqrt(32), least)
     off = abs(means.mean(axis=-1) - image)
     assert np.all(off <= student.isf(5.7e-7 / 2, 31) * sigma + 1e-6 * max(1, image.max()) + bound)

@@ -1,8 +1,12 @@
 """Scenes that share tests, by the kind of their reference."""
 
+import jax
 import numpy as np
 
 from qmcjax import scenes
+
+evaluated = jax.jit(lambda scene, point: scene(point))
+varied = jax.jit(lambda scene, low, high: scene.varies(low, high))
 
 PLANE = {
     "step": scenes.step(),

@@ -1,6 +1,8 @@
 """The objects that share tests."""
 
+import os
 import socket
+import sys
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 from functools import cache, partial
@@ -366,6 +368,17 @@ def free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
         return one.getsockname()[1]
+
+
+def environment(**more):
+    """Return the environment of processes that import tests, and that share compiled programs with them."""
+    return {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(sys.path),
+        "JAX_COMPILATION_CACHE_DIR": str(jax.config.values["jax_compilation_cache_dir"]),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        **more,
+    }
 
 
 def refuses(error, calls):

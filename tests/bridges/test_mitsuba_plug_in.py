@@ -12,6 +12,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+import tables
 
 from figures.ours import mitsuba_samplers
 from qmcjax import orders, samplers, sequences
@@ -155,11 +156,16 @@ def test_the_library_does_not_need_it():
     assert run("-c", script).split() == ["False", "False"]
 
 
+def environment():
+    """Return that of processes that may import Mitsuba: they compile much, and compute little."""
+    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_backend_optimization_level=0"
+    return tables.environment(XLA_FLAGS=flags, JAX_NUMPY_DTYPE_PROMOTION="strict")
+
+
 def run(*arguments):
     """Return what a process prints that may import Mitsuba."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "JAX_NUMPY_DTYPE_PROMOTION": "strict"}
     done = subprocess.run(
-        [sys.executable, *arguments], cwd=ROOT, env=environment, capture_output=True, text=True
+        [sys.executable, *arguments], cwd=ROOT, env=environment(), capture_output=True, text=True
     )
     assert not done.returncode, done.stderr
     return done.stdout
@@ -167,6 +173,36 @@ def run(*arguments):
 
 def found_by(*arguments):
     return json.loads(run("tests/mitsuba_runs.py", *arguments))
+
+
+RUNS = """
+import json, sys
+import mitsuba_runs
+for line in sys.stdin:
+    name, *given = json.loads(line)
+    print(json.dumps(getattr(mitsuba_runs, name)(*given)), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """Return a function like ``found_by``, of runs that share one process."""
+    with subprocess.Popen(
+        [sys.executable, "-c", RUNS],
+        cwd=ROOT,
+        env=environment(),
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
+
+        def found_by(*arguments):
+            process.stdin.write(json.dumps(arguments) + "\n")
+            process.stdin.flush()
+            return json.loads(process.stdout.readline() or "null")
+
+        yield found_by
+        process.stdin.close()
 
 
 @pytest.fixture(scope="module")
@@ -177,15 +213,25 @@ def whole_bytes():
 
 VARIANTS = ["scalar_rgb", "llvm_ad_rgb"]
 
+
+@pytest.fixture
+def found_in(variant, request):
+    """Return what finds something in a variant, if that runs here; scalar ones share a process."""
+    if variant == "scalar_rgb":
+        return request.getfixturevalue("shared")
+    request.getfixturevalue("llvm")
+    return found_by
+
+
 ROUNDING = 8 * 2.0**-24
 """Mitsuba adds 8 numbers below 1 in float32."""
 
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_scalar_images_are_equal_across_passes_tiles_and_processes(whole_bytes):
+def test_scalar_images_are_equal_across_passes_tiles_and_processes(whole_bytes, shared):
     """And are of the sampler's own coordinates."""
-    found = found_by("equal")
+    found = shared("equal")
     assert found["points"] < ROUNDING and found["passes"] < ROUNDING and found["tiles"] == 0
     assert found["bytes"] == whole_bytes
     assert found["clone"] and found["fork"] and found["seek"]
@@ -225,10 +271,10 @@ def compilers():
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_compiled_functions_have_the_bits_of_the_sampler():
+def test_compiled_functions_have_the_bits_of_the_sampler(shared):
     """Each sampler of the tests' table, all its pairs and one of padding, at corners and edges of blocks."""
     compilers()
-    found = found_by("compiled")
+    found = shared("compiled")
     assert len(found) > 30
     for name, equal in found.items():
         assert equal == ["QmcjaxSampler", True], name
@@ -270,22 +316,18 @@ def test_source_is_compiled_once(monkeypatch, tmp_path):
 @needs_mitsuba
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_loaded_scenes_have_the_images_of_described_ones(variant, request):
+def test_loaded_scenes_have_the_images_of_described_ones(variant, found_in):
     """For sensors with crop windows, borders, lenses, parallel rays and media, and for seeds."""
-    if variant != "scalar_rgb":
-        request.getfixturevalue("llvm")
-    for name, off in found_by("replaced", variant).items():
+    for name, off in found_in("replaced", variant).items():
         assert off < 1e-5, name
 
 
 @needs_mitsuba
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_scenes_of_files(variant, request, tmp_path):
+def test_scenes_of_files(variant, found_in, tmp_path):
     """Paths and loaded scenes, samplers made for the film, and what goes wrong."""
-    if variant != "scalar_rgb":
-        request.getfixturevalue("llvm")
-    found = found_by("files", variant, str(tmp_path))
+    found = found_in("files", variant, str(tmp_path))
     assert found["same"] == [True, True] and found["sizes"] == [[20, 16, 2]]
     assert found["half"] < 0.1
     assert "crop_size = [12, 16]" in found["printed"]
@@ -328,15 +370,13 @@ def test_scenes_like_those_of_production():
 @needs_mitsuba
 @pytest.mark.slow
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_tiles_that_never_stop_have_the_mean_of_all_passes(variant, request):
+def test_tiles_that_never_stop_have_the_mean_of_all_passes(variant, found_in):
     """Without seams, for filters wider than a pixel, borders and crop windows.
 
     In scalar variants weights of filters differ a little where a tile begins elsewhere than the image.
     Without the border around tiles pixels are off by 0.005 or more.
     """
-    if variant != "scalar_rgb":
-        request.getfixturevalue("llvm")
-    found = found_by("never_stopped", variant)
+    found = found_in("never_stopped", variant)
     for name, (off, size, saving) in found.items():
         table = variant == "scalar_rgb" and name in ("wide filter", "crop")
         assert off < (1e-3 if table else 1e-6) and size, name
@@ -361,9 +401,9 @@ def test_passes_go_on_in_tiles_until_the_error_is_small():
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_tiles_are_unbiased_when_asked_for():
+def test_tiles_are_unbiased_when_asked_for(shared):
     """Four passes of four samples in four pixels see no line with probability (1 - width)^64, 0.77."""
-    for unbiased, of in found_by("spikes", "scalar_rgb").items():
+    for unbiased, of in shared("spikes", "scalar_rgb").items():
         means, counts = np.array(of["means"]), of["counts"]
         assert min(counts) == (20 if unbiased == "True" else 16) and max(counts) == 256
         deviation = (means.mean() - 0.004) / (means.std(ddof=1) / np.sqrt(len(means)))
@@ -372,9 +412,9 @@ def test_tiles_are_unbiased_when_asked_for():
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_what_tiles_refuse():
+def test_what_tiles_refuse(shared):
     """And a function makes the sampler for the film."""
-    found = found_by("adaptive_refused", "scalar_rgb")
+    found = shared("adaptive_refused", "scalar_rgb")
     assert found["asked"] == [[8, 6, 16]] and found["same"]
     for name, words in {
         "scene": "TypeError: scene must be the path of a scene's file, or a scene loaded in the variant",
@@ -403,9 +443,9 @@ def check_unbiased(found):
 
 @needs_mitsuba
 @pytest.mark.slow
-def test_scalar_images_are_unbiased():
+def test_scalar_images_are_unbiased(shared):
     """Beside images with Mitsuba's own independent samples, pixel by pixel and as a whole."""
-    check_unbiased(found_by("unbiased", "scalar_rgb"))
+    check_unbiased(shared("unbiased", "scalar_rgb"))
 
 
 @pytest.fixture(scope="module")
@@ -422,18 +462,11 @@ def llvm():
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("llvm")
-def test_arrays_have_the_bits_of_the_sampler():
-    """Each sampler of the tests' table, all its coordinates."""
-    for name, equal in found_by("bits").items():
+@pytest.mark.parametrize("of", ["bits", "in_loops"])
+def test_arrays_have_the_bits_of_the_sampler(of):
+    """All coordinates of each sampler of the tests' table; pairs in loops of different lengths."""
+    for name, equal in found_by(of).items():
         assert all(equal), (name, equal)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
-def test_pairs_in_loops():
-    """Of the sampler first, then of padding, in lanes whose loops have different lengths."""
-    for mode, equal in found_by("in_loops").items():
-        assert all(equal), (mode, equal)
 
 
 @pytest.mark.slow

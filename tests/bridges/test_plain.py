@@ -52,9 +52,10 @@ def test_every_sampler_has_its_numbers(name):
     sampler = tables.SAMPLERS[name]
     plain = PlainSampler(sampler)
     width, height, spp = (min(limit, 20) for limit in sampler.limits)
-    for x, y, s in ((0, 0, 0), (width - 1, height // 2, spp - 1)):
-        expected = np.asarray(sampler(x, y, s, tuple(range(sampler.dims))))
-        assert numbers(plain, x, y, s, [1] * sampler.dims) == expected.tolist()
+    where = np.array([(0, 0, 0), (width - 1, height // 2, spp - 1)], np.uint32)
+    expected = np.asarray(sampler(*where.T, tuple(range(sampler.dims))))
+    for (x, y, s), points in zip(where.tolist(), expected.tolist(), strict=True):
+        assert numbers(plain, x, y, s, [1] * sampler.dims) == points
 
 
 def test_tables_are_made_once(monkeypatch):

@@ -2,7 +2,7 @@
 
 import csv
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from itertools import permutations, product
 from pathlib import Path
 
@@ -162,13 +162,21 @@ def test_each_key_makes_another_sampler(name):
     assert not all(np.array_equal(*of) for of in leaves)
 
 
+PIXELS = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3])
+
+
+# LLVM takes half of the time without optimisation, and few points are drawn.
+@partial(jax.jit, static_argnames="dims", compiler_options={"xla_backend_optimization_level": 0})
+def drawn(sampler, x, y, sample, dims=(0, 1)):
+    return sampler(x, y, sample, dims)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", choosing.CANDIDATES)
 def test_each_key_makes_other_points(name):
     """In each coordinate."""
     made = [choosing.CANDIDATES[name].make(2, 16, 8, 4, key) for key in (1, 2)]
-    x, y, sample = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3])
-    first, second = (np.asarray(sampler(x, y, sample)) for sampler in made)
+    first, second = (np.asarray(drawn(sampler, *PIXELS)) for sampler in made)
     assert (first != second).any(axis=0).all()
 
 
@@ -206,7 +214,7 @@ def test_what_is_recommended_can_be_rendered():
 @pytest.mark.parametrize("name", choosing.CANDIDATES)
 def test_candidates_have_the_dimensions_that_they_are_made_for(name):
     candidate = choosing.CANDIDATES[name]
-    for dims in (2, 3, 4, 8):
+    for dims in (2, 3, 8):
         if candidate.takes(dims, 4):
             sampler = samplers.as_sampler("sampler", candidate.make(dims, 16, 8, 4, 1))
             assert sampler.dims >= dims
@@ -226,31 +234,31 @@ REMEASURED = [
 ]
 
 
+@cache
+def measured(setting, name):
+    """Return logarithms of errors of a candidate at 4 spp in 4 dimensions, in the second size."""
+    of, (_, size) = choosing.SETTINGS[setting], choosing.SETTINGS[setting].sizes
+    errors = make_recommendations.errors(of.candidates[name], of, 4, size, 4, range(of.keys))
+    return make_recommendations.logarithm(errors)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("setting", "name"), REMEASURED)
 def test_a_new_measurement_agrees(setting, name):
     """With the same keys, to the last digit: whoever changes a sampler's bits measures anew."""
-    of_setting = choosing.SETTINGS[setting]
-    level, size, spp, keys = 4, of_setting.sizes[1], 4, range(of_setting.keys)
-    found, base = (
-        make_recommendations.logarithm(
-            make_recommendations.errors(of_setting.candidates[each], of_setting, level, size, spp, keys)
-        )
-        for each in (name, "random")
-    )
+    found = measured(setting, name) - measured(setting, "random")
     for measure, filtered in enumerate((False, True)):
-        listed = logarithms(cell(None, level, spp, filtered, setting), [name])[0, 1]
-        np.testing.assert_allclose((found - base)[measure], listed, atol=0.0011)
+        listed = logarithms(cell(None, 4, 4, filtered, setting), [name])[0, 1]
+        np.testing.assert_allclose(found[measure], listed, atol=0.0011)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("spp", [4, 16])
-def test_margins_hold_at_a_size_that_was_not_measured(spp):
+def test_margins_hold_at_a_size_that_was_not_measured():
     """The mean ratios of all samplers, within 5 standard deviations of what keys make of them.
 
     Scenes share keys, whose scatter is not that of the intervals.
     """
-    size, keys = (96, 96), range(100, 108)
+    size, spp, keys = (96, 96), 16, range(100, 108)
     smooth = [not choosing.has_edges(scene) for scene in make_recommendations.SCENES[2].values()]
     of_keys = {
         name: np.log(
@@ -291,11 +299,6 @@ def test_images_that_are_too_large_for_a_net_are_told():
 # -- animations, progressive images, sizes
 
 
-@partial(jax.jit, static_argnums=4)
-def drawn(sampler, x, y, sample, dims):
-    return sampler(x, y, sample, dims)
-
-
 @pytest.mark.parametrize(
     "name", few(choosing.SETTINGS["frames"].candidates, "Hilbert, moving", "designed frames")
 )
@@ -304,7 +307,7 @@ def test_frames_are_the_same_program_with_other_points(name):
     candidate = choosing.SETTINGS["frames"].candidates[name]
     made = [candidate.make(4, 16, 8, 4, 1, np.uint32(t)) for t in (3, 4)]
     assert jax.tree.structure(made[0]) == jax.tree.structure(made[1])
-    at = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3]), (0, 1, 2, 3)
+    at = *PIXELS, (0, 1, 2, 3)
     first, second = (np.asarray(drawn(sampler, *at)) for sampler in made)
     assert (first != second).any(axis=0).all()
     traced = jax.jit(lambda t: candidate.make(4, 16, 8, 4, 1, t))(np.uint32(4))
@@ -325,8 +328,7 @@ def test_what_is_recommended_for_frames_is_a_sampler_of_each():
     choice = qj.recommend(2, 4, filtered=True, frames=32)
     sampler = choice.sampler(16, 8, 1, frame=5)
     expected = choosing.SETTINGS["frames"].candidates[choice.name].make(2, 16, 8, 4, jax.random.key(1), 5)
-    at = np.uint32([3, 9]), np.uint32([5, 2]), np.uint32([1, 3])
-    assert np.array_equal(sampler(*at), expected(*at))
+    assert np.array_equal(sampler(*PIXELS), expected(*PIXELS))
     assert "filtered error of a moving average over 32 frames" in choice.reason
     assert qj.recommend(2, 4, frames=7) == qj.recommend(2, 4, frames=32)
     assert "measured up to 4" in qj.recommend(2, 16, frames=2).reason

@@ -141,26 +141,22 @@ def test_the_estimate_is_the_closed_form(name):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [
-        ("disc", 10),
-        ("triangle", 10),
-        ("flat board", 3),
-    ],
+    [("disc", 10), ("flat board", 3)],
 )
 def test_low_discrepancy_beats_random(name, factor):
-    """By ``factor`` and more at 2**12 samples; 16 times as many lower the error to 1/16, random ones to 1/4.
+    """By ``factor`` and more at 2**14 samples; 16 times as many lower the error to 1/16, random ones to 1/4.
 
     A pixel's share of a curve is an interval of u, of which scrambled points miscount only the two ends. The
     board has many lines, and so many ends a pixel.
     """
     exact = flat(SCENES[name].reference_gradient(WIDTH, HEIGHT)[0])
     random, scrambled = (
-        [np.sqrt(np.mean((estimates(name, n, 16, kind) - exact) ** 2)) for n in (2**10, 2**12, 2**14)]
+        [np.sqrt(np.mean((estimates(name, n, 16, kind) - exact) ** 2)) for n in (2**10, 2**14)]
         for kind in (lambda name, key: sequences.uniform(1, key=key), sequence)
     )
-    assert random[1] >= factor * scrambled[1]
-    assert 3.4 < random[0] / random[2] < 4.6
-    assert 11 < scrambled[0] / scrambled[2] < 23
+    assert random[1] >= 2 * factor * scrambled[1]
+    assert 3.4 < random[0] / random[1] < 4.6
+    assert 11 < scrambled[0] / scrambled[1] < 23
 
 
 @pytest.mark.parametrize("name", ["cut disc", "cut triangle", "flat board"])

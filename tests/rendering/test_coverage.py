@@ -71,7 +71,7 @@ SHORT = [
     ("Sobol'", "float32", 2**10, 4, 40),
     ("Halton", "float64", 2**8, 8, 40),
     ("lattice", "float32", 2**8, 4, 40),
-    ("Sobol'", "float64", 2**15, 4, 40),
+    ("Sobol'", "float64", 2**13, 4, 40),
 ]
 
 

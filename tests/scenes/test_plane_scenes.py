@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scene_tables import PLANE as SCENES
+from scene_tables import evaluated, varied
 from scipy import integrate
 
 from qmcjax import scenes
@@ -21,16 +22,6 @@ KINDS = pytest.mark.parametrize("name", ONCE)
 BRIEF = pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[] if name in ONCE else pytest.mark.slow) for name in SCENES]
 )
-
-
-@jax.jit
-def evaluated(scene, point):
-    return scene(point)
-
-
-@jax.jit
-def varied(scene, low, high):
-    return scene.varies(low, high)
 
 
 @jax.jit

@@ -5,13 +5,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scene_tables import PERSPECTIVE as SCENES
+from scene_tables import evaluated
 from scipy import integrate
 from tables import each
 
 from qmcjax import scenes
 from qmcjax.scenes import _checkerboard_reference, _zone_plate
-
-FACTORIES = [scenes.checkerboard, scenes.zone_plate]
 
 
 def random_points(n, seed=1):
@@ -40,7 +39,7 @@ def test_values_follow_the_definition(scene):
     """In float64 the values are the formula's, but where a rounding falls across the border of a square."""
     points = random_points(20000).astype(np.float64) + 2.0**-30
     with jax.enable_x64(True):
-        values = jax.jit(lambda scene, point: scene(point))(scene, jnp.asarray(points))
+        values = evaluated(scene, jnp.asarray(points))
         assert values.dtype == jnp.float64 and values.shape == (20000,)
         values = np.asarray(values)
     far = abs(values - exact_value(scene, points[:, 0], points[:, 1])) > 1e-9

@@ -42,7 +42,8 @@ COUNT = 2**12
 """Points of all tests: a scene compiles for seconds, and then serves every test that evaluates it."""
 
 
-@jax.jit
+# LLVM takes half of the time without optimisation, and few points are evaluated.
+@partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
 def evaluated(scene, point):
     return scene(point)
 

@@ -473,6 +473,13 @@ def chi_squared(numbers, count):
     return abs(statistic - (count - 1)) / np.sqrt(2 * (count - 1))
 
 
+def pairs_are_uniform(points, pairs, bins):
+    """Assert that, in squares of two coordinates, chi-squared is at most 5 deviations off, for some pairs."""
+    cells = (np.asarray(points) * bins).astype(int)
+    for one, other in pairs:
+        assert chi_squared(cells[:, one] * bins + cells[:, other], bins**2) < 5, (one, other)
+
+
 def reversed_bits(number, digits):
     """Return a number with its binary digits backwards."""
     return int(f"{number:0{digits}b}"[::-1], 2)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, slow, slow_cases
+from tables import first, pairs_are_uniform, slow, slow_cases
 
 import analysis
 from figures.ours import space_time
@@ -223,10 +223,7 @@ def test_samples_are_uniform_over_the_keys(dims):
         return samplers.optimized(32, 32, 4, key, dims)(5, 9, 2, tuple(range(dims)))
 
     found = np.asarray(drawn(jax.random.split(jax.random.key(7), n)))
-    for one, other in ((0, 1), (2, 3), (0, dims - 1)):
-        box = (found[:, one] * 4).astype(int) * 4 + (found[:, other] * 4).astype(int)
-        chi_square = np.sum(np.square(np.bincount(box, minlength=16) - n / 16)) / (n / 16)
-        assert abs(chi_square - 15) < 5 * np.sqrt(30)
+    pairs_are_uniform(found, [(0, 1), (2, 3), (0, dims - 1)], 4)
     values = np.prod(found, axis=1)
     assert abs(values.mean() - 2.0**-dims) < 5 * np.sqrt((3.0**-dims - 4.0**-dims) / n)
 

@@ -157,7 +157,7 @@ SCRAMBLED = {
 
 
 @some("make", SCRAMBLED, "plain hammersley", "plain optimized", "permutation", "3d, twice", "sobol")
-@pytest.mark.parametrize("spp", [4, *slow(1, 2, 16)])
+@pytest.mark.parametrize("spp", [4, *slow(1, 2)])
 def test_screen_of_a_net_hands_out_its_points(make, spp):
     """All points once, spp in each pixel; of a sequence, block s is sample s."""
     if spp == 2 and make is SCRAMBLED["jittered"]:

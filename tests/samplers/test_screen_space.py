@@ -592,12 +592,12 @@ def test_errors_go_to_zero(name):
         made = [CONSISTENT[name](4096)]
         if name == "randomized":  # The pixels of a pass depend on each other: more keys for as sure a mean.
             made = [samplers.randomized(owen_pass, key) for key in range(8)]
-            counts = COUNTS[:-2]  # Each sample draws the seeds of a pass: 1024 take 5 s.
+            counts = COUNTS[:-4]  # Each sample draws the seeds of a pass: 1024 take 5 s.
         sample = jnp.asarray(first(counts[-1]))
         drawn = [np.concatenate(each) for each in zip(*(values_of(one, sample) for one in made), strict=True)]
         means = [[np.asarray(f)[:, :n].mean(axis=1) for f in drawn] for n in counts]
     else:
-        means = []
+        means, counts = [], COUNTS[::2]  # Each has a program.
         for n in counts.tolist():
             drawn = values_of(CONSISTENT[name](n), jnp.asarray(first(n)))
             means.append([np.asarray(f).mean(axis=1) for f in drawn])

@@ -1,7 +1,7 @@
 """Scrambled digits in base b: nested, uniform, inside their intervals, down to the zeros behind."""
 
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
 from itertools import permutations
 
 import jax
@@ -32,19 +32,18 @@ PLAIN = {
 THREE = RadicalInverses((3, 3, 3))
 
 
-@jax.jit
-def both(seq, index):
-    return seq(index, dtype=jnp.float64), seq(index)
+@partial(jax.jit, static_argnames="dtype")
+def drawn(seq, index, dtype):
+    return seq(index, dtype=dtype)
 
 
 def points(seq, index, dtype=jnp.float64):
-    """Return some points. Indices are padded: there is one program for a sequence."""
+    """Return some points. Indices are padded: few programs make all points of a sequence."""
     index = np.asarray(index, np.uint32)
-    padded = np.zeros(-(-index.size // 2048) * 2048, np.uint32)
+    padded = np.zeros(max(512, 1 << (index.size - 1).bit_length()), np.uint32)
     padded[: index.size] = index.ravel()
     with jax.enable_x64(True):
-        double, single = both(seq, jnp.asarray(padded))
-    found = np.asarray(double if dtype == jnp.float64 else single)[: index.size]
+        found = np.asarray(drawn(seq, jnp.asarray(padded), dtype))[: index.size]
     return found.reshape(*index.shape, seq.dims)
 
 
@@ -403,7 +402,7 @@ def excess(outcomes, number):
 
 
 @pytest.mark.parametrize("name", [*slow("owen"), "owen_exact"])
-@pytest.mark.parametrize("base", [5, *slow(7, 11)])
+@pytest.mark.parametrize("base", [5, *slow(11)])
 def test_joint_digits_of_pairs_are_uniform(name, base):
     """Where two points part, all pairs of different digits are equally likely, whatever comes before."""
     index = [0, 1, base + 1, base + 2]

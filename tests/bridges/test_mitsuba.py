@@ -11,7 +11,7 @@ from figures.shared.mitsuba_runs import mitsuba_scenes
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.tracing import motion
 
-SIDE, REPLICATES = 48, 16
+SIDE, REPLICATES = 64, 16
 
 mitsuba = pytest.mark.skipif(not mitsuba_scenes.installed(), reason="Mitsuba is not installed")
 

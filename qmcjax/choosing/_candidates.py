@@ -1,7 +1,7 @@
 """The candidates: samplers of the papers and ours, by name, with one signature for images, one for frames."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -24,7 +24,7 @@ class Candidate:
     least_dims: int = 1
     """With fewer dimensions it is another candidate."""
     powers_of_two: bool = False
-    """Whether it has one sample per pixel only."""
+    """Whether its samples per pixel are a power of two."""
 
     def takes(self, dims: int, spp: int) -> bool:
         """Return whether it exists for these dimensions and samples per pixel."""
@@ -136,7 +136,7 @@ def _fresh(name: str) -> Candidate:
     def make(dims: int, width: int, height: int, spp: int, key: Any, frame: Any) -> samplers.Sampler:
         return still.make(dims, width, height, spp, jax.random.fold_in(checks.prng_key("key", key), frame))
 
-    return Candidate(make, still.most_dims, still.powers_of_two)
+    return replace(still, make=make)
 
 
 def _golden(dims: int, key: Any, frame: Any) -> Any:

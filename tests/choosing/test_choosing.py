@@ -332,6 +332,8 @@ def test_what_is_recommended_for_frames_is_a_sampler_of_each():
     assert "filtered error of a moving average over 32 frames" in choice.reason
     assert qj.recommend(2, 4, frames=7) == qj.recommend(2, 4, frames=32)
     assert "measured up to 4" in qj.recommend(2, 16, frames=2).reason
+    fresh = choosing.SETTINGS["frames"].candidates["Z, new keys"]
+    assert fresh.takes(2, 4) and not fresh.takes(2, 3)
 
 
 def test_what_is_recommended_for_prefixes_is_a_sampler():

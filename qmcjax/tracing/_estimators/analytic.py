@@ -233,7 +233,7 @@ def analytic_visibility(
         )
     if scene.camera.motion is not None:
         raise TypeError("scene must have a camera that does not move, for visibility in time")
-    parts(in_dtype(scene.world, np.float32))
+    jax.eval_shape(lambda world: parts(world).moving, in_dtype(scene.world, np.float32))
     if samples is not None:
         samples = checks.integer("samples", samples, 1, 4096)
     return AnalyticVisibility(scene, samples, checks.integer("intervals", intervals, 1, 256))

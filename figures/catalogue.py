@@ -171,13 +171,13 @@ LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 """Those that take longest; their scenes are then compiled."""
 
 NO_DRAFT = {
-    "four-dimensions": "it has three points per line, and all of the searches",
+    "four-dimensions": "it has two points per line, and all of the searches",
     "generators": "it has two points per line",
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
     "scale": "it has two points per line",
     "source": "its images are too small to be timed",
     "speed": "its calls are too small to be timed",
     "thesis-3.2.1": "it times one scene, for milliseconds",
-    "z-table-1": "it has three counts of fourteen, in milliseconds",
+    "z-table-1": "it has two counts of fourteen, in milliseconds",
 }
 """Figures that show nothing at the size of a draft, and why: paper quality makes them."""

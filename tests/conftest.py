@@ -76,3 +76,11 @@ def pytest_configure(config):
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     # An entry that another process is still writing is incomplete: the program is then compiled.
     config.addinivalue_line("filterwarnings", "ignore:Error reading persistent compilation cache entry")
+
+
+@pytest.fixture
+def least_optimized():
+    """Compile in two thirds of the time programs that take more, where tests evaluate few points."""
+    jax.config.update("jax_disable_most_optimizations", True)
+    yield
+    jax.config.update("jax_disable_most_optimizations", False)

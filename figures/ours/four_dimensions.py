@@ -41,7 +41,7 @@ SEQUENCES = {
 }
 
 KEYS = {"draft": 128, "paper": 1024}
-FIRST, LAST = 6, {"draft": 8, "paper": 14}
+FIRST, LAST = 6, {"draft": 7, "paper": 14}
 """Binary logarithms of the numbers of points."""
 
 DISCONTINUOUS, SMOOTH = slice(0, 2), slice(2, 4)

@@ -28,7 +28,7 @@ class Size(NamedTuple):
 
 
 SIZES = {
-    "draft": Size(64, 4, (), (8,)),
+    "draft": Size(32, 2, (), (8,)),
     "paper": Size(96, 24, (1, 4, 16), (2, 8, 32, 128)),
 }
 TIMES = 32

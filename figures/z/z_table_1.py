@@ -17,8 +17,8 @@ from figures.z.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
 from qmcjax.core.pytrees import pytree
 
-SIZE = {"draft": (480, 270), "paper": (1920, 1080)}
-COUNTS = {"draft": (1, 4, 16), "paper": (1, 4, 16, 64, 256)}
+SIZE = {"draft": (120, 68), "paper": (1920, 1080)}
+COUNTS = {"draft": (1, 4), "paper": (1, 4, 16, 64, 256)}
 RATE_SPP = 16
 CALLS = 3
 

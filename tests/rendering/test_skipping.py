@@ -20,7 +20,7 @@ SCENES = {
 }
 QUICK = {("disc", 64), ("defocused_edge", 37)}
 """Each scene compiles for a second or more: the others are slow tests."""
-TWICE = {"checkerboard", "disc", "step"}
+TWICE = ("checkerboard", "disc", "step")
 """Scenes with images of both sizes: in the larger one, edges lie between pixels."""
 
 

@@ -13,6 +13,8 @@ from qmcjax import tracing
 from qmcjax.tracing import intersectors, motion
 from qmcjax.tracing._search import compiled_world, loops, search, threads
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 WAY = compiled_world.search
 

@@ -11,6 +11,8 @@ import qmcjax as qj
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 CAMERA = tracing.camera([0.2, 0.1, 0], [0, 0, -1], aperture=0.3, focus=1.5)
 
 

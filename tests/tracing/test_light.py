@@ -21,6 +21,8 @@ from qmcjax.tracing._shapes.vectors import along
 from qmcjax.tracing._world import maps
 from qmcjax.tracing._world.materials import Surface
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 
 def samples(scene, n=2**12, key=1, **fixed):
     """Return values at points of an Owen-scrambled Sobol' net whose named coordinates are fixed."""

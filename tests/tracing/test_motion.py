@@ -16,6 +16,8 @@ from tables import slow, some
 
 from qmcjax.tracing import motion
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 S = np.sqrt(0.5)
 CIRCLE = motion.nurbs(
     [[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]],

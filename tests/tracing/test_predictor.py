@@ -14,6 +14,8 @@ from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer
 from qmcjax.tracing._estimators.predictor import _steps
 from qmcjax.tracing._estimators.rasterized import rasterized
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 WIDTH, HEIGHT = 16, 12
 AHEAD = {"fov": 2 * np.degrees(np.arctan(0.5)), "aspect": WIDTH / HEIGHT}
 """At the distance 1 the image is 1 high."""

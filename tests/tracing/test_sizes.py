@@ -13,6 +13,8 @@ from test_trees import blob, mesh, searched, without_trees
 from qmcjax import tracing
 from qmcjax.tracing._search import compiled_world, loops, search
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 SIZES = [2.0**k for k in (-31, -20, 17, 29)]
 """Edges and radii are between 0.3 and 2 of these."""
 

@@ -138,6 +138,7 @@ def oracle(numbers, hits, o, d, time):
     return *found[0][:3], min(doubt, gap, found[0][0])
 
 
+@pytest.mark.usefixtures("least_optimized")
 @pytest.mark.parametrize(
     ("name", "dtype"),
     [
@@ -307,6 +308,7 @@ def test_thin_triangles_are_told_from_those_with_an_area():
                 tracing.triangles([vertices[[*order]]])
 
 
+@pytest.mark.usefixtures("least_optimized")
 @pytest.mark.parametrize("name", few(SHAPES, "disc"))
 def test_motion_is_exact_at_every_time(name):
     """Rays against an object that turns and moves, and against geometry that is moved ray by ray."""
@@ -532,6 +534,7 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 
+@pytest.mark.usefixtures("least_optimized")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_gradients_are_differences(name):
@@ -583,6 +586,7 @@ def test_gradients_are_differences(name):
         assert np.isclose(forward, backward, rtol=1e-9)
 
 
+@pytest.mark.usefixtures("least_optimized")
 @pytest.mark.slow
 def test_vmap_and_jit_are_the_loop():
     ball, sheets, moving = (SHAPES[name] for name in ("sphere", "rectangle", "moving triangles"))

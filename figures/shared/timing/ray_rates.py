@@ -16,7 +16,7 @@ from figures.shared.turns import in_turns, median
 from qmcjax import scenes, tracing
 from qmcjax.tracing import intersectors
 
-SIZES = {"draft": (2**12, (32,), 3), "paper": (2**18, (32, 512, 8192, 80000), 9)}
+SIZES = {"draft": (2**8, (32,), 1), "paper": (2**18, (32, 512, 8192, 80000), 9)}
 """Rays of a call, triangles of the meshes, turns."""
 
 AROUND = {32: 4, 512: 16, 8192: 64, 80000: 200}

@@ -34,6 +34,8 @@ from qmcjax import bridges, orders, samplers, scenes, sequences, tracing, warps
 from qmcjax.bridges import mitsuba
 from qmcjax.tracing import motion
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 EXAMPLES = 20
 """Mixed calls of each function."""
 

@@ -9,6 +9,8 @@ from qmcjax import orders, samplers, sequences
 from qmcjax.core.checks import prng_key
 from qmcjax.sequences._scrambling.art_owen import with_tables
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 SOBOL = {dims: sequences.sobol(dims) for dims in (2, 9)}
 MASKS = np.random.default_rng(4).random((2, 4, 6))
 BASE_2 = {

@@ -10,6 +10,8 @@ import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.rendering import _accumulation
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 SPP = 10
 SCENES = {
     name: getattr(scenes, name)()

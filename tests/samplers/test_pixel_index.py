@@ -14,6 +14,8 @@ import qmcjax as qj
 from qmcjax import samplers, sequences
 from qmcjax.samplers._halton_full_screen import HaltonFullScreen
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 SIDE = 8
 
 

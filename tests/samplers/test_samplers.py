@@ -8,6 +8,8 @@ from tables import SAMPLERS, SIDE, SPP, first, pixels, points_of, refuses, some
 
 from qmcjax import orders, samplers, sequences
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 
 @jax.jit
 def in_pairs(sampler, x, y):

@@ -13,6 +13,8 @@ import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 SOBOL = sequences.sobol(5)
 
 

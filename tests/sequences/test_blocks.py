@@ -10,6 +10,8 @@ from tables import Table, slow, some
 
 from qmcjax import sequences
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 SEQUENCES = Table(
     {
         "halton": lambda: sequences.halton(12),

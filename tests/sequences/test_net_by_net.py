@@ -13,6 +13,8 @@ from qmcjax.core.bits import gray_decode, hash_word
 from qmcjax.sequences._scrambling.owen_exact import random_word
 from qmcjax.sequences._stochastic.net_by_net import to_earlier
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 KEYS = jax.random.split(jax.random.key(3), 10_000)
 
 SCRAMBLED = {

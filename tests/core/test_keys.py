@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from tables import first, pixels, some
 
 from qmcjax import orders, samplers, sequences

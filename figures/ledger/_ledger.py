@@ -101,15 +101,16 @@ def to_store(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, An
     }
 
 
-def findings(entries: Mapping[str, Mapping[str, Any]]) -> list[Finding]:
-    """Return what came out of each claim.
+def findings(entries: Mapping[str, Mapping[str, Any]], figure: str | None = None) -> list[Finding]:
+    """Return what came out of each claim, or of those about one figure.
 
     Parameters
     ----------
     entries : mapping
         Those of ``numbers.json``, by the figures' names.
+    figure : str, optional
     """
-    return [_finding(claim, entries) for claim in claims()]
+    return [_finding(claim, entries) for claim in claims() if figure in (None, claim.figure)]
 
 
 def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:

@@ -67,7 +67,7 @@ def _readable(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str
     found = {}
     for name, entry in entries.items():
         with suppress(*UNREADABLE):
-            ledger.findings({name: entry})
+            ledger.findings({name: entry}, name)
             found[name] = entry
     return found
 

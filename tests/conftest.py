@@ -81,6 +81,7 @@ def pytest_configure(config):
 @pytest.fixture
 def least_optimized():
     """Compile in two thirds of the time programs that take more, where tests evaluate few points."""
+    before = jax.config.values["jax_disable_most_optimizations"]
     jax.config.update("jax_disable_most_optimizations", True)
     yield
-    jax.config.update("jax_disable_most_optimizations", False)
+    jax.config.update("jax_disable_most_optimizations", before)

@@ -16,6 +16,8 @@ from qmcjax import scenes, sequences
 from qmcjax.scenes import traced
 from qmcjax.scenes.traced import _motions, _stored
 
+pytestmark = pytest.mark.usefixtures("least_optimized")
+
 X64 = jax.enable_x64
 
 MOVING = ("cornell_box", "helicopter", "sports", "moving triangles")
@@ -42,8 +44,7 @@ COUNT = 2**12
 """Points of all tests: a scene compiles for seconds, and then serves every test that evaluates it."""
 
 
-# LLVM takes half of the time without optimisation, and few points are evaluated.
-@partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
+@jax.jit
 def evaluated(scene, point):
     return scene(point)
 

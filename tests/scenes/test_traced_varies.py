@@ -1,7 +1,5 @@
 """Where traced scenes say that a coordinate does not matter, it does not."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +8,8 @@ import pytest
 import qmcjax as qj
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
+
+pytestmark = pytest.mark.usefixtures("least_optimized")
 
 SIDE = 32
 
@@ -76,16 +76,12 @@ SCENES = {
 }
 
 
-# LLVM takes half of the time without optimisation, and few points are evaluated.
-jit = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-
-
-@jit
+@jax.jit
 def varied(scene, low, high):
     return scene.varies(low, high)
 
 
-@jit
+@jax.jit
 def evaluated(scene, point):
     return scene(point)
 

@@ -26,10 +26,10 @@ RESAMPLES = 500
 def measure(trials: int) -> list[dict[str, float | int | str]]:
     """Return rates of distinctions, by Holm's procedure and by the ranks of bootstraps that it replaces.
 
-    Where ``ratio`` is 1, samplers are identical: the rate is that of trials in which any two are told apart,
-    though they should not be in more than 5 of 100. Else it is the part of all pairs that is told apart, of
-    samplers of which each has this many times the error of the one before. The bootstrap has a fifth of the
-    trials: 200 take 1 s of one core, 2000 take 5 s.
+    If ``ratio`` is 1, all samplers are identical, and the rate is the fraction of trials that distinguish any
+    two of them: at most 5 % is right. Otherwise each sampler has ``ratio`` times the error of the one before,
+    and the rate is the fraction of pairs that are distinguished. The bootstrap runs a fifth of the trials:
+    200 take 1 s on one core, 2000 take 5 s.
     """
     rng = np.random.default_rng(1)
     cells = [(samplers, keys, errors, 1.0) for errors in ERRORS for samplers in SAMPLERS for keys in KEYS]

@@ -54,7 +54,8 @@ def normal(dims: int = 1) -> Normal:
     these, 0 has no finite value: it becomes the centre of its cell, which gives -5.42 and -6.34. All other
     numbers in (0, 1) are taken exactly, with an error of a few units in the last place in both tails. The
     largest values are 5.29 and 6.23 there, so the mean over all cells is a little below 0: by 3e-7 and 1e-9.
-    Derivatives are the reciprocals of the density.
+    Derivatives are the reciprocals of the density. The inverse of x < 0 is within 3 (1 + x**2) units in the
+    last place.
 
     The first point of an unscrambled sequence is 0 in all coordinates, an outlier for any number of points:
     scramble it (:func:`qmcjax.sequences.owen`).

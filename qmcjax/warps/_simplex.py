@@ -11,6 +11,7 @@ from qmcjax.core import checks
 from qmcjax.core.maps import to_cube
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.warps._base import Warp, rounding
+from qmcjax.warps._exponential import of_parts, parts_of
 
 _MOST = 32
 """Dimensions with a density, the factorial of dims, that is finite in float32."""
@@ -27,15 +28,15 @@ class Simplex(Warp):
         return self.dims + 1
 
     def _values(self, points: Array) -> Array:
-        kept = jnp.log1p(-points) / self._left(points)  # logarithms of the part that each step leaves
-        rest = jnp.exp(jnp.cumsum(kept, axis=-1))
+        cut = of_parts(points) / self._left(points)  # minus the logarithm of the part that each step leaves
+        rest = jnp.exp(-jnp.cumsum(cut, axis=-1))
         before = jnp.concatenate([jnp.ones_like(rest[..., :1]), rest[..., :-1]], axis=-1)
-        return jnp.concatenate([before * -jnp.expm1(kept), rest[..., -1:]], axis=-1)
+        return jnp.concatenate([before * parts_of(cut), rest[..., -1:]], axis=-1)
 
     def _points(self, values: Array) -> Array:
         rest = jnp.cumsum(values[..., ::-1], axis=-1)[..., :0:-1]
         part = to_cube(values[..., :-1] / jnp.where(rest > 0, rest, 1))
-        return to_cube(-jnp.expm1(self._left(values) * jnp.log1p(-part)))
+        return parts_of(self._left(values) * of_parts(part))
 
     def _density(self, values: Array) -> Array:
         allowed = self.length * rounding(values)

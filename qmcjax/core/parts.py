@@ -41,9 +41,7 @@ def differentiable(function: Callable[..., Any], mesh: Mesh | None, parts: Any, 
     """Map a function over parts as :func:`mapped`, with derivatives that are bit-identical on any devices."""
     function, closed_over = _converted(function, mesh, parts, *shared)
 
-    def moved(primals: Any, moves: Any) -> tuple[Any, Any]:
-        return _moved(function, mesh, primals, moves)
-
+    moved = partial(_moved, function, mesh)
     return _with_tangents(partial(mapped, function, mesh), moved)(parts, *shared, closed_over)
 
 
@@ -55,9 +53,8 @@ def summed(
         return _summed(function, mesh, parts, *shared)
     function, closed_over = _converted(function, mesh, parts, *shared)
 
-    def moved(primals: Any, moves: Any) -> tuple[Any, Any]:
-        made, moves = _moved(function, mesh, primals, moves)
-        return _in_order(made), _in_order(moves)
+    def moved(primals: Any, moves: dict[int, Array]) -> Array:
+        return _in_order(_moved(function, mesh, primals, moves))
 
     return _with_tangents(partial(_summed, function, mesh), moved)(parts, *shared, closed_over)
 
@@ -102,26 +99,26 @@ def _in_order(terms: Array) -> Array:
 
 
 def _with_tangents(
-    function: Callable[..., Any], moved: Callable[[Any, dict[int, Array]], tuple[Any, Any]]
+    function: Callable[..., Any], moved: Callable[[Any, dict[int, Array]], Any]
 ) -> Callable[..., Any]:
-    """Return a function with the derivative ``moved``.
+    """Return a function with the tangents ``moved``.
 
-    ``moved`` takes the arguments and the tangents that are not zero, by the numbers of their leaves.
+    ``moved`` takes the arguments and the tangents that are not zero, by the numbers of their leaves. Values
+    do not come from there: JAX refuses those that are computed together with tangents.
     """
     differentiable = jax.custom_jvp(function)
 
     @partial(differentiable.defjvp, symbolic_zeros=True)
     def _(primals: Any, tangents: Any) -> tuple[Any, Any]:
         moves = dict(enumerate(jax.tree.leaves(tangents)))
-        return moved(primals, {j: m for j, m in moves.items() if not isinstance(m, SymbolicZero)})
+        moves = {j: move for j, move in moves.items() if not isinstance(move, SymbolicZero)}
+        return differentiable(*primals), moved(primals, moves)
 
     return differentiable
 
 
-def _moved(
-    function: Callable[..., Any], mesh: Mesh | None, primals: Any, moves: dict[int, Array]
-) -> tuple[Any, Any]:
-    """Return the mapped values and their tangents.
+def _moved(function: Callable[..., Any], mesh: Mesh | None, primals: Any, moves: dict[int, Array]) -> Any:
+    """Return the tangents of the mapped values.
 
     The derivative with respect to a shared argument is a sum over parts. One sum per device would make
     rounding depend on the number of devices. So parts come in groups that do not depend on devices, each with
@@ -152,7 +149,7 @@ def _moved(
                 part = tree.unflatten(given[: len(leaves)])
                 return function(part, *rest.unflatten(given[len(leaves) :]))
 
-            return jax.jvp(of_moved, [values[j] for j in moves], list(moves.values()))
+            return jax.jvp(of_moved, [values[j] for j in moves], list(moves.values()))[1]
 
         return mapped(of_part, None, own)
 

@@ -17,18 +17,16 @@ from pathlib import Path
 from figures import page
 from figures._options import advice, check_job, listing, parser_of
 from figures.catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, Entry
-from figures.making import compiled_programs, heitz, memory, openqmc, stbn, store
+from figures.making import compiled_programs, heitz, memory, stbn, store
 from figures.making.figures import warn
 from figures.making.job import Job, Where
 from figures.making.updating import update
 
 COMMANDS = {
     "compare": "figures.arena",
-    "compilations": "figures.commands.compilations",
     "export": "figures.commands.export",
     "gpu": "figures.commands.gpu",
     "keep": "figures.commands.keep",
-    "plan": "figures.commands.planning",
     "suite": "figures.suite.command",
 }
 """Commands beside the figures, by the modules whose ``main`` they are.
@@ -39,7 +37,6 @@ SystemExit, with status 2 and 0.
 
 PUBLISHED = {
     "heitz": (heitz.read, heitz.SWITCH),
-    "openqmc": (openqmc.headers, openqmc.SWITCH),
     "stbn": (stbn.slices, stbn.SWITCH),
 }
 """Options that name files of others: what checks them, and the environment variable for the figures."""

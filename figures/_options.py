@@ -44,10 +44,8 @@ examples:
   python -m figures --distributed --out gallery    on all machines of a SLURM job, say
   python -m figures compare --help                 your own sampler against those of the papers
   python -m figures suite --help                   the benchmark of samplers, ours and others
-  python -m figures compilations --help            which programs take longest to compile
   python -m figures export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
   python -m figures gpu                            how fast a GPU is, and whether it computes the same
-  python -m figures plan --samples 1e12            how long an image will take, and how much memory
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
 papers print in numbers.json there; index.html there shows all of it. A second run makes only what
@@ -81,13 +79,6 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         metavar="FILE",
         help="published tables of Heitz et al. 2019, their C++ file or an .npz: z-1, z-9, z-10 and z-11 use "
         "them beside our ranked keys",
-    )
-    parser.add_argument(
-        "--openqmc",
-        type=Path,
-        metavar="DIR",
-        help="a checkout of github.com/AcademySoftwareFoundation/openqmc, whose samplers the figure source "
-        "measures beside ours",
     )
     parser.add_argument(
         "--stbn",

@@ -74,30 +74,20 @@ TITLES = {
     "thesis-6.7": "The helicopter at 64 samples per pixel",
     "thesis-6.8": "Convergence on the helicopter",
     "benchmark": "Error over run time, by sampler and beside other programs",
-    "rivals": "Samplers of other projects by their own code, in the suite",
-    "chooser": "Which sampler to choose, by scene and samples per pixel",
     "spp-slider": "One scene with eight samplers, from 1 to 256 samples per pixel",
     "screen-space": "All screen-space methods, from 1 to 64 samples per pixel",
     "designed-samplers": "Tiles designed by gradients beside other samplers",
     "designed-for-scenes": "Points designed for one scene, by its camera and by others",
     "space-time": "Samplers of animations: errors after filters in space and time",
-    "optimized-orders": "Optimised orders beside the samplers of the papers",
-    "progressive": "One sampler for any number of samples beside samplers made for each",
-    "joint-orders": "Orders optimised for four and eight coordinates together",
     "discrepancy-records": "Certified discrepancies of searched sets, beside published ones",
-    "generators": "Generators of points: t, projections, discrepancy, convergence",
-    "four-dimensions": "Sequences in four dimensions: which can exist, and their errors",
-    "measures": "Every measure of every sequence",
     "intervals": "Coverage of confidence intervals, and samplers distinguished",
     "mitsuba-samplers": "Our samplers in Mitsuba 3, beside its own",
     "skipping": "Constant pixels need no samples",
     "speed": "How fast points, rays, paths and measures are, beside other programs",
-    "source": "Samplers as C source code beside XLA, plain Python and OpenQMC: nanoseconds per coordinate",
     "scale": "Time and memory of larger images and of measures of more points",
     "stability": "Float32 limits of points, sums and ray tracing",
     "tree-builders": "Tree builders beside the surface area heuristic",
     "trees-in-motion": "Four kinds of trees over moving triangles",
-    "scenes-sheet": "Every scene with its exact image",
     "hilbert-1": "Space-filling curves and their segments in a 3x3 neighbourhood",
     "hilbert-2": "Differences of positions between neighbouring pixels",
     "hilbert-3": "Radical inverses along the curves",
@@ -131,8 +121,7 @@ OUR_SCENE = frozenset(
 TIMED = frozenset(
     """
     thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 benchmark designed-samplers
-    optimized-orders progressive mitsuba-samplers skipping speed source scale tree-builders
-    z-table-1
+    mitsuba-samplers skipping speed scale tree-builders z-table-1
     """.split()
 )
 """Those that measure time: in paper quality nothing runs beside them."""
@@ -171,11 +160,8 @@ LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 """Those that take longest; their scenes are then compiled."""
 
 NO_DRAFT = {
-    "four-dimensions": "it has two points per line, and all of the searches",
-    "generators": "it has two points per line",
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
     "scale": "it has two points per line",
-    "source": "its images are too small to be timed",
     "speed": "its calls are too small to be timed",
     "thesis-3.2.1": "it times one scene, for milliseconds",
     "z-table-1": "it has two counts of fourteen, in milliseconds",

@@ -1,6 +1,5 @@
 """Programs in C and C++: the image of the benchmark, and points of samplers."""
 
-import ctypes
 import shutil
 import subprocess
 import sys
@@ -16,23 +15,6 @@ def compiled(folder: Path) -> Path | None:
     source, program = Path(__file__).with_name("render.cpp"), folder / "render"
     done = _run(("c++", "g++", "clang++"), [*FAST, "-ffast-math", "-fopenmp"], source, program)
     return program if done else None
-
-
-def library_of(text: str, folder: Path, name: str) -> ctypes.CDLL | None:
-    """Compile C source code into a library, if there is a compiler."""
-    source, library = folder / f"{name}.c", folder / f"{name}.so"
-    source.write_text(text, encoding="utf-8")
-    options = [*FAST, "-std=gnu99", "-shared", "-fPIC"]
-    done = _run(("gcc", "clang", "cc"), options, source, library, "-lm")
-    return ctypes.CDLL(str(library)) if done else None
-
-
-def openqmc(checkout: Path, folder: Path) -> ctypes.CDLL | None:
-    """Compile the samplers of OpenQMC into a library, if there is a compiler."""
-    source, library = Path(__file__).with_name("openqmc.cpp"), folder / "openqmc.so"
-    options = [*FAST, "-std=c++17", "-shared", "-fPIC", "-I", str(checkout / "include")]
-    done = _run(("g++", "clang++", "c++"), options, source, library)
-    return ctypes.CDLL(str(library)) if done else None
 
 
 def _run(compilers: Sequence[str], options: Sequence[str], source: Path, out: Path, *libraries: str) -> bool:

@@ -1,1 +1,1 @@
-"""Commands beside the figures: plan, gpu, compilations."""
+"""Commands beside the figures: gpu, export, keep."""

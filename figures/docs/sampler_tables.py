@@ -1,8 +1,10 @@
-"""``.. best-samplers::`` and ``.. sampler-sizes::``: the results of :func:`qmcjax.recommend` as tables.
+"""``.. best-samplers::``, ``.. sampler-sizes::`` and ``.. stored-scores::``: measurements as tables.
 
-Nothing is typed in: names, margins and sentences come from the stored measurements when the page is built.
+Nothing is typed in: names, margins and sentences come from :func:`qmcjax.recommend` and from stored scores of
+the suite when the page is built.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +14,7 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 import qmcjax as qj
+from figures import ledger
 from figures.docs.tables import table
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SETTINGS
 
@@ -124,8 +127,27 @@ class SamplerSizes(SphinxDirective):
         return [table(["", *(f"{spp} spp" for spp in spps)], rows)]
 
 
+class StoredScores(SphinxDirective):
+    """Scores of a stored run of the suite, with samplers of other projects."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return one table."""
+        entries = json.loads(ledger.SUITE.read_text(encoding="utf-8"))["entries"]
+        families = list(entries["random"]["summary"]["rms"])
+        rows = []
+        for name, entry in entries.items():
+            measured = [entry["summary"][measure] for measure in ("rms", "filtered")]
+            scores = [
+                " / ".join(f"{each[family][0]:.3f}" if family in each else "–" for each in measured)
+                for family in families
+            ]
+            rows.append([name, *scores, f"{entry['seconds per million points']:.2g}"])
+        return [table(["", *families, "s per million points"], rows)]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_directive("best-samplers", BestSamplers)
     app.add_directive("sampler-sizes", SamplerSizes)
+    app.add_directive("stored-scores", StoredScores)
     return {"parallel_read_safe": True}

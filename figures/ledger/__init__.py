@@ -2,6 +2,7 @@
 
 from figures.ledger._ledger import FILE as FILE
 from figures.ledger._ledger import PAPERS as PAPERS
+from figures.ledger._ledger import SUITE as SUITE
 from figures.ledger._ledger import Claim as Claim
 from figures.ledger._ledger import Finding as Finding
 from figures.ledger._ledger import claims as claims

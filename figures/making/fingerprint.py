@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from figures.making import heitz, openqmc, stbn
+from figures.making import heitz, stbn
 from figures.making.store import NUMBERS
 
 PROJECT = ("qmcjax", "analysis", "figures")
@@ -24,17 +24,14 @@ NOT_DATA = (".py", ".pyc", ".ipynb", ".md", ".png")
 def fingerprint(module: str, quality: str) -> str:
     """Hash the quality, the files behind ``module`` and the versions of the libraries it may use.
 
-    Published tables and textures, and a checkout of OpenQMC, count for the figures that read them if the user
-    has named them. A module that is not there or does not parse has a fingerprint too: the error is left to
-    whoever imports it. The 64 hexadecimal digits do not depend on where the project lies.
+    Published tables and textures count for the figures that read them if the user has named them. A module
+    that is not there or does not parse has a fingerprint too: the error is left to whoever imports it. The 64
+    hexadecimal digits do not depend on where the project lies.
     """
     read = sources(module)
     tables = heitz.path()
     if tables is not None and heitz.__name__ in read:
         read["published tables"] = tables
-    checkout = openqmc.path()
-    if checkout is not None and openqmc.__name__ in read:
-        read |= {str(header.relative_to(checkout)): header for header in openqmc.headers(checkout)}
     texture = stbn.path()
     if texture is not None and stbn.__name__ in read:
         read |= {file.name: file for file in stbn.slices(texture)}

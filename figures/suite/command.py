@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from figures.making import finished_cells, openqmc, store
+from figures.making import finished_cells, store
 from figures.making.fingerprint import fingerprint
 from figures.making.finished_cells import Place
 from figures.shared.rivals import RIVALS
@@ -132,7 +132,7 @@ def _of_code(quality: str) -> str:
 
 def _entries(given: argparse.Namespace) -> dict[str, Entry]:
     """Return what takes part by name, `BASE` first."""
-    theirs = rivals.rivals(given.openqmc)
+    theirs = rivals.rivals()
     named = given.entries or (() if given.program else DEFAULT)
     found = {BASE: entries.known(BASE)}
 
@@ -172,8 +172,7 @@ rotation; or a name. A program writes its points to standard output: see figures
 protocol.
 
 ours: {", ".join(RIVALS)}
-others here: {", ".join(rivals.rivals(None)) or "none"}
-with --openqmc: {", ".join(f"{rivals.OPENQMC}{name}" for name in openqmc.SAMPLERS)}
+others here: {", ".join(rivals.rivals()) or "none"}
 
 An interrupted run goes on where it was: what is finished stays in the output folder.
 """,
@@ -193,9 +192,6 @@ An interrupted run goes on where it was: what is finished stays in the output fo
         "--held-out", type=_seed, default=0, metavar="SEED", help="draw other integrands of each class"
     )
     parser.add_argument("--quality", choices=tuple(SIZES), default="draft", help="how much to measure")
-    parser.add_argument(
-        "--openqmc", type=Path, metavar="DIR", help="a checkout of OpenQMC, whose samplers are entries then"
-    )
     return parser
 
 

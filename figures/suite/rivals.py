@@ -1,27 +1,21 @@
-"""Entries of other projects, by their own code: OpenQMC, Mitsuba, SciPy, QMCPy, torch.
+"""Entries of other projects, by their own code: Mitsuba, SciPy, QMCPy, torch.
 
 Sequences have no place in an image: each pixel is a replicate, scrambled by a seed of its own.
 """
 
-import contextlib
 import importlib.metadata
-import subprocess
-import tempfile
 import warnings
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from figures import _cpp
-from figures.making import openqmc
 from figures.suite.entries import Entry, NotSupportedError
 
-OPENQMC, MITSUBA = "openqmc-", "mitsuba-"
+MITSUBA = "mitsuba-"
 """Names of entries begin so."""
 
 MITSUBAS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
@@ -39,14 +33,8 @@ QMCPYS = {
 _BELOW_ONE = np.float32(1 - 2**-24)
 
 
-def rivals(checkout: Path | None) -> dict[str, Callable[[], Entry]]:
-    """Return functions that make the entries of what is installed, and of a checkout of OpenQMC.
-
-    Raises
-    ------
-    ValueError
-        If the folder is no checkout.
-    """
+def rivals() -> dict[str, Callable[[], Entry]]:
+    """Return functions that make the entries of what is installed."""
     found: dict[str, Callable[[], Entry]] = {}
     for name, engine in SCIPYS.items():
         found[name] = partial(_entry, name, "scipy", partial(_scipy, engine), f"scipy.stats.qmc.{engine}")
@@ -60,10 +48,6 @@ def rivals(checkout: Path | None) -> dict[str, Callable[[], Entry]]:
         for name in MITSUBAS:
             made = partial(_mitsuba, name)
             found[MITSUBA + name] = partial(_entry, MITSUBA + name, "mitsuba", made, name, image=True)
-    if checkout is not None:
-        openqmc.headers(checkout)
-        for name in openqmc.SAMPLERS:
-            found[OPENQMC + name] = partial(_of_openqmc, checkout.resolve(), name)
     return found
 
 
@@ -132,34 +116,3 @@ def _mitsuba(name: str, width: int, height: int, spp: int, dims: int, key: int) 
         pairs.append(np.stack([np.array(pair.x), np.array(pair.y)], axis=-1))
     points = np.concatenate(pairs, axis=-1).reshape(height, width, spp, dims)
     return np.minimum(points.astype(np.float32), _BELOW_ONE)
-
-
-@cache
-def _library(checkout: Path) -> Any:
-    with tempfile.TemporaryDirectory() as folder:
-        library = _cpp.openqmc(checkout, Path(folder))
-    if library is None:
-        raise ValueError("OpenQMC needs a compiler of C++ that accepts its headers")
-    return library
-
-
-def _of_openqmc(checkout: Path, name: str) -> Entry:
-    """Return a sampler of OpenQMC: the key is the frame, and each four dimensions are a domain."""
-    function = getattr(_library(checkout), f"{name}_suite")
-
-    def points(width: int, height: int, spp: int, dims: int, key: int) -> NDArray[np.float32]:
-        made = np.empty((height, width, spp, dims), np.float32)
-        function(width, height, spp, dims, key, made.ctypes.data_as(_cpp.ctypes.c_void_p))
-        return made
-
-    commit = _commit(checkout)
-    return Entry(OPENQMC + name, f"OpenQMC {commit}: {name}, frame = key", commit, points, project="OpenQMC")
-
-
-def _commit(checkout: Path) -> str:
-    command = ["git", "-C", str(checkout), "rev-parse", "--short=12", "HEAD"]
-    with contextlib.suppress(OSError):
-        done = subprocess.run(command, capture_output=True, text=True)
-        if not done.returncode:
-            return done.stdout.strip()
-    return "of an unknown commit"

@@ -353,7 +353,7 @@ def test_workers_end_with_a_killed_command(tmp_path):
         ([], lambda name: name not in OURS or name == "spp-slider"),
         (["--all"], lambda name: True),
         (["--all", "--quality", "paper"], lambda name: True),
-        (["z-2", "scale", "measures"], lambda name: name in ("z-2", "scale", "measures")),
+        (["z-2", "scale", "stability"], lambda name: name in ("z-2", "scale", "stability")),
     ],
 )
 def test_no_names_mean_the_papers_and_what_a_reader_wants_comes_first(

@@ -10,7 +10,6 @@ import jax
 import pytest
 from test_figures_cli import Project
 
-from figures.commands import compilations
 from figures.making import compiled_programs, runner
 from figures.making.runner import run
 from figures.making.worker import Done, Task
@@ -179,30 +178,6 @@ def test_where_time_is_measured_programs_are_compiled_anew(unset, monkeypatch, t
     tasks = [Task(str(k), "compiles", "paper", alone) for k, alone in enumerate((False, True))]
     found = [message.numbers for _, message in run(tasks, jobs=1) if isinstance(message, Done)]
     assert '"hits": 0, "misses": 0' not in found[0] and '"hits": 0, "misses": 0' in found[1]
-
-
-def test_the_slowest_compilations_are_listed(monkeypatch, capsys, tmp_path):
-    (tmp_path / "compiles.py").write_text(COMPILES)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(compiled_programs, "measure_without", lambda: None)
-    programs = compilations.compiled({"one": "compiles"}, "draft")
-    assert programs and all(each.figure == "one" and each.seconds > 0 for each in programs)
-    monkeypatch.setattr(
-        compilations,
-        "compiled",
-        lambda modules, quality: [compilations.Program(k / 4, f"jit({k})", quality) for k in range(20)],
-    )
-    assert compilations.main(["--quality", "paper"]) == 0
-    lines = capsys.readouterr().out.splitlines()
-    assert [line.split() for line in lines[1:3]] == [
-        ["4.75", "jit(19)", "paper"],
-        ["4.50", "jit(18)", "paper"],
-    ]
-    assert lines[11].split() == ["47.50", "all", "20", "programs"] and len(lines) == 24
-    assert lines[14].split() == ["4.75", "1", "jit(19)", "paper"]
-    with pytest.raises(SystemExit):
-        compilations.main(["z-22"])
-    assert "unknown figure 'z-22'" in capsys.readouterr().err
 
 
 def test_compiling_anew_is_for_this_process_too(monkeypatch):

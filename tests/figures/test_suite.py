@@ -13,9 +13,8 @@ import jax
 import numpy as np
 import pytest
 
-from figures import _cpp
+from figures import _cpp, ledger
 from figures.__main__ import main
-from figures.ours.rivals import STORED
 from figures.suite import cells, command, curves, integrands, programs, report, results, tasks
 from figures.suite.cells import Size
 from figures.suite.entries import NotSupportedError, known, of_function, of_points
@@ -183,7 +182,6 @@ def test_what_is_not_supported_is_no_failure(folder):
         (["outside.npy"], r"point 1, coordinate 0 is 1.5: coordinates are in \[0, 1\)"),
         (["--held-out", "0"], "must be an integer in"),
         (["--program", ""], "--program must be a command"),
-        (["--openqmc", "."], "is no checkout of OpenQMC"),
     ],
 )
 def test_wrong_usage(folder, capsys, words, message):
@@ -292,8 +290,8 @@ def test_a_score_is_the_mean_of_its_class():
 
 def test_stored_scores_are_of_this_format():
     """Those of other projects have a version or a commit; no entry has an error, or lacks a family."""
-    assert STORED.stat().st_size < 100_000
-    stored = json.loads(STORED.read_text(encoding="utf-8"))
+    assert ledger.SUITE.stat().st_size < 100_000
+    stored = json.loads(ledger.SUITE.read_text(encoding="utf-8"))
     assert stored["format"] == results.FORMAT
     for name, entry in stored["entries"].items():
         assert re.search(r"qmcjax: |\d+\.\d+|[0-9a-f]{12}", entry["origin"]), name

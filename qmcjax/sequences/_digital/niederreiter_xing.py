@@ -36,7 +36,7 @@ def niederreiter_xing(dims: int) -> Digital:
     have t = 0. For 2**6 to 2**14 points, Owen-scrambled, Sobol's RMS errors are 1.20 times as large in all
     four dimensions, on average over half-spaces, balls, smooth bumps and products, but .83 times as large in
     the first two coordinates, .96 and .97 times in coordinates 1, 2 and 0, 2, and 1.16 to 1.19 times in the
-    other pairs (figure four-dimensions). In eight dimensions, pairs have t = 2.1 on average for m = 6, 8,
+    other pairs. In eight dimensions, pairs have t = 2.1 on average for m = 6, 8,
     ..., 14, Sobol's 1.7.
 
     Digital sequences in base 2 with t <= 1 in four dimensions end at 2**9 points if a single coordinate has

@@ -52,8 +52,7 @@ def sz(dims: int) -> Digital:
     at 512 Owen-scrambled points are .72, .98, .92 and .81 times as large in coordinates 0, 2; 0, 3; 1, 2 and
     1, 3, on average over half-planes, discs, smooth bumps and products, and .46 and .55 times for the smooth
     ones in coordinates 0, 2. In the first four dimensions together they are .65 to .85 times as large for
-    2**7, 2**9, 2**11 and 2**13 points, which are no powers of 4, and .98 to 1.26 times for 2**6, ..., 2**14
-    (figure four-dimensions).
+    2**7, 2**9, 2**11 and 2**13 points, which are no powers of 4, and .98 to 1.26 times for 2**6, ..., 2**14.
 
     References
     ----------

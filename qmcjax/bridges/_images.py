@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from qmcjax.bridges._arrays import parsed_npy
 from qmcjax.bridges._exr import encoded_exr, read_exr
-from qmcjax.bridges._paths import checked_path, suffix_of
 from qmcjax.bridges._png import Png, decoded, encoded
+from qmcjax.bridges._suffixes import suffix_of
 from qmcjax.core import checks
 
 _KNOWN = (".exr", ".npy", ".png")
@@ -42,7 +42,7 @@ def write_image(
     ...     print(read_image(f"{folder}/grey.png"))
     [[0.        0.5000088 1.       ]]
     """
-    path = checked_path(path)
+    path = checks.path(path)
     suffix = suffix_of(path, _KNOWN)
     known = checks.known_array("image", image, np.floating, f"floats of shape {_SHAPES}")
     if known.ndim not in (2, 3) or not known.size or known.shape[2:] not in ((), (3,)):
@@ -98,7 +98,7 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
         For EXR files with tiles, or with a compression other than ZIP, without the package ``OpenEXR``, which
         ``pip install 'qmcjax[exr]'`` installs. The package does not detect all damage.
     """
-    path = checked_path(path)
+    path = checks.path(path)
     suffix = suffix_of(path, _KNOWN)
     transfer = None if transfer is None else checks.choice("transfer", transfer, _TRANSFERS)
     if transfer is not None and suffix != ".png":

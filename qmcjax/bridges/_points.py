@@ -8,9 +8,9 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from qmcjax.bridges._arrays import parsed_npy, parsed_npz
-from qmcjax.bridges._paths import checked_path, suffix_of
+from qmcjax.bridges._suffixes import suffix_of
 from qmcjax.bridges._text import point_sets, text_of
-from qmcjax.core import checks
+from qmcjax.core import checks, text_files
 
 _WRITTEN = (".npy", ".npz", ".csv", ".dat", ".txt", ".bin")
 
@@ -30,17 +30,19 @@ def read_points(
     path : path
         ``.npy`` or ``.npz``: NumPy arrays. ``.bin``: UTK's binary files [1]_, for each point set its number
         of points as uint32 and the coordinates as float64, little-endian. Anything else: text with one point
-        per line, coordinates separated by commas or blanks, as in ``.csv`` and UTK's ``.dat`` files. Lines
-        that begin with ``#`` separate point sets. A byte order mark of UTF-8 or UTF-16 is honoured.
+        per line, coordinates separated by semicolons, commas or blanks, as in ``.csv`` and UTK's ``.dat``
+        files; they may be quoted, and have exponents of Fortran (``1.5D-01``). Lines that begin with ``#``
+        separate point sets; after a point, ``#`` begins a comment. UTF-8, or UTF-16 with its byte order mark.
+        Each of these may be packed by gzip (``.csv.gz``).
     which : int or str
         The index of the point set in the file, from 0 on; or the name of an array in a ``.npz`` file.
     header : bool, optional
-        Whether the first line of a text, after comments, is a heading. Only needed if it is ambiguous: if it
-        holds only distinct integers.
+        Whether the first line of a text, after comments, is a heading. Not needed if all of its fields are
+        names (then it is one), or all numbers, unless they are distinct integers.
     dims : int, optional
         The number of coordinates. Required for ``.bin`` files, which do not store it; checked for others.
     max_bytes : int
-        Maximum size of the file, and of all arrays in an archive: nothing larger is read or unpacked.
+        Maximum size of the file, packed and unpacked, and of all arrays in an archive.
 
     Returns
     -------
@@ -73,16 +75,13 @@ def read_points(
     [[0.125 0.75 ]
      [0.    0.5  ]]
     """
-    path = checked_path(path)
+    path = checks.path(path)
     if not isinstance(which, str):
         which = checks.integer("which", which, 0, checks.INDEX_LIMIT - 1)
     header = None if header is None else checks.flag("header", header)
     dims = None if dims is None else checks.integer("dims", dims, 1, checks.INDEX_LIMIT - 1)
     max_bytes = checks.integer("max_bytes", max_bytes, 1, 2**63 - 1)
     try:
-        size = path.stat().st_size
-        if size > max_bytes:
-            raise ValueError(f"must take at most max_bytes={max_bytes}, got {size} bytes")
         sets = _sets(path, header, dims, max_bytes)
         place = _place(which, list(sets), path)
         return _checked(sets[place], dims)
@@ -92,7 +91,8 @@ def read_points(
 
 def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> dict[str | int, NDArray]:
     """Return the contents of a file, by name in archives, else by number."""
-    data, suffix = path.read_bytes(), path.suffix.lower()
+    data = text_files.contents(path, max_bytes)
+    suffix = path.with_suffix("").suffix.lower() if path.suffix.lower() == ".gz" else path.suffix.lower()
     if suffix == ".npz":
         return {name: array for name, array in parsed_npz(data, max_bytes).items()}
     if suffix == ".npy":
@@ -112,6 +112,8 @@ def _place(which: str | int, places: list[str | int], path: Path) -> str | int:
         if which not in places:
             raise ValueError(f"which must be one of {places} or a number, got {which!r}")
         return which
+    if not places:
+        raise ValueError("must hold points, got none")
     if which >= len(places):
         raise ValueError(f"which must be below the {len(places)} point sets in it, got {which}")
     return places[which]
@@ -167,7 +169,7 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     0.0 0.0
     0.5 0.5
     """
-    path = checked_path(path)
+    path = checks.path(path)
     suffix = suffix_of(path, _WRITTEN)
     known = checks.known_array("points", points, np.floating, "floats of shape (n, dims)")
     if known.dtype.kind != "f":  # such as bfloat16

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from qmcjax.bridges._exr import encoded_exr
 from qmcjax.bridges._layout import Layout
-from qmcjax.bridges._paths import checked_path, suffix_of
 from qmcjax.bridges._png import encoded
 from qmcjax.bridges._sources import Coding, c_header, cpp, glsl
+from qmcjax.bridges._suffixes import suffix_of
 from qmcjax.core import checks
 
 _DEPTHS = {".png": (8, 16), ".rg16": (16,), ".rgba32f": (24,), ".exr": (24,)}
@@ -100,7 +100,7 @@ class BakedTable:
             files have no room for text: the description goes to a second file with ``.txt`` appended to the
             name.
         """
-        path = checked_path(path)
+        path = checks.path(path)
         suffix = suffix_of(path, (*_DEPTHS, ".npz", ".h"))
         depths = _DEPTHS.get(suffix, (self.bits,))
         if self.bits not in depths:

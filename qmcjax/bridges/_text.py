@@ -1,6 +1,5 @@
 """Points in text, one per line; errors name line and column."""
 
-import codecs
 import re
 import zlib
 from dataclasses import dataclass, field
@@ -8,14 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-"""The format of C and Python; float() also accepts "nan", "1_0" and the digits of all scripts."""
+from qmcjax.core import text_files
+from qmcjax.core.text_files import Line, wrong
 
-_SEAL = re.compile(r"# ([0-9]+) points, ([0-9]+) coordinates, crc32 ([0-9a-f]{8})")
-_SEALED = re.compile(r"# [0-9]+ points,|.*, crc32 ")
-_WORD = re.compile(r"[^ \t]+")
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
+"""The format of C, Python and Fortran; float() also accepts "nan", "1_0" and the digits of all scripts."""
 
-_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_SEAL = re.compile(r"([0-9]+) points, ([0-9]+) coordinates, crc32 ([0-9a-f]{8})")
+_SEALED = re.compile(r"[0-9]+ points,|.*, crc32 ")
 
 
 @dataclass
@@ -57,73 +56,49 @@ def point_sets(data: bytes, header: bool | None) -> list[PointSet]:
     """Return the point sets of a file; a ValueError begins with the invalid place."""
     sets = [PointSet()]
     first = True
-    for number, line in enumerate(_decoded(data).split("\n"), start=1):
-        line = line.removesuffix("\r")
-        if line.startswith("#"):
-            seal = _SEAL.fullmatch(line)
-            if seal is None and _SEALED.match(line):
-                raise ValueError(f"line {number}, column 1, must be a whole checksum, got {line[:60]!r}")
-            sets.append(PointSet(sealed=seal and (number, (int(seal[1]), int(seal[2]), seal[3]))))
-            continue
-        words = _words(line)
-        if not words:
-            continue
-        heading = first and _is_heading(number, line, words, header)
-        first = False
-        if not heading:
-            wanted = len(sets[-1].points[0]) if sets[-1].points else len(words)
-            sets[-1].points.append(_point(number, words, wanted))
-            sets[-1].lines.append(number)
+    for line in text_files.lines(data):
+        if not line.fields:
+            comment = line.comment or ""
+            seal = _SEAL.fullmatch(comment)
+            if seal is None and _SEALED.match(comment):
+                raise wrong(line.number, 1, "be a whole checksum", comment)
+            sets.append(PointSet(sealed=seal and (line.number, (int(seal[1]), int(seal[2]), seal[3]))))
+        elif first and _is_heading(line, header):
+            first = False
+        else:
+            try:
+                point = _point(line, len(sets[-1].points[0]) if sets[-1].points else len(line.fields))
+            except ValueError as error:
+                hint = " (header=True if this is a heading)" if first and header is None else ""
+                raise ValueError(f"{error}{hint}") from None
+            sets[-1].points.append(point)
+            sets[-1].lines.append(line.number)
+            first = False
     return [each for each in sets if each.points]
 
 
-def _decoded(data: bytes) -> str:
-    mark, encoding = next(((m, e) for m, e in _MARKS if data.startswith(m)), (b"", "utf-8"))
-    try:
-        return data[len(mark) :].decode(encoding)
-    except UnicodeDecodeError as error:
-        before = data[len(mark) :][: error.start].decode(encoding)
-        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
-        raise ValueError(
-            f"line {line}, column {column}, must be text in {encoding}, got the byte "
-            f"{data[len(mark) + error.start]:#04x}"
-        ) from None
-
-
-def _words(line: str) -> list[tuple[int, str]]:
-    """Return the words of a line with their columns, from 1 on, split at commas if there are any."""
-    if "," not in line:
-        return [(match.start() + 1, match[0]) for match in _WORD.finditer(line)]
-    words, column = [], 1
-    for word in line.split(","):
-        words.append((column + len(word) - len(word.lstrip(" \t")), word.strip(" \t")))
-        column += len(word) + 1
-    return words
-
-
-def _is_heading(number: int, line: str, words: list[tuple[int, str]], header: bool | None) -> bool:
+def _is_heading(line: Line, header: bool | None) -> bool:
     """Whether the first line is a heading; raise if it may be a heading or a point."""
     if header is not None:
         return header
-    if not any(_NUMBER.fullmatch(word) for _, word in words):
-        return True
-    if len({word for _, word in words}) == len(words) and all(word.isdecimal() for _, word in words):
+    words = [text for _, text in line.fields]
+    if len(set(words)) == len(words) and all(word.isdecimal() for word in words):
         # Column names of pandas, or a number of points; or a point, as C++ prints zeros and ones.
         raise ValueError(
-            f"line {number}, column 1, may be a heading or a point: header=True or header=False must say "
-            f"which, got {line.strip()!r}"
+            f"line {line.number}, column {line.fields[0].column}, may be a heading or a point: header=True "
+            f"or header=False must say which, got {line.text!r}"
         )
-    return False
+    return line.named
 
 
-def _point(number: int, words: list[tuple[int, str]], wanted: int) -> list[float]:
+def _point(line: Line, wanted: int) -> list[float]:
     point = []
-    for column, word in words:
-        value = float(word) if _NUMBER.fullmatch(word) else np.nan
+    for column, word in line.fields:
+        value = float(re.sub("[dD]", "e", word)) if _NUMBER.fullmatch(word) else np.nan
         if not np.isfinite(value):
-            raise ValueError(f"line {number}, column {column}, must be a finite number, got {word[:40]!r}")
+            raise wrong(line.number, column, "be a finite number", word)
         point.append(value)
     if len(point) != wanted:
-        column = words[min(wanted, len(words) - 1)][0]
-        raise ValueError(f"line {number}, column {column}, must have {wanted} coordinates, got {len(point)}")
+        column = line.fields[min(wanted, len(point) - 1)].column
+        raise wrong(line.number, column, f"have {wanted} coordinates", len(point))
     return point

@@ -6,6 +6,8 @@ A wrong type is a TypeError, a wrong value a ValueError, as in NumPy.
 import operator
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -57,6 +59,13 @@ def power_of_two(name: str, value: Any, most: int) -> int:
     if number & (number - 1):
         raise ValueError(f"{name} must be a power of two, got {number}")
     return number
+
+
+def path(value: Any) -> Path:
+    """Return the argument ``path`` as a path, or raise a TypeError."""
+    if not isinstance(value, str | PathLike):
+        raise TypeError(f"path must be a path or a string, got {shown(value)}")
+    return Path(value)
 
 
 def flag(name: str, value: Any) -> bool:

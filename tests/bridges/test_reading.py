@@ -67,7 +67,7 @@ def test_the_last_number_below_one_stays_below():
         ("0.5 0.5\n0.5\n", 0, "line 2, column 1, must have 2 coordinates, got 1"),
         ("0.5 x\n", 0, "line 1, column 5, must be a finite number, got 'x'"),
         ("0.5 0.5\n", 1, "which must be below the 1 point sets .* got 1"),
-        ("", 0, "below the 0 point sets"),
+        ("0.5 0.5\n0.5,\n", 0, "line 2, column 1, must have 2 coordinates, got 1"),
         ("0.5\n", -1, "which must be .* got -1"),
     ],
 )

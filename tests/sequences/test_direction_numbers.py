@@ -73,17 +73,22 @@ def test_irreducible_polynomials_that_are_not_primitive_do():
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
-        (["d s a m_i", "2 1 0 1", "3 2 1 1"], r"line 3 of .*a.txt: initial must be 2 integers"),
-        (["2 1 0 1", "", "3 2 1 1 2"], r"line 3 of .*a.txt: initial must be odd .* m_2=2"),
-        (["2 1 0 1", "4 2 1 1 3"], "line 2 of .*: d must be 3, got 4"),
-        (["d s a m_i", "1 1 0 1"], "line 2 of .*: d must be 2, got 1"),
-        (["2 2 0 1 3"], "line 1 of .*: polynomial must be irreducible .* got 0b101"),
-        (["2 1 1 1"], "line 1 of .*: s must be in .* got s=1, a=1"),
-        (["2 33 1 1"], "line 1 of .*: s must be in .* got s=33, a=1"),
-        (["2 1 0 1", "here", "3 2 1 1 3"], "line 2 of .*: must be d, s, a, m_1, ..., m_s, got 'here'"),
-        (["2 1 0"], "line 1 of .*: must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
-        (["2 1 0 -1"], "line 1 of .*: must be d, s, a"),
-        (["d s a m_i"], "path must name a file .* there are none in .*a.txt"),
+        (["d s a m_i", "2 1 0 1", "3 2 1 1"], r"a.txt, line 3, initial must be 2 integers"),
+        (["2 1 0 1", "", "3 2 1 1 2"], r"a.txt, line 3, initial must be odd .* m_2=2"),
+        (["2 1 0 1", "4 2 1 1 3"], "a.txt, line 2, d must be 3, got 4"),
+        (["d s a m_i", "3 1 0 1"], "a.txt, line 2, d must be 2, got 3"),
+        (["-2 1 0 1", "3 2 1 1 3"], "line 1, column 1, must be non-negative integers"),
+        (["2. 1 0 1"], "line 1, column 1, must be non-negative integers"),
+        (["2 2 0 1 3"], "a.txt, line 1, polynomial must be irreducible .* got 0b101"),
+        (["2 1 1 1"], "a.txt, line 1, s must be in .* got s=1, a=1"),
+        (["2 33 1 1"], "a.txt, line 1, s must be in .* got s=33, a=1"),
+        (
+            ["2 1 0 1", "here", "3 2 1 1 3"],
+            "a.txt, line 2, column 1, must be non-negative integers, .* got 'here'",
+        ),
+        (["2 1 0"], "a.txt, line 1, must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
+        (["2 1 0 -1"], "a.txt, line 1, column 7, must be non-negative"),
+        (["d s a m_i"], "a.txt, must hold direction numbers, got none"),
     ],
 )
 def test_errors_name_the_line(lines, message, tmp_path):
@@ -94,5 +99,7 @@ def test_errors_name_the_line(lines, message, tmp_path):
 
 def test_what_is_no_text(tmp_path):
     (tmp_path / "a.txt").write_bytes(bytes(range(256)))
-    with pytest.raises(ValueError, match="path must name a file of direction numbers"):
+    with pytest.raises(
+        ValueError, match=r"a.txt, line 3, column 115, must be text in utf-8, got the byte 0x80"
+    ):
         sequences.read_direction_numbers(tmp_path / "a.txt")

@@ -40,7 +40,8 @@ def file(tmp_path):
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_formats_of_matrices(name, file):
     """All are the first 16 points of the Sobol' sequence; then points repeat."""
-    sequence = sequences.digital(sequences.read_matrices(str(file(EXAMPLES[name]))))
+    base = 2 if name == "MatBuilder" else None
+    sequence = sequences.digital(sequences.read_matrices(str(file(EXAMPLES[name])), base))
     bits = np.asarray(sequence.bits(np.arange(32, dtype=np.uint32)))
     exact = np.asarray(sequences.sobol(2).bits(np.arange(16, dtype=np.uint32)))
     np.testing.assert_array_equal(bits, np.concatenate([exact, exact]))
@@ -107,10 +108,10 @@ def test_lattices_there_and_back(lattice, tmp_path):
 
 
 WRONG = {
-    "": r"a.txt, line 1, must be followed by integers, got the end",
-    "1 2 x\n": r"a.txt, line 1, must be non-negative integers, or a comment after #, got '1 2 x'",
-    "# d\n1 2\n-1 2\n": r"line 3, must be non-negative integers",
-    "# soboljk\n2 1 0 1\n": r"line 1, must be a heading of generator matrices, got 'soboljk'",
+    "1 2 x\n": r"a.txt, line 1, column 5, must be non-negative integers, or a comment after #, got '1 2 x'",
+    "# d\n1 2\n-1 2\n": r"line 3, column 1, must be non-negative integers",
+    "# lattice\n1\n1\n1\n": r"line 1, must be a heading of generator matrices, got 'lattice'",
+    "1 0\n0 1\n\n1 0\n0 2\n": r"line 1, may be digits of matrices in any base, or .*: base must .* got '1 0'",
     "# dnet\n3\n1\n1\n1\n1\n": r"line 2, must be the base, base=2, got '3'",
     "# Parameters for a digital net in base 3\n1\n1\n1\n1\n": r"line 1, must be the base, base=2, got '3'",
     "# dnet\n2\n1 2\n": r"line 3, must be one integer of the header: base, .*, got '1 2'",
@@ -122,8 +123,7 @@ WRONG = {
     "# dnet\n2\n1\n2\n2\n2 4\n": r"line 6, must be integers below 2\*\*2, got '4'",
     "# dnet\n2\n1\n2\n9999999\n2 4\n": r"line 5, must be a number of rows in \[1, 4096\]",
     "1 2 4\n\n1 2\n": r"line 3, must be 3 integers, got '1 2'",
-    "1 0\n0 1\n1 1\n": r"line 3, must be the end of a matrix of 2 rows, got '3 rows'",
-    # An interlaced net of LatNet Builder.
+    # An interlaced net without LatNet Builder's comments.
     "# Parameters for a digital net in base 2\n2\n2\n4\n2\n31\n1 2\n": r"line 5, must be 2 columns, got '2'",
 }
 
@@ -135,7 +135,6 @@ def test_wrong_files_of_matrices_are_named_by_line(text, file):
 
 
 WRONG_LATTICES = {
-    "": r"a.txt, line 1, must be followed by integers",
     "# plattice\n2\n1\n3\n11\n1\n": r"line 1, must be a heading of a rank-1 lattice, got 'plattice'",
     "# Parameters for a polynomial lattice rule in base 2\n1\n3\n11\n1\n": r"line 1, must be a heading",
     "# lattice\n2\n0\n1\n1\n": r"line 3, must be a number of points in \[1, 2\*\*32\], got '0'",
@@ -158,8 +157,12 @@ def test_large_files_are_not_read(file):
     path = file(EXAMPLES["dnet"])
     with pytest.raises(ValueError, match=r"a.txt, must take at most max_bytes=10, got \d+ bytes"):
         sequences.read_matrices(path, max_bytes=10)
-    with pytest.raises(ValueError, match=r"a.txt, line 2, must be integers of at most 4300 digits, got '9"):
+    with pytest.raises(
+        ValueError, match=r"a.txt, line 2, column 1, must be integers of at most 4300 digits, got '9"
+    ):
         sequences.read_matrices(file("1 2\n" + "9" * 5000 + " 1\n"))
+    with pytest.raises(ValueError, match="line 3, must be the end of a matrix of 2 rows, got '3 rows'"):
+        sequences.read_matrices(file("1 0\n0 1\n1 1\n"), base=2)
     with pytest.raises(ValueError, match=r"line 3, must be the number of points, n=8, got '16'"):
         sequences.read_lattice(file("# lattice\n3\n16\n1\n7\n5\n"), 8)
 

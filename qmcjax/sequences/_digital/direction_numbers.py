@@ -2,14 +2,15 @@
 
 from collections.abc import Iterable, Sequence
 from os import PathLike
-from pathlib import Path
 
 import numpy as np
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
+from qmcjax.sequences._digital import joe_kuo
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.sobol_matrix import DirectionNumbers, checked_numbers, columns_of
+from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
 
 _HEAD = "d s a m_i"
 _IDENTITY = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
@@ -20,17 +21,25 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
 
     Each line holds d, s, a, and m_1, ..., m_s: the number of the dimension from 2 on, the degree of a
     polynomial, its coefficients without the first and the last one as the binary digits of a, and the initial
-    numbers. A first line that does not begin with a digit is a heading. Polynomials must be irreducible, m_k
-    odd and below 2**k; errors name file and line.
+    numbers. A first line of names is a heading. Polynomials must be irreducible, m_k odd and below 2**k;
+    errors name file and line.
 
     Parameters
     ----------
-    path : path, of a file such as ``new-joe-kuo-6.21201`` [1]_
+    path : path
+        A file such as ``new-joe-kuo-6.21201`` [1]_, packed by gzip or not; UTK's tables, whose d starts at 1;
+        ``soboljk`` and ``sobol`` of LDData and LatNet Builder. Lines of the last have the initial numbers
+        alone, for the polynomials of Joe and Kuo.
 
     Returns
     -------
     tuple of DirectionNumbers
         Of dimensions 2, 3, ..., for :func:`sobol_of`.
+
+    Raises
+    ------
+    ValueError
+        If the file is of another kind: names the file and the line.
 
     References
     ----------
@@ -45,33 +54,56 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
     ...     print(read_direction_numbers(file.name)[1])
     DirectionNumbers(polynomial=7, initial=(1, 3))
     """
-    if not isinstance(path, str | PathLike):
-        raise TypeError(f"path must be a path or a string, got {checks.shown(path)}")
-    numbers: list[DirectionNumbers] = []
-    for count, line in enumerate(Path(path).read_text("ascii", "replace").splitlines(), start=1):
-        fields = line.split()
-        if not fields or (count == 1 and not fields[0][0].isdigit()):
-            continue
+    return numbers_of(integer_file(path, 2**30, named=True))
+
+
+def numbers_of(file: IntegerFile) -> tuple[DirectionNumbers, ...]:
+    """Return the direction numbers of a file, of the components from the second on."""
+    kind, lines = file.heading.kind, file.lines
+    if kind not in ("", "sobol", "soboljk"):
+        raise wrong(file.path, file.heading.number, "a heading of direction numbers", file.heading.text)
+    if lines and "dimension" in lines[0].comment:
+        # LatNet Builder gives the number of components, and of points.
+        dims, lines = lines[0].values[0], lines[1:]
+        lines = lines[1:] if lines and "points" in lines[0].comment else lines
+        if lines and "interlacing" in lines[0].comment:
+            raise wrong(
+                file.path,
+                lines[0].number,
+                "no interlacing factor: read_matrices reads these",
+                lines[0].values,
+            )
+        if len(lines) != dims - 1:
+            raise wrong(
+                file.path, file.lines[-1].number, f"the last of {dims - 1} lines", f"{len(lines)} lines"
+            )
+    if not lines:
+        raise ValueError(f"{file.path}, must hold direction numbers, got none")
+    known = joe_kuo.numbers(slice(len(lines))) if kind == "sobol" else []
+    if kind == "sobol" and len(known) < len(lines):
+        raise wrong(
+            file.path, lines[len(known)].number, f"the last of {len(known)} lines", f"{len(lines)} lines"
+        )
+    first = 1 if lines[0].values[0] == 1 else 2
+    numbers = []
+    for place, line in enumerate(lines):
         try:
-            numbers.append(_parsed(fields, len(numbers) + 2))
+            pair = (known[place].polynomial, line.values) if known else _parsed(line.values, first + place)
+            numbers.append(checked_numbers(*pair))
         except ValueError as error:
-            raise ValueError(
-                f"path must name a file of direction numbers; line {count} of {path}: {error}"
-            ) from None
-    if not numbers:
-        raise ValueError(f"path must name a file of direction numbers; there are none in {path}")
+            raise ValueError(f"{file.path}, line {line.number}, {error}") from None
     return tuple(numbers)
 
 
-def _parsed(fields: Sequence[str], dimension: int) -> DirectionNumbers:
-    if len(fields) < 4 or not all(field.isdecimal() for field in fields):
-        raise ValueError(f"must be d, s, a, m_1, ..., m_s, got {checks.shown(' '.join(fields))}")
-    d, s, a, *initial = map(int, fields)
+def _parsed(values: list[int], dimension: int) -> tuple[int, list[int]]:
+    if len(values) < 4:
+        raise ValueError(f"must be d, s, a, m_1, ..., m_s, got {checks.shown(' '.join(map(str, values)))}")
+    d, s, a, *initial = values
     if d != dimension:
         raise ValueError(f"d must be {dimension}, got {d}")
     if not 1 <= s <= 32 or a >= 2 ** (s - 1):
         raise ValueError(f"s must be in [1, 32] and a below 2**(s - 1), got s={s}, a={a}")
-    return checked_numbers(1 << s | a << 1 | 1, initial)
+    return 1 << s | a << 1 | 1, initial
 
 
 def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> str:

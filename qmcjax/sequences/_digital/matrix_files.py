@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.sequences._digital.digital import digital
+from qmcjax.sequences._digital.direction_numbers import numbers_of, sobol_of
+from qmcjax.sequences._digital.latnet_files import components, interlaced, polynomial_lattice
 from qmcjax.sequences._digital.matrix_products import packed
 from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
 
@@ -17,27 +19,31 @@ _WORD = 32
 _MOST = 4096
 """Largest number of rows of a matrix."""
 
-_OTHERS = ("lattice", "plattice", "sobol", "soboljk", "dshift", "shiftmod1", "lmscramble", "nuscramble")
-"""Keywords of files of other things."""
+_BASES = 256
+"""Largest base."""
 
 
 def read_matrices(
-    path: str | PathLike[str], base: int = 2, *, max_bytes: int = 2**30
+    path: str | PathLike[str], base: int | None = None, *, max_bytes: int = 2**30
 ) -> NDArray[np.uint32] | NDArray[np.int64]:
     r"""Read generator matrices from a file.
 
     Parameters
     ----------
     path : path
-        Text in one of these formats, recognised by its first line and the shape of its table:
+        Text in one of these formats, packed by gzip or not, recognised by a comment before the numbers and by
+        the shape of the table:
 
-        - ``dnet`` and ``dnetup`` of LDData [1]_, whose first line is this word in a comment;
-        - LatNet Builder's output in "net" style [2]_;
+        - ``dnet``, ``dnetup``, ``plattice``, ``sobol`` and ``soboljk`` of LDData [1]_, which begin with this
+          word in a comment;
+        - LatNet Builder's ``output.txt`` [2]_ in all styles, interlaced or not, but of ordinary lattices; of
+          a net with a left matrix scramble the scrambled matrices;
         - columns as in the Magic Point Shop [3]_: no header, one matrix per line, columns as integers with
           the first row as lowest bit;
         - MatBuilder's matrices [4]_: a row of digits per line, the square matrices one after the other.
-    base : int
-        In [2, 256]: the base of MatBuilder's matrices, which these files do not state; checked for others.
+    base : int, optional
+        In [2, 256], required for MatBuilder's matrices, which do not state it, and for columns that look like
+        them: square blocks of integers below 256. Other files must be in this base, by default 2.
     max_bytes : int
         Maximum size of the file.
 
@@ -57,8 +63,7 @@ def read_matrices(
     Notes
     -----
     The third number of ``dnet`` files is the number of columns; files of LDData hold the number of points in
-    its place, which is taken, too. Interlaced nets, which LatNet Builder writes with two more numbers in the
-    header, are not read.
+    its place, which is taken, too.
 
     References
     ----------
@@ -80,35 +85,52 @@ def read_matrices(
      [0.25 0.75]
      [0.75 0.25]]
     """
-    base = checks.integer("base", base, 2, 256)
+    given = base if base is None else checks.integer("base", base, 2, _BASES)
+    base = given or 2
     file = integer_file(path, max_bytes)
-    first = file.line(0, "integers")
-    word = file.heading.partition(" ")[0]
-    if word in _OTHERS or (file.heading.startswith("parameters") and "digital net" not in file.heading):
-        raise wrong(file.path, 1, "a heading of generator matrices", file.heading)
-    if word in ("dnet", "dnetup"):
+    kind, latnet = file.heading.kind, file.heading.latnet
+    if kind in ("dnet", "dnetup") and not latnet:
         found, dims, columns, rows = file.header(4, "base, dimensions, columns, rows")
-        _check_base(file, 0, found, base)
+        _check_base(file, file.lines[0].number, found, base)
         width = len(file.line(4, f"{dims} lines of columns").values)
         if columns == base ** min(width, _MOST):
             columns = width
-        return _of_columns(file, 4, [dims, columns, rows], base, upward=word == "dnetup")
-    if file.heading.startswith("parameters"):
-        stated = file.heading.rpartition("base ")[2]
-        _check_base(file, -1, int(stated) if stated.isdigit() else 2, base)
-        return _of_columns(file, 3, file.header(3, "dimensions, columns, rows"), base, upward=False)
-    digits = all(value < base for line in file.lines for value in line.values)
-    if digits and len(file.lines) >= len(first.values) > 1:
-        return _of_rows(file, len(first.values), base)
-    if base != 2:
-        raise wrong(file.path, first.number, f"digits in base {base}", first.values)
-    highest = max(value.bit_length() for line in file.lines for value in line.values)
-    return _of_columns(file, 0, [len(file.lines), len(first.values), highest], 2, upward=True)
+        return _of_columns(file, 4, [dims, columns, rows], base, upward=kind == "dnetup")
+    if kind == "dnet":
+        stated = file.heading.text.rpartition("base ")[2]
+        _check_base(file, file.heading.number, int(stated) if stated.isdigit() else 2, base)
+        file, factor = components(file)
+        words = _of_columns(file, 3, file.header(3, "dimensions, columns, rows"), base, upward=False)
+        return words if factor == 1 else interlaced(words, factor)
+    if kind in ("plattice", "sobol", "soboljk"):
+        _check_base(file, file.heading.number, 2, base)
+        file, factor = components(file)
+        words = polynomial_lattice(file) if kind == "plattice" else sobol_of(numbers_of(file)).matrices
+        return interlaced(np.array(words), factor)
+    if kind:
+        raise wrong(file.path, file.heading.number, "a heading of generator matrices", file.heading.text)
+    return _alone(file, given)
 
 
-def _check_base(file: IntegerFile, place: int, found: int, base: int) -> None:
+def _alone(file: IntegerFile, given: int | None) -> NDArray:
+    """Return matrices of a file without a heading: rows of digits, or columns in base 2."""
+    first, values = file.lines[0], [value for line in file.lines for value in line.values]
+    size, highest = len(first.values), max(values)
+    blocks = size > 1 and len(file.lines) >= size and highest < _BASES
+    if blocks and given is None:
+        raise ValueError(
+            f"{file.path}, line {first.number}, may be digits of matrices in any base, or columns in base 2: "
+            f"base must be given, base=2 for columns, got {' '.join(map(str, first.values))!r}"
+        )
+    if blocks and highest < (given or 2):
+        return _of_rows(file, size, given or 2)
+    if given not in (None, 2):
+        raise wrong(file.path, first.number, f"digits in base {given}", first.values)
+    return _of_columns(file, 0, [len(file.lines), size, highest.bit_length()], 2, upward=True)
+
+
+def _check_base(file: IntegerFile, number: int, found: int, base: int) -> None:
     if found != base:
-        number = file.lines[place].number if place >= 0 else 1
         raise wrong(file.path, number, f"the base, base={base}", found)
 
 

@@ -19,11 +19,12 @@ def read_lattice(
     Parameters
     ----------
     path : path
-        Text in one of these formats, recognised by its first line and the shape of its table:
+        Text in one of these formats, packed by gzip or not, recognised by a comment before the numbers and by
+        the shape of the table:
 
-        - ``lattice`` of LDData [1]_, whose first line is this word in a comment, and LatNet Builder's output
-          in "lattice" style [2]_: the number of dimensions, the number of points, and the vector, one integer
-          per line;
+        - ``lattice`` of LDData [1]_, which begins with this word in a comment, and LatNet Builder's
+          ``output.txt`` for ordinary lattices [2]_, embedded or not: the number of dimensions, the number of
+          points, and the vector, one integer per line;
         - the vector alone, one integer per line, or pairs of a dimension and an integer, as in the Magic
           Point Shop [3]_ and in Kuo's files [4]_.
     n : int, optional
@@ -40,8 +41,8 @@ def read_lattice(
     Raises
     ------
     ValueError
-        If the file is too large, or of another kind, such as a polynomial lattice: names the file and the
-        line.
+        If the file is too large, or of another kind, such as a polynomial lattice, which
+        :func:`read_matrices` reads: names the file and the line.
 
     References
     ----------
@@ -64,9 +65,8 @@ def read_lattice(
     """
     n = None if n is None else checks.integer("n", n, 1, checks.INDEX_LIMIT)
     file = integer_file(path, max_bytes)
-    first = file.line(0, "integers")
-    heading = file.heading
-    if heading.partition(" ")[0] == "lattice" or heading.startswith("parameters for a lattice"):
+    first, heading = file.lines[0], file.heading
+    if heading.kind == "lattice":
         dims, points = file.header(2, "dimensions, points")
         if n is not None and n != points:
             raise wrong(file.path, file.lines[1].number, f"the number of points, n={n}", points)
@@ -77,8 +77,8 @@ def read_lattice(
             last = file.lines[-1].number
             raise wrong(file.path, last, f"the last of {dims} integers", f"{len(vector)} integers")
         return rank1_of(points, vector)
-    if heading.startswith("parameters") or heading.partition(" ")[0] in ("plattice", "dnet", "dnetup"):
-        raise wrong(file.path, 1, "a heading of a rank-1 lattice", heading)
+    if heading.kind:
+        raise wrong(file.path, heading.number, "a heading of a rank-1 lattice", heading.text)
     if len(first.values) > 2:
         raise wrong(file.path, first.number, "an integer, or a dimension and an integer", first.values)
     vector = _vector(file, 0, n or checks.INDEX_LIMIT)

@@ -1,30 +1,58 @@
-"""Text files of integers with comments, as files of generator matrices and vectors are; errors name lines."""
+"""Text files of integers, as files of generator matrices and vectors are, and their headings."""
 
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from qmcjax.core import checks
+from qmcjax.core import checks, text_files
 
-_SHOWN = 60
 _DIGITS = 4300
 """Longest integer that Python converts."""
 
+_WORDS = "lattice plattice dnet dnetup sobol soboljk shiftmod1 dshift lmscramble nuscramble".split()
+"""Keywords of LDData."""
 
-class Line(NamedTuple):
+_LATNET = {
+    "parameters for a lattice rule": "lattice",
+    "parameters for a polynomial lattice rule": "plattice",
+    "parameters for a digital net": "dnet",
+    "parameters for sobol points, in jk format": "soboljk",
+    "parameters m_": "sobol",
+    "initial direction numbers": "sobol",
+}
+"""How LatNet Builder begins headings of the same."""
+
+
+class IntegerLine(NamedTuple):
     """A line with integers."""
 
     number: int
     """From 1 on."""
     values: list[int]
+    comment: str
+    """The text after them in lower case."""
+
+
+class Heading(NamedTuple):
+    """The comment before the integers that says what they are."""
+
+    number: int
+    """Of its line."""
+    text: str
+    """In lower case, with single blanks."""
+    kind: str
+    """A keyword of LDData; empty if there is no such comment, "other" if LatNet Builder's is not known."""
+    latnet: bool
 
 
 class IntegerFile(NamedTuple):
-    """The lines with integers, and the comment on the first line, without ``#`` and in lower case."""
+    """The lines with integers, and the comments on lines of their own."""
 
     path: Path
-    heading: str
-    lines: list[Line]
+    heading: Heading
+    lines: list[IntegerLine]
+    comments: list[tuple[int, str]]
+    """Numbers of lines, and what is there in lower case, with single blanks."""
 
     def header(self, count: int, what: str) -> list[int]:
         """Take the first lines, which hold one integer each; ``what`` names them."""
@@ -34,7 +62,7 @@ class IntegerFile(NamedTuple):
                 raise wrong(self.path, line.number, f"one integer of the header: {what}", line.values)
         return [line.values[0] for line in self.lines[:count]]
 
-    def line(self, place: int, what: str) -> Line:
+    def line(self, place: int, what: str) -> IntegerLine:
         """Return a line, or raise an error at the end of the file."""
         if place >= len(self.lines):
             last = self.lines[-1].number if self.lines else 1
@@ -45,28 +73,48 @@ class IntegerFile(NamedTuple):
 def wrong(path: Path, number: int, rule: str, got: Any) -> ValueError:
     """Return an error that names the file and the line."""
     text = " ".join(map(str, got)) if isinstance(got, list) else str(got)
-    return ValueError(f"{path}, line {number}, must be {rule}, got {text[:_SHOWN]!r}")
+    return ValueError(f"{path}, {text_files.wrong(number, None, f'be {rule}', text)}")
 
 
-def integer_file(path: str | PathLike[str], max_bytes: int) -> IntegerFile:
-    """Read a file; anything but integers outside of comments is an error."""
-    if not isinstance(path, str | PathLike):
-        raise TypeError(f"path must be a path or a string, got {checks.shown(path)}")
+def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False) -> IntegerFile:
+    """Read a file; anything but integers outside of comments is an error, but names first if ``named``."""
+    path = checks.path(path)
     max_bytes = checks.integer("max_bytes", max_bytes, 1, 2**63 - 1)
-    path = Path(path)
-    size = path.stat().st_size
-    if size > max_bytes:
-        raise ValueError(f"{path}, must take at most max_bytes={max_bytes}, got {size} bytes")
-    heading, lines = "", []
-    for number, line in enumerate(path.read_text("utf-8", "replace").splitlines(), start=1):
-        text, _, comment = line.partition("#")
-        if number == 1 and not text.strip():
-            heading = " ".join(comment.lower().split())
-        fields = text.split()
-        if not all(field.isascii() and field.isdigit() for field in fields):
-            raise wrong(path, number, "non-negative integers, or a comment after #", line.strip())
-        if any(len(field) > _DIGITS for field in fields):
-            raise wrong(path, number, f"integers of at most {_DIGITS} digits", line.strip())
-        if fields:
-            lines.append(Line(number, [int(field) for field in fields]))
-    return IntegerFile(path, heading, lines)
+    try:
+        lines = text_files.lines(text_files.contents(path, max_bytes))
+        first = next(place for place, line in enumerate(lines) if line.fields)
+        texts = [" ".join((line.comment or "").lower().split()) for line in lines]
+        comments = [(line.number, text) for line, text in zip(lines, texts, strict=True) if not line.fields]
+        heading = _heading(comments[:first])
+        if named and lines[first].named:
+            del lines[first]
+        integers = [_integers(line) for line in lines if line.fields]
+    except ValueError as error:
+        raise ValueError(f"{path}, {error}") from None
+    return IntegerFile(path, heading, integers, comments)
+
+
+def _integers(line: text_files.Line) -> IntegerLine:
+    for column, text in line.fields:
+        if not (text.isascii() and text.isdigit()):
+            raise text_files.wrong(
+                line.number, column, "be non-negative integers, or a comment after #", line.text
+            )
+        if len(text) > _DIGITS:
+            raise text_files.wrong(line.number, column, f"be integers of at most {_DIGITS} digits", line.text)
+    return IntegerLine(line.number, [int(text) for _, text in line.fields], (line.comment or "").lower())
+
+
+def _heading(comments: list[tuple[int, str]]) -> Heading:
+    """Return the first comment that is a heading; LatNet Builder writes its command line before it."""
+    unknown = None
+    for number, text in comments:
+        word = text.partition(" ")[0]
+        if word in _WORDS:
+            return Heading(number, text, word, False)
+        kind = next((kind for begin, kind in _LATNET.items() if text.startswith(begin)), None)
+        if kind:
+            return Heading(number, text, kind, True)
+        if text.startswith(("parameters", "input command line")):
+            unknown = Heading(number, text, "other", True)
+    return unknown or Heading(1, "", "", False)

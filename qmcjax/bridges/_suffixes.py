@@ -1,18 +1,9 @@
-"""Paths of files and their suffixes."""
+"""Suffixes of files."""
 
 from collections.abc import Iterable
-from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from qmcjax.core import checks
-
-
-def checked_path(path: Any) -> Path:
-    """Return a path, or raise a TypeError."""
-    if not isinstance(path, str | PathLike):
-        raise TypeError(f"path must be a path or a string, got {checks.shown(path)}")
-    return Path(path)
 
 
 def suffix_of(path: Path, known: Iterable[str]) -> str:

@@ -1,0 +1,201 @@
+"""LatNet Builder's output.txt in all styles, with its comments, against points by Python's integers."""
+
+import numpy as np
+import pytest
+
+from qmcjax import sequences
+
+COMMAND = "# Input Command Line: -t net -c sobol -s 2^16 -d 4 -o folder\n# Merit: 5\n"
+POLYNOMIAL = (
+    f"{COMMAND}# Parameters for a polynomial lattice rule in base 2\n3       # 3 dimensions\n"
+    "10      # k = 10, n = 2^10 = 1024 points\n1033   # polynomial modulus\n"
+    "# Coordinates of generating vector, starting at j=1\n1\n800\n839"
+)
+POLYNOMIAL_NET = (
+    f"{COMMAND}# Parameters for a digital net in base 2\n3    # 3 dimensions\n"
+    "10   # k = 10,  n = 2^10 = 1024 points\n31   # r = 31 binary output digits\n"
+    "# Columns of gen. matrices C_1,...,C_s, one matrix per line\n"
+    "2097152 4194304 8388608 16777216 33554432 67108864 134217728 270532608 541065216 1082130432\n"
+    "1690304512 1235222528 322961408 645922816 1291845632 436207616 "
+    "874512384 1749024768 1350565888 555745280\n"
+    "1746927616 1346371584 547356672 1094713344 44040192 88080384 176160768 354418688 708837376 1419771904"
+)
+SOBOL = (
+    f"{COMMAND}# Parameters m_{{j,c}} for Sobol points\n4    # 4 dimensions\n"
+    "# m_{j,c}, starting from the second coordinate\n1\n1 1\n1 3 1"
+)
+SOBOL_JK = (
+    f"{COMMAND}# Parameters for Sobol points, in JK format\n4    # 4 dimensions\n"
+    "#  d  a  m_{j,c}\n2  1  0  1\n3  2  1  1 1\n4  3  1  1 3 1"
+)
+SOBOL_NET = (
+    f"{COMMAND}# Parameters for a digital net in base 2\n4    # s = 4 dimensions\n"
+    "6   # k = 6,  n = 2^6 = 64 points\n31    # r = 31 binary output digits\n"
+    "# Columns of gen. matrices C_1,...,C_s, one matrix per line\n"
+    "1073741824 536870912 268435456 134217728 67108864 33554432\n"
+    "1073741824 1610612736 1342177280 2013265920 1140850688 1711276032\n"
+    "1073741824 536870912 1879048192 1476395008 872415232 2046820352\n"
+    "1073741824 1610612736 268435456 671088640 2080374784 973078528"
+)
+INTERLACED = (
+    "2    # s = 2 dimensions\n2    # Interlacing factor\n"
+    "4    # Number of components = interlacing factor x dimension\n"
+)
+POINTS = "16    # k = 16,  n = 2^16 = 65536 points\n"
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Return a function that writes a file and returns its path."""
+
+    def write(text):
+        (tmp_path / "output.txt").write_text(text)
+        return tmp_path / "output.txt"
+
+    return write
+
+
+def net_points(text, rows=31):
+    """Return points of matrices in net style as fractions of 32 bits: columns added for the digits of i."""
+    table = text.rpartition("one matrix per line\n")[2]
+    matrices = [list(map(int, line.split())) for line in table.splitlines()]
+    points = []
+    for i in range(2 ** len(matrices[0])):
+        points.append([])
+        for matrix in matrices:
+            value = 0
+            for k, column in enumerate(matrix):
+                value ^= column * (i >> k & 1)
+            points[-1].append(value << (32 - rows))
+    return np.array(points)
+
+
+def bits(text_file, n):
+    sequence = sequences.digital(sequences.read_matrices(text_file))
+    return np.asarray(sequence.bits(np.arange(n, dtype=np.uint32)))
+
+
+def product(a, b):
+    """Multiply polynomials over F2."""
+    return 0 if not b else (a if b & 1 else 0) ^ product(a << 1, b >> 1)
+
+
+def quotient(a, b):
+    """Divide polynomials over F2, without remainder."""
+    found = 0
+    while (beyond := a.bit_length() - b.bit_length()) >= 0:
+        found, a = found | 1 << beyond, a ^ b << beyond
+    return found
+
+
+@pytest.mark.parametrize("embedded", ["", ", embedded from 2 to 16"])
+def test_ordinary_lattices(embedded, file):
+    head = f"{COMMAND}\n# Parameters for a lattice rule{embedded}\n3    # 3 dimensions\n"
+    text = f"{head}32    # modulus = n = 32 points\n# Coordinates of generating vector\n1\n7\n23"
+    expected = np.arange(32)[:, None] * [1, 7, 23] % 32 / np.float32(32)
+    np.testing.assert_array_equal(sequences.read_lattice(file(text)).points(32), expected)
+
+
+@pytest.mark.parametrize("style", ["LatNet Builder", "LDData"])
+def test_polynomial_lattices(style, file):
+    """Points are the leading digits of h q / p; this net style has the first ten of them."""
+    plain = "# plattice\n2 # base\n3\n10\n1033\n# coordinates\n1\n800\n839\n"
+    found = bits(file(POLYNOMIAL if style == "LatNet Builder" else plain), 1024)
+    expected = [[quotient(product(h, q) << 32, 1033) & 2**32 - 1 for q in (1, 800, 839)] for h in range(1024)]
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(found >> 22 << 22, net_points(POLYNOMIAL_NET))
+    np.testing.assert_array_equal(bits(file(POLYNOMIAL_NET), 1024), net_points(POLYNOMIAL_NET))
+
+
+def test_sobol_points(file):
+    """Both formats, of old and new versions and of LDData, are the net that the program makes of them."""
+    exact = net_points(SOBOL_NET)
+    numbers = ((0b11, (1,)), (0b111, (1, 1)), (0b1011, (1, 3, 1)))
+    new = SOBOL_JK.replace("#  d", f"{POINTS}#  d").replace("4    # 4", "4    # s = 4")
+    newer = SOBOL.replace("Parameters", "Initial direction numbers").replace("# m_", f"{POINTS}# m_")
+    short = "# sobol\n# 4 dimensions\n1   # This is  m_{j,c} for the second coordinate\n1 1\n1 3 1\n"
+    for text in (
+        SOBOL,
+        newer,
+        SOBOL_JK,
+        new,
+        short,
+        "# soboljk\n# 4 dimensions\n2 1 0 1\n3 2 1 1 1\n4 3 1 1 3 1\n",
+    ):
+        np.testing.assert_array_equal(bits(file(text), 64), exact)
+        assert sequences.read_direction_numbers(file(text)) == numbers
+    np.testing.assert_array_equal(bits(file(SOBOL_NET), 64), exact)
+
+
+def interlaced(points):
+    """Interlace the digits of consecutive pairs of coordinates, as text."""
+    digits = [[f"{x:032b}" for x in point] for point in points.tolist()]
+    pairs = [[zip(a, b, strict=True) for a, b in zip(p[::2], p[1::2], strict=True)] for p in digits]
+    return [[int("".join(x + y for x, y in pair)[:32], 2) for pair in point] for point in pairs]
+
+
+def test_interlaced_points(file):
+    """In net style, as Sobol' points, and as a polynomial lattice."""
+    exact = interlaced(net_points(SOBOL_NET))
+    head = INTERLACED
+    for text in (
+        SOBOL_NET.replace("4    # s = 4 dimensions\n", head),
+        SOBOL_JK.replace("4    # 4 dimensions\n", head + POINTS),
+        SOBOL.replace("4    # 4 dimensions\n", head + POINTS),
+    ):
+        np.testing.assert_array_equal(bits(file(text), 64), exact)
+    with pytest.raises(ValueError, match="line 5, must be no interlacing factor: read_matrices reads these"):
+        sequences.read_direction_numbers(file(text))
+    polynomial = POLYNOMIAL.replace("3       # 3 dimensions\n", head) + "\n753"
+    of_four = POLYNOMIAL.replace("3       #", "4       #") + "\n753"
+    np.testing.assert_array_equal(
+        bits(file(polynomial), 1024), interlaced(bits(file(of_four), 1024).astype(object))
+    )
+
+
+def test_scrambled_nets(file):
+    """With the original matrices and the scrambling ones before them."""
+    head, matrices = POLYNOMIAL_NET.split("# Columns of gen. matrices C_1,...,C_s, one matrix per line\n")
+    blocks = [
+        f"# Columns of {name} C_1,...,C_s, one matrix per line\n"
+        for name in ("original", "scrambling", "scrambled")
+    ]
+    other = matrices.replace("7", "6")
+    text = f"{head}{blocks[0]}{other}\n{blocks[1]}{other}\n{blocks[2]}{matrices}"
+    np.testing.assert_array_equal(bits(file(text), 1024), net_points(POLYNOMIAL_NET))
+
+
+WRONG_COUNT = SOBOL_NET.replace("4    # s = 4 dimensions\n", INTERLACED.replace("4 ", "5 "))
+REFUSED = {
+    "read_lattice": {
+        POLYNOMIAL: "line 3, must be a heading of a rank-1 lattice, got 'parameters for a polynomial lattice",
+        SOBOL: "line 3, must be a heading of a rank-1 lattice, got 'parameters m_",
+        POLYNOMIAL_NET: "line 3, must be a heading of a rank-1 lattice, got 'parameters for a digital net",
+        f"{COMMAND}5\n3\n": "line 1, must be a heading of a rank-1 lattice, got 'input command line",
+    },
+    "read_matrices": {
+        f"{COMMAND}# Parameters for a lattice rule\n1\n5\n1": "line 3, must be .* 'parameters for a lattice",
+        "# lmscramble\n2\n": "line 1, must be a heading of generator matrices, got 'lmscramble'",
+        POLYNOMIAL.replace("1033", "1999999"): "line 6, must be a polynomial of degree 10, got '1999999'",
+        POLYNOMIAL.replace("839", "1039"): "line 10, must be one polynomial of degree below 10, got '1039'",
+        POLYNOMIAL.replace("\n839", ""): "line 9, must be the last of 3 polynomials, got '2 lines'",
+        POLYNOMIAL.replace("10      #", "40      #"): r"line 5, must be a degree in \[1, 32\], got '40'",
+        "# plattice\n3\n1\n1\n3\n1\n": "line 2, must be base 2, for a polynomial lattice, got '3'",
+        WRONG_COUNT: "line 6, must be 2 \\* 2 components",
+        SOBOL.replace("4    #", "5    #"): "line 8, must be the last of 4 lines, got '3 lines'",
+        SOBOL.replace("1 1\n", "1 1 1\n"): "line 7, initial must be 2 integers",
+    },
+    "read_direction_numbers": {POLYNOMIAL_NET: "line 3, must be a heading of direction numbers, got 'para"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("reader", "text"), [(name, text) for name in REFUSED for text in REFUSED[name]])
+def test_others_are_refused_by_name(reader, text, file):
+    with pytest.raises(ValueError, match=REFUSED[reader][text]):
+        getattr(sequences, reader)(file(text))
+
+
+def test_tables_of_utk_begin_at_1(file):
+    """As its data/Sobol/cascaded_sobol_init_tab.dat does."""
+    numbers = sequences.read_direction_numbers(file("d s a   m_i     \n1 1 0\t 1\n2 1 0\t 1\n3 2 1\t 1 3\n"))
+    assert numbers == ((0b11, (1,)), (0b11, (1,)), (0b111, (1, 3)))

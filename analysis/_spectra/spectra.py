@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -149,14 +149,13 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     place = annulus[wanted] - 1
     squares = _sums(place, (array[wanted] - mean[place]) ** 2)
     count = np.bincount(place)
-    if isinstance(squares, Tracer):
-        variance = squares / (count - 1).astype(squares.dtype)
-        spread = variance > 0
-        ratio = jnp.where(spread, variance, 1) / jnp.square(jnp.where(spread, mean, 1))
-        limit = jnp.where((variance == 0) & (mean != 0), -jnp.inf, jnp.nan)
-        return frequency, cast(Any, jnp.where(spread, 10 * jnp.log10(ratio), limit))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return frequency, 10 * np.log10(squares / (count - 1) / np.square(mean))
+    xp: Any = jnp if isinstance(squares, Tracer) else np
+    variance = squares / np.maximum(count - 1, 1).astype(squares.dtype)
+    # Rounding may move the mean of a single value away from it.
+    spread = (variance > 0) & (count > 1)
+    ratio = xp.where(spread, variance, 1) / xp.square(xp.where(spread, mean, 1))
+    limit = xp.where((count > 1) & (variance == 0) & (mean != 0), -np.inf, np.nan).astype(squares.dtype)
+    return frequency, xp.where(spread, 10 * xp.log10(ratio), limit)
 
 
 def mean_spectrum(

@@ -300,6 +300,21 @@ def test_images_are_measured_in_their_own_dtype(name):
     np.testing.assert_allclose(traced, known, rtol=2e-5, atol=2e-4 if name == "radial_anisotropy" else 2e-6)
 
 
+@pytest.mark.parametrize("shape", [(1, 2), (1, 8), (16, 1), (2, 8)])
+def test_annuli_of_one_value_are_nan_with_gradient_zero(shape):
+    """The last annulus of a row or column of even length, as known and as traced; the others keep theirs."""
+    spectrum = 1 + np.random.default_rng(1).random(shape).astype(np.float32)
+    measure = annuli(analysis.radial_anisotropy, lambda spectrum: spectrum)
+    of_image = annuli(analysis.radial_anisotropy, lambda image: analysis.error_spectrum(image, 0 * spectrum))
+    known = np.asarray(measure(spectrum))
+    assert np.isnan(known).tolist() == [False] * (len(known) - 1) + [1 in shape]
+    np.testing.assert_allclose(jax.jit(measure)(spectrum), known, rtol=1e-5)
+    slopes = np.asarray(jax.jit(jax.jacrev(measure))(spectrum))
+    assert (slopes != 0).any(axis=(1, 2)).tolist() == np.isfinite(known).tolist()
+    assert np.isfinite(slopes).all() and np.isfinite(jax.jit(jax.jacrev(of_image))(spectrum)).all()
+    assert np.isnan([of_image(spectrum)[-1], jax.jit(of_image)(spectrum)[-1]]).all() == (1 in shape)
+
+
 def test_a_user_minimises_any_of_them():
     """Ten steps along the gradient lower a weighted sum of measures of many kinds."""
 

@@ -171,5 +171,5 @@ def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
         return (bits >> 8).astype(jnp.int32).astype(jnp.float32) * np.float32(2.0**-24)
     if dtype == jnp.float64:
         with jax.enable_x64(True):
-            return bits.astype(jnp.float64) * np.float64(2.0**-32)
+            return jnp.asarray(bits).astype(jnp.float64) * np.float64(2.0**-32)
     raise ValueError(f"dtype must be float32 or float64, got {dtype!r}")

@@ -1,7 +1,7 @@
 """What replicates say of an integral."""
 
 import math
-import operator
+import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -29,17 +29,43 @@ class Estimate(NamedTuple):
     """Number of replicates."""
     rounding: Any
     """Error by rounding, which the replicates do not show: see :func:`integrate`."""
-    means: Any = None
+    means: Any
     """Of each replicate: values with a first axis of length ``replicates``."""
-    n: int = 0
+    n: int
     """Number of points of each replicate."""
+    unseen: Any
+    """Where means of replicates are equal, the range of the values divided by their number; else 0."""
     limits: tuple[float, float] | None = None
-    """Of the function's values, for "betting" intervals."""
+    """Of the function's values."""
+    tolerance: float | None = None
+    """That was asked for."""
+    level: float = 0.95
+    """Of the interval that is compared with the tolerance."""
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the interval can be vouched for and, with a tolerance, is small enough.
+
+        None if values are traced.
+        """
+        if self._traced():
+            return None
+        return not self._doubt() and (self.tolerance is None or self._half_width() <= self.tolerance)
+
+    @property
+    def reason(self) -> str | None:
+        """Why points were enough, or not; None without a tolerance or a doubt, or if values are traced."""
+        if self._traced() or self.tolerance is None:
+            return self._doubt()
+        state = "was reached" if self.reached else "was not reached"
+        why = self._doubt() or f"the half width is {self._half_width():g}"
+        return f"tolerance={self.tolerance:g} {state} with n={self.n}: {why}"
 
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
         """Return a confidence interval of the integral, widened by ``rounding``.
 
-        Of the kind that :func:`integrate` was asked for. Alone, Student's t interval of the mean.
+        Of the kind that :func:`integrate` was asked for. A RuntimeWarning says that all values are equal and
+        not known to have ``limits``, so that a rare event may have been missed: ``reached`` is False then.
 
         Parameters
         ----------
@@ -51,18 +77,56 @@ class Estimate(NamedTuple):
         low, high, float64, in the structure of the values
         """
         level = _level(level)
-        with jax.enable_x64(True):  # or traced values would become float32 here
-            low, high = self._ends(level)
-            low = jax.tree.map(operator.sub, low, self.rounding)
-            return low, jax.tree.map(operator.add, high, self.rounding)
+        if doubt := self._doubt():
+            warnings.warn(doubt, RuntimeWarning, stacklevel=2)
+        return self._interval(level)
 
-    def _ends(self, level: float) -> tuple[Any, Any]:
+    def _interval(self, level: float) -> tuple[Any, Any]:
+        def ends(xp: Any, rounding: Any, *columns: Any) -> tuple[Any, Any]:
+            low, high = self._ends(level, xp, *columns)
+            if self.limits is not None:
+                low, high = (xp.clip(end, *self.limits) for end in (low, high))
+            return low - rounding, high + rounding
+
+        with jax.enable_x64(True):  # or traced values would become float32 here
+            return _apart(ends, self.rounding, self.integral, self.standard_error, self.unseen, self.means)
+
+    def _ends(
+        self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
+    ) -> tuple[Any, Any]:
         from scipy.special import stdtrit
 
         quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
-        width = jax.tree.map(lambda error: quantile * error, self.standard_error)
-        low, high = (jax.tree.map(each, self.integral, width) for each in (operator.sub, operator.add))
-        return low, high
+        # The standard error has a part of what is unseen.
+        more = max(_most_unseen(self.replicates, level) ** 2 - _COUNTED * quantile**2, 0)
+        half = xp.sqrt(xp.square(quantile * error) + more * xp.square(unseen)) if more else quantile * error
+        return integral - half, integral + half
+
+    def _half_width(self) -> float:
+        """Return half the width of the widest interval."""
+        low, high = map(jax.tree.leaves, self._interval(self.level))
+        widths: list[Any] = [np.asarray(b - a) for a, b in zip(low, high, strict=True)]
+        return max(float(np.maximum(w.real, w.imag).max(initial=0)) for w in widths) / 2
+
+    def _traced(self) -> bool:
+        return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self.standard_error))
+
+    def _doubt(self) -> str | None:
+        """Return what cannot be vouched for, in a sentence."""
+        if self.limits is not None or self._traced():
+            return None
+        errors = [np.asarray(leaf) for leaf in jax.tree.leaves(self.standard_error)]
+        parts = [part for each in errors for part in (each.real, each.imag)[: 1 + np.iscomplexobj(each)]]
+        still, count = sum(np.count_nonzero(part == 0) for part in parts), self.n * self.replicates
+        if not still:
+            return None
+        of = sum(part.size for part in parts)
+        where = "" if of == 1 else f" of {still} of the function's {of} numbers"
+        missed = _most_unseen(self.replicates, self.level) / count
+        return (
+            f"all {count} values seen{where} are equal, and an event with a probability below "
+            f"{missed:.2g} may have been missed: pass limits, or more points"
+        )
 
 
 class QuantileEstimate(Estimate):
@@ -70,20 +134,23 @@ class QuantileEstimate(Estimate):
 
     __slots__ = ()
 
-    def _ends(self, level: float) -> tuple[Any, Any]:
-        if not order_statistics.rank(self.replicates, level):
+    def _ends(
+        self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
+    ) -> tuple[Any, Any]:
+        del integral, error
+        place = order_statistics.rank(self.replicates, level)
+        if not place:
             most = 1 - 2.0 ** (1 - self.replicates)
             raise ValueError(
                 f"level must be at most {most:g} with {self.replicates} replicates, got {level!r}"
             )
-
-        def ends(means: Any, xp: Any) -> tuple[Any, Any]:
-            if xp is np:
-                return order_statistics.interval(means, level)
-            place = order_statistics.rank(self.replicates, level)
-            return _of_rank(means, place - 1), _of_rank(means, self.replicates - place)
-
-        return _apart(ends, self.means)
+        if xp is np:
+            low, high = order_statistics.interval(means, level)
+        else:
+            low, high = _of_rank(means, place - 1), _of_rank(means, self.replicates - place)
+        # The mean of counts is off their median, by one of them if they are rare.
+        more = max(_most_unseen(self.replicates, level), self.replicates) * unseen
+        return low - more, high + more
 
 
 class BettingEstimate(Estimate):
@@ -91,15 +158,33 @@ class BettingEstimate(Estimate):
 
     __slots__ = ()
 
-    def _ends(self, level: float) -> tuple[Any, Any]:
+    def _ends(
+        self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
+    ) -> tuple[Any, Any]:
+        del integral, error, unseen
         assert self.limits is not None
         least, most = self.limits
+        unit = xp.clip((means - least) / (most - least), 0, 1)
+        low, high = betting.interval(unit, level, xp)
+        return least + (most - least) * low, least + (most - least) * high
 
-        def ends(means: Any, xp: Any) -> tuple[Any, Any]:
-            unit = xp.clip((means - least) / (most - least), 0, 1)
-            return tuple(least + (most - least) * end for end in betting.interval(unit, level, xp))  # pyright: ignore
 
-        return _apart(ends, self.means)
+_LEAST = float(np.finfo(np.float32).tiny / np.finfo(np.float32).eps)
+"""Added to the magnitude of values: processors may take numbers below the least normal one for 0."""
+
+_COUNTED = 3
+"""Part of the standard error: this times the square of what is unseen."""
+
+
+def _most_unseen(replicates: int, level: float) -> float:
+    """Return how often an event that no replicate saw is expected in all of them, at most.
+
+    Of a replicate in which it is expected m times, with a variance of at most m as for independent points,
+    Cantelli's inequality says that it is seen with a probability of at least m / (1 + m). All replicates miss
+    it with at most (1 - level) / 2 if m is at least this number divided by ``replicates``. That tends to
+    -log((1 - level) / 2), the rule of three of independent points.
+    """
+    return replicates * (((1 - level) / 2) ** (-1 / replicates) - 1)
 
 
 KINDS: dict[str, type[Estimate]] = {
@@ -111,20 +196,29 @@ KINDS: dict[str, type[Estimate]] = {
 """Classes of estimates by the kind of their intervals."""
 
 
-def checked_limits(limits: Any, kind: str) -> tuple[float, float] | None:
-    """Return bounds of values, which must be there for intervals by betting only."""
-    if (limits is None) != (kind != "betting"):
-        wanted = "two numbers" if kind == "betting" else "None"
-        raise ValueError(f"limits must be {wanted} for interval={kind!r}, got {checks.shown(limits)}")
+def checked_limits(limits: Any, kind: str, replicates: int | None) -> tuple[float, float] | None:
+    """Return bounds of values, which must be there for intervals by betting, and only with replicates."""
     if limits is None:
+        if kind == "betting":
+            raise ValueError('limits must be two numbers for interval="betting", got None')
         return None
-    known = checks.known_array("limits", limits, np.number, "two finite numbers, the lower one first")
+    if replicates is None:
+        raise ValueError(f"limits must be None without replicates, got {checks.shown(limits)}")
+    wanted = "two finite numbers, the lower one first, with a finite difference"
+    known = checks.known_array("limits", limits, np.number, wanted)
     real = known.shape == (2,) and not np.iscomplexobj(known)
-    if not real or not np.isfinite(known).all() or not known[0] < known[1]:
-        raise ValueError(
-            f"limits must be two finite numbers, the lower one first, got {checks.shown(limits)}"
-        )
-    return float(known[0]), float(known[1])
+    least, most = map(float, known) if real else (math.nan, math.nan)
+    if not 0 < most - least < math.inf:
+        raise ValueError(f"limits must be {wanted}, got {checks.shown(limits)}")
+    return least, most
+
+
+def limits_of_integral(limits: tuple[float, float], volume: float) -> tuple[float, float]:
+    """Return the bounds of the integral over a box of a known, finite volume."""
+    least, most = limits[0] * volume, limits[1] * volume
+    if not math.isfinite(most - least):
+        raise ValueError(f"limits must be None for bounds of an infinite or unknown volume, got {limits}")
+    return least, most
 
 
 def _check_means(means: Array, made: Estimate, limits: tuple[float, float]) -> None:
@@ -162,13 +256,6 @@ def doublings(tolerance: Any, n: int, replicates: int | None, kind: str) -> tupl
     return sizes, level
 
 
-def half_width(made: Estimate, level: float) -> float:
-    """Return half the width of the widest interval of a level."""
-    low, high = map(jax.tree.leaves, made.interval(level))
-    widths: list[Any] = [np.asarray(b - a) for a, b in zip(low, high, strict=True)]
-    return max(float(np.maximum(w.real, w.imag).max(initial=0)) for w in widths) / 2
-
-
 def _level(level: Any) -> float:
     if isinstance(level, bool) or not isinstance(level, float | int | np.floating):
         raise TypeError(f"level must be a number in (0, 1), got {checks.shown(level)}")
@@ -177,21 +264,19 @@ def _level(level: Any) -> float:
     return float(level)
 
 
-def _apart(ends: Callable[..., tuple[Any, Any]], means: Any) -> tuple[Any, Any]:
+def _apart(ends: Callable[..., tuple[Any, Any]], *trees: Any) -> tuple[Any, Any]:
     """Return two trees of ends; those of real and imaginary parts on their own."""
 
-    def each(leaf: Any) -> tuple[Any, Any]:
-        traced = isinstance(leaf, Tracer)
-        xp: Any = jnp if traced else np
-        if not xp.iscomplexobj(leaf):
-            return ends(leaf, xp=xp)
-        real, imaginary = ends(leaf.real, xp=xp), ends(leaf.imag, xp=xp)
-        low, high = map(joined, real, imaginary)
+    def each(*leaves: Any) -> tuple[Any, Any]:
+        xp: Any = jnp if any(isinstance(leaf, Tracer) for leaf in leaves) else np
+        if not xp.iscomplexobj(leaves[0]):
+            return ends(xp, *leaves)
+        low, high = map(joined, ends(xp, *(x.real for x in leaves)), ends(xp, *(x.imag for x in leaves)))
         return low, high
 
-    leaves, tree = jax.tree.flatten(means)
-    low, high = zip(*map(each, leaves), strict=True)
-    return tree.unflatten(low), tree.unflatten(high)
+    flat, tree = zip(*map(jax.tree.flatten, trees), strict=True)
+    low, high = zip(*map(each, *flat), strict=True)
+    return tree[0].unflatten(low), tree[0].unflatten(high)
 
 
 def _of_rank(values: Array, place: int) -> Array:
@@ -211,18 +296,25 @@ def _median(values: Array) -> Array:
 def estimate(
     found: list[Array],
     some: Array,
+    spread: Any,
     like: Any,
     n: int,
     dtype: np.dtype,
     kind: str,
     limits: tuple[float, float] | None,
+    tolerance: float | None,
+    level: float,
 ) -> Estimate:
-    """Return the mean or median of replicates, the standard error, and the rounding error."""
+    """Return the mean or median of replicates, the standard error, and the rounding error.
+
+    ``some``: columns of a few values; ``spread``: range of those that were seen, shape (columns,).
+    """
     known = not any(isinstance(each, Tracer) for each in (*found, some))
+    reach = spread if limits is None else np.full(spread.shape, limits[1] - limits[0])
     made_of = (_compiled_columns if known else _columns)(
-        tuple(found), some, n, KINDS[kind] is QuantileEstimate
+        tuple(found), some, spread, reach, n, KINDS[kind] is QuantileEstimate
     )
-    means, middle, error, magnitude = jax.tree.map(np.asarray, made_of) if known else made_of
+    means, middle, error, magnitude, unseen = jax.tree.map(np.asarray, made_of) if known else made_of
     wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _wide(leaf.dtype)), like)
 
     def values(columns: Any) -> Any:
@@ -239,7 +331,10 @@ def estimate(
         jax.tree.map(rounding, like, values(magnitude)),
         values(means),
         n,
+        values(unseen),
         limits,
+        tolerance,
+        level,
     )
     if limits is not None:
         _check_means(means, made, limits)
@@ -247,20 +342,21 @@ def estimate(
 
 
 def _columns(
-    found: tuple[Array, ...], some: Array, n: int, of_ranks: bool
-) -> tuple[Array, Array, Array, Array]:
-    """Return the means of all replicates, their mean or median, its standard error, and its magnitude."""
+    found: tuple[Array, ...], some: Array, spread: Array, reach: Array, n: int, of_ranks: bool
+) -> tuple[Array, ...]:
+    """Return the means of all replicates, their mean or median, its errors seen, by rounding, and unseen."""
     means = jnp.stack(found)
-    mean, spread = means.mean(axis=0), jnp.ptp(some, axis=0)
+    mean = means.mean(axis=0)
     magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
-    gaps = jnp.median(jnp.diff(jnp.sort(means, axis=0), axis=0), axis=0)
-    equal = jax.lax.stop_gradient(gaps) <= 4 * np.finfo(np.float64).eps * magnitude
-    unseen = jnp.where(equal, 3 * jnp.square(spread / (n * len(found))), 0)
-    error = jnp.sqrt(jnp.var(means, axis=0, ddof=1) / len(found) + unseen)
-    return means, _median(means) if of_ranks else mean, error, magnitude + spread / 2
+    fixed = jax.lax.stop_gradient(means)
+    equal = jnp.diff(jnp.sort(fixed, axis=0), axis=0).min(axis=0) <= 4 * np.finfo(np.float64).eps * magnitude
+    unseen = jnp.where(equal, reach / (n * len(found)), 0)
+    varied = jnp.where(jnp.ptp(fixed, axis=0) > 0, jnp.var(means, axis=0, ddof=1), 0)
+    error = jnp.sqrt(varied / len(found) + _COUNTED * jnp.square(unseen))
+    return means, _median(means) if of_ranks else mean, error, magnitude + spread / 2 + _LEAST, unseen
 
 
-_compiled_columns = jax.jit(_columns, static_argnums=(2, 3))
+_compiled_columns = jax.jit(_columns, static_argnums=(4, 5))
 
 
 def _wide(dtype: Any) -> np.dtype:

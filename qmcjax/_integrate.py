@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.sharding import Mesh
-from jax.typing import DTypeLike
+from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax._estimate import (
     KINDS,
@@ -17,10 +17,11 @@ from qmcjax._estimate import (
     checked_limits,
     doublings,
     estimate,
-    half_width,
+    limits_of_integral,
 )
-from qmcjax._means import ROWS, mean_of, prepared, refuse_infinite, some_values
+from qmcjax._means import ROWS, mean_of, prepared, range_seen, refuse_infinite, some_values
 from qmcjax.core import checks, devices
+from qmcjax.core.bounds import bounded
 from qmcjax.core.pytrees import is_traced
 from qmcjax.sequences import (
     Sequence,
@@ -40,6 +41,7 @@ def integrate(
     *,
     replicates: None = None,
     key: None = None,
+    bounds: ArrayLike | None = None,
     dtype: DTypeLike = jnp.float32,
     mesh: Mesh | None = None,
 ) -> Any: ...
@@ -57,6 +59,7 @@ def integrate(
     interval: str = "student",
     limits: tuple[float, float] | None = None,
     tolerance: float | None = None,
+    bounds: ArrayLike | None = None,
     dtype: DTypeLike = jnp.float32,
     mesh: Mesh | None = None,
 ) -> Estimate: ...
@@ -73,6 +76,7 @@ def integrate(
     interval: str = "student",
     limits: tuple[float, float] | None = None,
     tolerance: float | None = None,
+    bounds: ArrayLike | None = None,
     dtype: DTypeLike = jnp.float32,
     mesh: Mesh | None = None,
 ) -> Any:
@@ -206,7 +210,7 @@ def integrate(
         raise ValueError(f"start + n must be at most {sequence.limit}, got {start} + {n}")
     dtype = checks.floating(dtype)
     kind = checks.choice("interval", interval, KINDS)
-    limits = checked_limits(limits, kind)
+    limits = checked_limits(limits, kind, replicates)
     if replicates is None:
         if key is not None:
             raise ValueError(f"key must be None without replicates, got {checks.shown(key)}")
@@ -217,12 +221,16 @@ def integrate(
         replicates = checks.integer("replicates", replicates, 2, 2**16)
         keys = jax.random.split(checks.prng_key("key", key), replicates)
         copies = [_randomised(sequence, each, kind) for each in keys]
-    sizes, level = [n], 0.0
+    sizes, level = [n], 0.95
     if tolerance is not None:
         sizes, level = doublings(tolerance, n, replicates, kind)
         if is_traced((function, copies)):
             raise TypeError("tolerance must be None where the function or the sequence is traced")
     mesh = devices.checked(mesh)
+    if bounds is not None:
+        function, volume = bounded(function, bounds, sequence.dims, dtype)
+        if limits is not None:
+            limits = limits_of_integral(limits, volume)
     with checks.precision(dtype):
         function, like = prepared(function, sequence.dims, dtype)
         wide = jnp.result_type(float) == jnp.float64
@@ -242,24 +250,26 @@ def integrate(
         found = means(start, sizes[0])
         if not replicated:
             return found[0]
-        _, some = some_values(
-            function, copies[0], jnp.uint32(start), min(sizes[0], ROWS), dtype, replicated, wide
-        )
+        how = dtype, replicated, wide
+        _, some = some_values(function, copies[0], jnp.uint32(start), min(sizes[0], ROWS), *how)
         some = jax.lax.stop_gradient(some)
-        made = estimate(found, some, like, sizes[0], dtype, kind, limits)
+        spread = jnp.ptp(some, axis=0)
+
+        def made_of(size: int) -> Estimate:
+            nonlocal spread
+            if limits is None:
+                spread = range_seen(spread, some, found, function, copies, start, size, *how)
+            return estimate(found, some, spread, like, size, dtype, kind, limits, tolerance, level)
+
+        made = made_of(sizes[0])
         for size in sizes[1:]:
-            if tolerance is None or half_width(made, level) <= tolerance:
+            if made.reached:
                 break
             later = means(start + size // 2, size // 2)
             found = [(one + other) / 2 for one, other in zip(found, later, strict=True)]
-            made = estimate(found, some, like, size, dtype, kind, limits)
-        if tolerance is not None and half_width(made, level) > tolerance:
-            warnings.warn(
-                f"tolerance={tolerance:g} was not reached with n={made.n}: the half width is "
-                f"{half_width(made, level):g}",
-                RuntimeWarning,
-                stacklevel=2,
-            )
+            made = made_of(size)
+        if tolerance is not None and not made.reached:
+            warnings.warn(str(made.reason), RuntimeWarning, stacklevel=2)
         return made
 
 

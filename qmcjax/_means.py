@@ -1,5 +1,6 @@
 """Programs of the mean of a function over points: blocks of points, pairwise and compensated sums."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -10,6 +11,7 @@ from jax.core import Tracer
 from jax.sharding import Mesh
 
 from qmcjax.core import checks, parts, plug_ins, summation
+from qmcjax.core.bounds import Bounded
 from qmcjax.core.columns import columns, of_columns
 from qmcjax.core.pytrees import frozen_pytree, jit
 from qmcjax.sequences import BinarySequence, OwenDigits, Sequence
@@ -187,16 +189,47 @@ def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n
     leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return
-    for first in range(start, start + n, _SEARCHED):
-        points, values = map(np.asarray, some_values(function, sequence, jnp.uint32(first), _SEARCHED, *how))
-        bad = np.flatnonzero(~np.isfinite(values[: start + n - first]).all(axis=1))
+    for first, points, values in _searched(function, sequence, start, n, *how):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if bad.size:
+            inner = function.function if isinstance(function, _Converted) else function
+            if isinstance(inner, Bounded):
+                points = np.asarray(inner.places(jnp.asarray(points)))
             point = ", ".join(str(x) for x in points[bad[0]])
             raise ValueError(
                 f"function must return finite values, got NaN or infinity at point {first + int(bad[0])}, "
                 f"({point})"
             )
     raise ValueError(f"function must return values with a finite sum, got an overflow of {n} values")
+
+
+def range_seen(
+    spread: Any, some: Any, means: list[Any], function: Any, copies: list[Any], start: int, n: int, *how: Any
+) -> Any:
+    """Return the range of the values of replicates: of some, or if these are equal, of all until others come.
+
+    Means tell whether there are others. If anything is traced, only some values count.
+    """
+    if any(isinstance(each, Tracer) for each in (spread, *means)):
+        return spread
+    one, off = np.asarray(some)[0], np.abs(np.asarray(means) - np.asarray(some)[:1]).max(axis=0)
+    low, high = one.copy(), one + np.asarray(spread)
+    varied = off > 4 * np.finfo(np.float64).eps * np.abs(one)
+    for copy in copies:
+        for _, _, values in _searched(function, copy, start, n, *how):
+            if not (varied & (low == high)).any():
+                return high - low
+            low, high = np.minimum(low, values.min(axis=0)), np.maximum(high, values.max(axis=0))
+    return high - low
+
+
+def _searched(
+    function: Any, sequence: Sequence, start: int, n: int, *how: Any
+) -> Iterator[tuple[int, Any, Any]]:
+    """Yield points and the columns of their values, block by block, with the index of each first one."""
+    for first in range(start, start + n, _SEARCHED):
+        found = some_values(function, sequence, jnp.uint32(first), _SEARCHED, *how)
+        yield first, *(np.asarray(each)[: start + n - first] for each in found)
 
 
 @jit("count", "dtype", "replicated", "wide")

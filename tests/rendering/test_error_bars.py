@@ -223,8 +223,10 @@ def test_a_tolerance_that_is_not_reached_is_reported():
     ):
         found = estimate(smooth, "student", 1, n=3000, tolerance=1e-9)
     assert found.n == 2048
+    assert found.reached is False and found.reason.startswith("tolerance=1e-09 was not reached with n=2048")
     few = estimate(smooth, "student", 1, n=100, tolerance=1.0)
-    assert few.n == 100
+    assert few.n == 100 and few.reached is True
+    assert "was reached with n=100: the half width is " in few.reason
 
 
 test_bad_input_is_named = refused(
@@ -244,8 +246,17 @@ test_bad_input_is_named = refused(
         lambda: estimate(smooth, "betting", 1, limits=None),
         "limits must be two numbers .* got None",
     ),
+    (
+        ValueError,
+        lambda: estimate(smooth, "betting", 1, limits=(-1e308, 1e308)),
+        "limits must be .* finite difference, got",
+    ),
     (ValueError, lambda: estimate(smooth, "betting", 1, limits=(1, 0)), "limits must be two finite numbers"),
-    (ValueError, lambda: estimate(smooth, "student", 1, limits=(0, 3)), "limits must be None for"),
+    (
+        ValueError,
+        lambda: qj.integrate(smooth, SOBOL, 16, limits=(0, 3)),
+        r"limits must be None without replicates, got \(0, 3\)",
+    ),
     (ValueError, lambda: estimate(smooth, "betting", 1, limits=(0, 0.5)), "limits must hold all values, got"),
     (ValueError, lambda: estimate(smooth, "student", 1, tolerance=0.0), "tolerance must be positive"),
     (TypeError, lambda: estimate(smooth, "student", 1, tolerance=[1.0]), "tolerance must be a number, got"),

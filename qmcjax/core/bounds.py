@@ -1,0 +1,106 @@
+"""Functions of a box, which may be infinite, as functions of the unit cube."""
+
+import math
+from dataclasses import field
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.core import Tracer
+
+from qmcjax.core import checks, parameters, plug_ins
+from qmcjax.core.pytrees import frozen_pytree
+
+
+@frozen_pytree
+class Bounded:
+    """A function at the points of a box, times the derivatives of the map from the unit cube.
+
+    In [low, inf) the map is x = low + u / (1 - u), in (-inf, high] x = high - (1 - u) / u, and in (-inf, inf)
+    x = (1 / (1 - u) - 1 / u) / 2. Functions that decrease like x**-2 stay bounded.
+    """
+
+    infinite: tuple[tuple[bool, bool], ...] = field(metadata={"static": True})
+    """Of each dimension, whether its ends are infinite."""
+    function: Any
+    ends: Any
+    """Shape (dims, 2); anything in the place of infinite ones."""
+
+    def __call__(self, points: Array) -> Any:
+        """Return the values, times the derivatives."""
+        places, slopes = self._mapped(points)
+        values = plug_ins.unwrap(self.function)(places)
+        return jax.tree.map(lambda leaf: _times(leaf, slopes), values)
+
+    def places(self, points: Array) -> Array:
+        """Return the points of the box."""
+        return self._mapped(points)[0]
+
+    def _mapped(self, points: Array) -> tuple[Array, list[Array]]:
+        """Return points of the box and factors of the derivative, each of which is finite."""
+        ends = jnp.asarray(self.ends).astype(points.dtype)
+        low, high = ends[None, :, 0], ends[None, :, 1]
+        from_low, from_high = np.asarray(self.infinite).T
+        finite = ~(from_low | from_high)
+        places = low + (high - low) * points
+        places = jnp.where(places > high, high, places)  # by rounding
+        volume = jnp.prod((high - low)[:, finite], axis=1)
+        if finite.all():
+            return places, [volume]
+        # As warps.normal has it, 0 is the centre of the cell of points that are rounded down to it.
+        cell = 2.0**-24 if points.dtype == jnp.float32 else 2.0**-32
+        points = jnp.where(points < cell / 2, cell / 2, points)
+        below, above = 1 / points, 1 / (1 - points)
+        both, left, right = from_low & from_high, from_low & ~from_high, from_high & ~from_low
+        places = jnp.where(right[None], low + points * above, places)
+        places = jnp.where(left[None], high - (1 - points) * below, places)
+        places = jnp.where(both[None], (above - below) / 2, places)
+        slopes = jnp.where(left[None], below * below, above * above)
+        slopes = jnp.where(both[None], (above * above + below * below) / 2, slopes)
+        return places, [volume, *(slopes[:, j] for j in np.flatnonzero(~finite))]
+
+
+def _times(values: Any, factors: list[Array]) -> Any:
+    """Multiply the values of rows by factors, one after the other: their product might overflow."""
+    if not isinstance(values, Array | np.ndarray) or values.ndim == 0:
+        return values  # and be refused
+    if jnp.iscomplexobj(values):
+        return jax.lax.complex(_times(values.real, factors), _times(values.imag, factors))
+    dtype = factors[0].dtype
+    if jnp.issubdtype(values.dtype, jnp.floating):
+        dtype = jnp.promote_types(dtype, values.dtype)
+    made = jnp.asarray(values).astype(dtype)
+    for factor in factors:
+        made = made * factor.astype(dtype).reshape(-1, *(1,) * (made.ndim - 1))
+    return made
+
+
+def bounded(function: Any, bounds: Any, dims: int, dtype: np.dtype) -> tuple[Bounded, float]:
+    """Return a function of the unit cube, and the volume of the box: infinite, or NaN if it is traced."""
+    function = plug_ins.wrap("function", function)
+    leaves = jax.tree.leaves(bounds)
+    traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+    ends = (parameters.floats if traced else parameters.known)("bounds", bounds)
+    if ends.shape not in ((2,), (dims, 2)):
+        wanted = f"bounds must be (low, high), or such a pair for each of {dims} dimensions"
+        raise ValueError(f"{wanted}, got shape {ends.shape}")
+    if traced:
+        if any(np.isinf(leaf).any() for leaf in leaves if not isinstance(leaf, Tracer)):
+            raise ValueError(f"bounds must be known or finite, got {checks.shown(bounds)}")
+        return Bounded(((False, False),) * dims, function, jnp.broadcast_to(ends, (dims, 2))), math.nan
+    ends = np.broadcast_to(ends, (dims, 2))
+    for dim, (low, high) in enumerate(ends.tolist()):
+        if not low < high or low == math.inf or high == -math.inf:
+            raise ValueError(f"bounds must have low < high, got ({low}, {high}) in dimension {dim}")
+    infinite = np.isinf(ends)
+    with np.errstate(over="ignore", under="ignore"):
+        kept = np.where(infinite, 0, ends).astype(dtype)
+        volume = float(np.prod(np.diff(kept, axis=1)[~infinite.any(axis=1)], dtype=dtype))
+    if not np.isfinite(kept).all() or not np.finfo(dtype).tiny <= volume < math.inf:
+        raise ValueError(
+            f"bounds must have ends and a volume that {dtype} can tell apart, got {ends.tolist()}"
+        )
+    pattern = tuple((low, high) for low, high in infinite.tolist())
+    return Bounded(pattern, function, kept), math.inf if infinite.any() else volume

@@ -1,4 +1,4 @@
-"""Make the figures: ``python -m figures [names...] [--all] [--list] [--out DIR] [--quality draft|paper]``.
+"""Make the figures: ``qmcjax [names...] [--all] [--list] [--out DIR] [--quality draft|paper]``.
 
 Each figure becomes ``<name>.png`` in the output folder, and what it measured stands beside what the
 papers print in ``numbers.json`` there; ``index.html`` there shows all of it. A second run makes only
@@ -148,7 +148,7 @@ def _join(options: argparse.Namespace) -> Job:
     return Job(where, f"what was finished stays in {options.out}, and the same command goes on with the rest")
 
 
-def _until_nobody_reads() -> int:
+def until_nobody_reads() -> int:
     """Run the command line, and end quietly when who reads what it prints, such as ``head``, has ended."""
     try:
         status = main()
@@ -160,4 +160,4 @@ def _until_nobody_reads() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(_until_nobody_reads())
+    sys.exit(until_nobody_reads())

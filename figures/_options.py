@@ -1,4 +1,4 @@
-"""The options of ``python -m figures``, and what it says of wrong ones."""
+"""The options of ``qmcjax``, and what it says of wrong ones."""
 
 import argparse
 import difflib
@@ -9,10 +9,10 @@ from figures.catalogue import NO_DRAFT, PAPERS, Entry
 
 
 def command(name: str, description: str, epilog: str = "") -> argparse.ArgumentParser:
-    """Return the parser of ``python -m figures name``, without options; the epilog is printed as it is."""
+    """Return the parser of ``qmcjax name``, without options; the epilog is printed as it is."""
     formatter = argparse.RawDescriptionHelpFormatter if epilog else argparse.HelpFormatter
     return argparse.ArgumentParser(
-        prog=f"python -m figures {name}".rstrip(),
+        prog=f"qmcjax {name}".rstrip(),
         description=description,
         epilog=epilog,
         formatter_class=formatter,
@@ -37,15 +37,15 @@ figures:
 {listing(catalogue, catalogue)}
 
 examples:
-  python -m figures                                the papers' figures, as drafts, into out/
-  python -m figures --all                          and measurements of our own
-  python -m figures thesis-6.1 --quality paper     one figure as printed
-  python -m figures --out gallery --jobs 4         four at a time, into gallery/
-  python -m figures --distributed --out gallery    on all machines of a SLURM job, say
-  python -m figures compare --help                 your own sampler against those of the papers
-  python -m figures suite --help                   the benchmark of samplers, ours and others
-  python -m figures export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
-  python -m figures gpu                            how fast a GPU is, and whether it computes the same
+  qmcjax                                the papers' figures, as drafts, into out/
+  qmcjax --all                          and measurements of our own
+  qmcjax thesis-6.1 --quality paper     one figure as printed
+  qmcjax --out gallery --jobs 4         four at a time, into gallery/
+  qmcjax --distributed --out gallery    on all machines of a SLURM job, say
+  qmcjax compare --help                 your own sampler against those of the papers
+  qmcjax suite --help                   the benchmark of samplers, ours and others
+  qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
+  qmcjax gpu                            how fast a GPU is, and whether it computes the same
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
 papers print in numbers.json there; index.html there shows all of it. A second run makes only what

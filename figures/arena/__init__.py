@@ -1,3 +1,3 @@
-"""A user's sampler against those of the papers: ``python -m figures compare my_module:make_sampler``."""
+"""A user's sampler against those of the papers: ``qmcjax compare my_module:make_sampler``."""
 
 from figures.arena._command import main as main

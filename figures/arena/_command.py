@@ -72,7 +72,7 @@ def main(argv: Sequence[str]) -> int:
     except (TypeError, ValueError) as error:
         parser.error(str(error))
     store.prepare(given.out)
-    typed = " ".join(["python -m figures compare", *argv])
+    typed = " ".join(["qmcjax compare", *argv])
     page = _report.write(compared, worlds, list(own), sets, given.out, typed, notes)
     broken = {name: compared.promises[name] for name in own if compared.promises[name]}
     for name, sentences in broken.items():
@@ -96,8 +96,8 @@ of Mitsuba, with --mitsuba: {", ".join(_on_mitsuba.SAMPLERS)}
 scenes: {", ".join(SCENES)}
 
 example:
-  python -m figures compare my_module:make_sampler --against owen z hilbert --spp 1,4,16,64
-  python -m figures compare my_module:make_sampler --mitsuba scene.xml --against owen z independent
+  qmcjax compare my_module:make_sampler --against owen z hilbert --spp 1,4,16,64
+  qmcjax compare my_module:make_sampler --mitsuba scene.xml --against owen z independent
 """,
     )
     parser.add_argument("samplers", nargs="*", metavar="module:function", help="what makes your samplers")

@@ -8,7 +8,6 @@ of samples ``spps``, the number of ``keys``, ``samplers`` as pairs of a kind and
 import inspect
 import io
 import json
-import os
 import statistics
 import sys
 from pathlib import Path
@@ -147,5 +146,4 @@ def _reference(compared: Compared, spp: int, passes: int, kept: Path) -> tuple[N
 
 
 if __name__ == "__main__":
-    sys.path.insert(0, os.getcwd())
     main()

@@ -1,4 +1,4 @@
-"""A sampler as source code: ``python -m figures export my_module:mine --language glsl --out mine.glsl``."""
+"""A sampler as source code: ``qmcjax export my_module:mine --language glsl --out mine.glsl``."""
 
 import argparse
 import inspect
@@ -78,7 +78,7 @@ The comment at the head of the file says how to call it. Large tables of a shade
 binds: they are in a second file, FILE.tables.
 
 example:
-  python -m figures export my_module:mine --language glsl --out mine.glsl
+  qmcjax export my_module:mine --language glsl --out mine.glsl
 """,
     )
     parser.add_argument("object", metavar="module:name", help="the object, or what makes it")

@@ -1,4 +1,4 @@
-"""What a GPU makes of our programs: ``python -m figures gpu``."""
+"""What a GPU makes of our programs: ``qmcjax gpu``."""
 
 import contextlib
 import sys

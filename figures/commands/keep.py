@@ -1,4 +1,4 @@
-"""Keep what figures in paper quality have measured for the ledger: ``python -m figures keep FOLDER``."""
+"""Keep what figures in paper quality have measured for the ledger: ``qmcjax keep FOLDER``."""
 
 import json
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from figures.making import store
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Write the numbers of a folder that ``python -m figures --quality paper --out FOLDER`` has made.
+    """Write the numbers of a folder that ``qmcjax --quality paper --out FOLDER`` has made.
 
     They go beside the ledger; those of other figures stay.
     """

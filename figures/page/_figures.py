@@ -244,7 +244,7 @@ def _settings(measured: Any) -> dict[str, str]:
 def command(name: str, quality: str = "draft") -> str:
     """Return what makes a figure, in a better quality if a draft would not show it."""
     quality = "paper" if name in NO_DRAFT else quality
-    return f"python -m figures {name}" + (" --quality paper" if quality == "paper" else "")
+    return f"qmcjax {name}" + (" --quality paper" if quality == "paper" else "")
 
 
 def not_made(name: str) -> Markup:

@@ -27,7 +27,7 @@ SECTION = """
 
 NONE = """
 <p class="lead">The benchmark is not in this folder: nothing was measured that a choice could rest on.
-<code>python -m figures benchmark --quality paper</code> measures it.</p>
+<code>qmcjax benchmark --quality paper</code> measures it.</p>
 """
 
 BODY = """

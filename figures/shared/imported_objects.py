@@ -15,9 +15,17 @@ def imported(text: str) -> Any:
     module, colon, name = text.partition(":")
     if not (module and colon and name):
         raise ValueError(f"objects are named module:name, got {text!r}")
-    if "" not in sys.path and str(Path.cwd()) not in sys.path:
-        sys.path.insert(0, str(Path.cwd()))
-    found = importlib.import_module(module)
+    folder = str(Path.cwd())
+    if "" in sys.path or folder in sys.path:
+        found = importlib.import_module(module)
+    else:
+        importlib.import_module("analysis")  # From now on no file of the user can hide it.
+        sys.path.insert(0, folder)
+        try:
+            found = importlib.import_module(module)
+        finally:
+            sys.path.remove(folder)
+            sys.path.append(folder)
     if not hasattr(found, name):
-        raise AttributeError(f"{module} has no {name!r}")
+        raise AttributeError(f"{module} has no {name!r}; it is {getattr(found, '__file__', 'built in')}")
     return getattr(found, name)

@@ -1,1 +1,1 @@
-"""A benchmark of samplers and sequences, ``python -m figures suite``; the documentation has its protocol."""
+"""A benchmark of samplers and sequences, ``qmcjax suite``; the documentation has its protocol."""

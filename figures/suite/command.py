@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     argv : sequence of str, optional
-        What follows ``python -m figures suite``; ``sys.argv[1:]`` by default.
+        What follows ``qmcjax suite``; ``sys.argv[1:]`` by default.
 
     Returns
     -------
@@ -162,7 +162,7 @@ def _entries(given: argparse.Namespace) -> dict[str, Entry]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="python -m figures suite",
+        prog="qmcjax suite",
         description="Measure samplers and sequences on integrands and scenes of 2, 4 and 8 dimensions: one "
         "CSV file, one page, one table.",
         epilog=f"""\

@@ -17,6 +17,7 @@ The protocol, in full:
 """
 
 import hashlib
+import os
 import re
 import shlex
 import subprocess
@@ -26,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from figures.suite.entries import Entry, NotSupportedError
+from qmcjax.core import packages
 
 SECONDS = 120.0
 """Time that a program has for one image."""
@@ -97,8 +99,11 @@ def parsed(data: bytes, shape: tuple[int, int, int, int]) -> NDArray[np.float32]
 def _output(words: list[str], given: dict[str, int]) -> bytes:
     filled = [_filled(word, given) for word in words]
     shown = shlex.join(filled)
+    environment = {name: value for name, value in os.environ.items() if name != packages.SAFE}
     try:
-        done = subprocess.run(filled, capture_output=True, stdin=subprocess.DEVNULL, timeout=SECONDS)
+        done = subprocess.run(
+            filled, capture_output=True, stdin=subprocess.DEVNULL, timeout=SECONDS, env=environment
+        )
     except subprocess.TimeoutExpired:
         raise ValueError(f"{shown} did not end within {SECONDS:g} seconds") from None
     except OSError as error:

@@ -126,4 +126,4 @@ def test_objects_are_named_with_their_module(name, said, capsys):
 def test_the_help_names_the_command(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
-    assert "python -m figures export --help" in capsys.readouterr().out
+    assert "qmcjax export --help" in capsys.readouterr().out

@@ -730,7 +730,7 @@ def test_figures_without_a_draft_run(name):
 
 
 def test_nobody_reads_what_is_printed():
-    """As in ``python -m figures --list | head -1``, where head ends first."""
+    """As in ``qmcjax --list | head -1``, where head ends first."""
     read, write = os.pipe()
     os.close(read)
     command = [sys.executable, "-m", "figures", "--list"]

@@ -67,7 +67,7 @@ ADVICE = "what was finished stays in out, and the same command goes on with the 
 def of_page(first):
     """Return the arguments of the command in the documentation that begins so, for this machine."""
     page = (ROOT / "figures" / "docs" / "long_runs.rst").read_text(encoding="utf-8")
-    (found,) = re.findall(rf"^   {re.escape(first)} python -m figures (.*)$", page, re.MULTILINE)
+    (found,) = re.findall(rf"^   {re.escape(first)} qmcjax (.*)$", page, re.MULTILINE)
     return shlex.split(found.replace("/shared/", ""))
 
 

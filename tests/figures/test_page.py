@@ -121,7 +121,7 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
         == {of[name]["numbers"]["measured"]["a"][1]["b"] for name in of}
     )
     assert of["z-9"]["facts"] == {
-        "Command": "python -m figures z-9",
+        "Command": "qmcjax z-9",
         "Quality": "draft",
         "Time": "1.5 s",
         "Images": "4 x 3 pixels at 4 samples per pixel",
@@ -235,7 +235,7 @@ def test_figures_are_in_the_order_of_their_numbers(folder):
 
 def test_what_is_not_there_and_what_stands_in_are_told(folder):
     parsed = Parsed(written(folder, "z", failed=["own"]))
-    assert "Not in this folder: python -m figures z-2 makes it." in parsed.all("article")[0]["text"]
+    assert "Not in this folder: qmcjax z-2 makes it." in parsed.all("article")[0]["text"]
     assert [each["text"] for each in parsed.all("span", "badge")] == ["our scene", "draft"]
     ours = Parsed((folder / "ours.html").read_text(encoding="utf-8"))
     assert [each["text"] for each in ours.all("span", "badge")] == ["draft", "not up to date"]
@@ -315,7 +315,7 @@ def test_what_was_not_made_is_no_failure(folder):
     texts = [written(folder, part, CATALOGUE) for part in _places.PARTS]
     for name in CATALOGUE:
         why = f" --quality paper</code> makes it; a draft would not show it: {NO_DRAFT.get(name)}."
-        told = f"python -m figures {name}" + (why if name in NO_DRAFT else "</code> makes it.")
+        told = f"qmcjax {name}" + (why if name in NO_DRAFT else "</code> makes it.")
         assert sum(told in text for text in texts) == 1
 
 
@@ -377,6 +377,6 @@ def test_what_a_visitor_copies_runs(folder):
     names = {}
     for name in ("index", "sampler"):
         parsed = Parsed(written(folder, name))
-        for code in [each["text"] for each in parsed.all("pre") if "python -m" not in each["text"]]:
+        for code in [each["text"] for each in parsed.all("pre") if "qmcjax compare" not in each["text"]]:
             exec(code, names)
     assert names["image"].shape == (64, 64)

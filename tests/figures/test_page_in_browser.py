@@ -336,7 +336,7 @@ def test_numbers_unfold(visit):
     numbers.locator("summary", has_text="measured").click()
     numbers.locator("summary", has_text="rms_error").click()
     numbers.locator("p", has_text="Hammersley").first.wait_for()
-    assert "python -m figures thesis-6.1" in numbers.locator(".facts").inner_text()
+    assert "qmcjax thesis-6.1" in numbers.locator(".facts").inner_text()
 
 
 @pytest.mark.parametrize("name", PAGES)

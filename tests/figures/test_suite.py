@@ -20,6 +20,7 @@ from figures.suite.cells import Size
 from figures.suite.entries import NotSupportedError, known, of_function, of_points
 from figures.suite.results import Measured, Score
 from qmcjax import samplers, sequences
+from qmcjax.core import packages
 
 OWN = """
 from qmcjax import samplers, sequences
@@ -124,8 +125,11 @@ def test_the_example_in_cpp_gives_the_points_that_it_says(folder):
         programs.of_program("./mine {width}").points(3, 2, 4, 2, 9)
 
 
-def test_text_and_bytes_are_the_same_points(folder):
-    Path("writes.py").write_text(WRITES + "sys.stdout.buffer.write(made.tobytes())")
+def test_text_and_bytes_are_the_same_points(folder, monkeypatch):
+    """Under the command qmcjax, too, programs in Python find what is beside them."""
+    monkeypatch.setenv(packages.SAFE, "1")
+    Path("beside.py").write_text("")
+    Path("writes.py").write_text(WRITES + "import beside; sys.stdout.buffer.write(made.tobytes())")
     Path("text.py").write_text(WRITES + "print(*map(repr, made.tolist()), sep=', ')")
     made = [
         programs.of_program(f"{sys.executable} {name}.py").points(2, 3, 4, 2, 1)

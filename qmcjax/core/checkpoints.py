@@ -106,7 +106,7 @@ class File:
         temporary = self.path.with_name(f"{_prefix(self.path)}{os.getpid()}-{socket.gethostname()}")
         try:
             with open(temporary, "wb") as file:
-                np.savez(file, allow_pickle=False, **{_HEADER: np.array(self.header)}, **state)
+                np.savez(file, **{_HEADER: np.array(self.header)}, **state)
                 file.flush()
                 os.fsync(file.fileno())
             os.replace(temporary, self.path)

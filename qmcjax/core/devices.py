@@ -40,7 +40,7 @@ def checked(mesh: Any) -> Mesh | None:
 
 
 def _usual() -> Any:
-    usual = jax.config.values["jax_default_device"]
+    usual: Any = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
     return usual if isinstance(usual, jax.Device) else jax.local_devices(backend=usual)[0]
 
 

@@ -20,17 +20,11 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
+from qmcjax.core.jax_internals import FLAGS
+
 _ROOT = __name__.split(".")[0]
 _VERSIONED = ("jax", "jaxlib", "numpy", "scipy")
 _PLAIN = (bool, int, float, complex, str, bytes, range, type(None), type(Ellipsis))
-
-_FLAGS = (
-    *("enable_x64", "default_matmul_precision", "softmax_custom_jvp", "use_direct_linearize", "use_magma"),
-    *("default_prng_impl", "threefry_partitionable", "threefry_gpu_kernel_lowering", "random_seed_offset"),
-    *("high_dynamic_range_gumbel", "disable_jit", "disable_most_optimizations", "compiler_enable_remat_pass"),
-    *("optimization_level", "exec_time_optimization_effort", "memory_fitting_effort", "memory_fitting_level"),
-)
-"""Flags of JAX that change results: precision, derivatives, random numbers, compilation."""
 
 
 def digest(name: str, value: Any) -> tuple[str, list[str]]:
@@ -51,7 +45,7 @@ def environment() -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:
             found[name] = "not installed"
     found["python"] = ".".join(platform.python_version_tuple()[:2])
-    found |= {name: str(getattr(jax.config, name, None)) for name in map("jax_{}".format, _FLAGS)}
+    found |= {name: str(getattr(jax.config, name, None)) for name in map("jax_{}".format, FLAGS)}
     options = os.environ.get("XLA_FLAGS", "").split()
     return found | {"XLA_FLAGS": " ".join(each for each in options if "device_count" not in each)}
 
@@ -113,6 +107,8 @@ def _visible(value: Any) -> list[Any]:
 
 def _path(value: Any) -> tuple[str, str]:
     """Return the module and the name of a function or type, or else of an object's type."""
+    if isinstance(value, np.ufunc):  # NumPy 2.0 and 2.1 give it no module.
+        return "numpy", value.__name__
     named = value if isinstance(getattr(value, "__qualname__", None), str) else type(value)
     return str(named.__module__), named.__qualname__
 

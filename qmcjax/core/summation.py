@@ -9,19 +9,16 @@ transposes; mapped over an axis, it is the sum of the mapped terms.
 
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.core import Tracer, eval_jaxpr
-from jax.interpreters import ad, batching, mlir
+from jax.core import Tracer
 
+from qmcjax.core import jax_internals
 from qmcjax.core.varying import alike
-
-if TYPE_CHECKING:
-    from jax.extend.core import Primitive
 
 Sum = tuple[Array, Array]
 """A sum and its accumulated rounding error."""
@@ -70,7 +67,7 @@ def add_terms(
     def of_operands(k: Array, *operands: Array) -> list[Array]:
         consts, leaves = operands[: len(closed_over)], operands[len(closed_over) :]
         if consts:
-            return eval_jaxpr(program.jaxpr, consts, *leaves, k)
+            return jax_internals.eval_jaxpr(program.jaxpr, consts, *leaves, k)
         return [term(tree.unflatten(leaves), k)]
 
     operands = [jnp.asarray(each) for each in (*closed_over, *leaves)]
@@ -79,34 +76,17 @@ def add_terms(
 
 
 @cache
-def _sum_primitive() -> "Primitive":
+def _sum_primitive() -> Any:
     """Return the primitive from count, first number, sums, their rounding errors and operands to new sums.
 
     ``term`` is a function of a number and the operands; it returns a list of ``sums`` arrays and closes over
-    no tracers. Made at the first use: ``jax.extend`` imports Pallas, which takes longer than this library.
+    no tracers.
     """
-    from jax.extend.core import Primitive
 
-    primitive = Primitive("sum_of_terms")
-    primitive.multiple_results = True
-    primitive.def_impl(_loop)
-    primitive.def_abstract_eval(lambda count, first, *args, term, pinned, sums: list(args[: 2 * sums]))
-    mlir.register_lowering(primitive, mlir.lower_fun(_in_precision(_loop), multiple_results=True))
-    ad.primitive_jvps[primitive] = _in_precision(_jvp)
-    ad.primitive_transposes[primitive] = _in_precision(_transpose)
-    batching.primitive_batchers[primitive] = _in_precision(_batch)
-    return primitive
+    def outlines(count: Any, first: Any, *args: Any, term: Any, pinned: bool, sums: int) -> list[Any]:
+        return list(args[: 2 * sums])
 
-
-def _in_precision(rule: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a rule that may run outside the context that enabled float64."""
-
-    def in_precision(*args: Any, **how: Any) -> Any:
-        wide = any(getattr(leaf, "dtype", None) == np.float64 for leaf in jax.tree.leaves(args))
-        with jax.enable_x64(wide or jnp.result_type(float) == jnp.float64):
-            return rule(*args, **how)
-
-    return in_precision
+    return jax_internals.primitive("sum_of_terms", _loop, outlines, _jvp, _transpose, _batch)
 
 
 def _bind(*args: Any, term: Callable[..., list[Array]], pinned: bool, sums: int) -> list[Array]:
@@ -141,7 +121,7 @@ def _jvp(primals, tangents, *, term, pinned, sums):
     count, first, *rest = primals
     before, operands, moves = tangents[2 : 2 + 2 * sums], rest[2 * sums :], tangents[2 + 2 * sums :]
     # Others are constants: a scene may refuse derivatives that are not wanted.
-    moved = [j for j, move in enumerate(moves) if not isinstance(move, ad.Zero)]
+    moved = [j for j, move in enumerate(moves) if not isinstance(move, jax_internals.Zero)]
     if not moved:
         return made, before
 
@@ -153,16 +133,16 @@ def _jvp(primals, tangents, *, term, pinned, sums):
 
         return jax.jvp(of_moved, [still[j] for j in moved], list(moves))[1]
 
-    before = [ad.instantiate_zeros(each) for each in before]
+    before = [jax_internals.instantiated(each) for each in before]
     moves = [moves[j] for j in moved]
     return made, _bind(count, first, *before, *operands, *moves, term=tangent, pinned=pinned, sums=sums)
 
 
 def _transpose(cotangents, count, first, *args, term, pinned, sums):
     before, operands = args[: 2 * sums], args[2 * sums :]
-    linear = [j for j, operand in enumerate(operands) if ad.is_undefined_primal(operand)]
-    known = [operand for operand in operands if not ad.is_undefined_primal(operand)]
-    places = [j for j, operand in enumerate(operands) if not ad.is_undefined_primal(operand)]
+    linear = [j for j, operand in enumerate(operands) if isinstance(operand, jax_internals.Unknown)]
+    places = [j for j in range(len(operands)) if j not in linear]
+    known = [operands[j] for j in places]
     shapes = [operands[j].aval for j in linear]
 
     def pulled_back(k: Array, *given: Array) -> list[Array]:
@@ -171,15 +151,18 @@ def _transpose(cotangents, count, first, *args, term, pinned, sums):
         def of_linear(*some: Array) -> list[Array]:
             return term(k, *_replaced(still, linear, some))
 
-        _, pull_back = jax.vjp(of_linear, *[ad.zeros_like_aval(aval) for aval in shapes])
+        _, pull_back = jax.vjp(of_linear, *[jax_internals.zeros(aval) for aval in shapes])
         return list(pull_back(list(pulling)))
 
     # Rounding errors do not depend on operands.
-    pulling = [ad.instantiate_zeros(each) for each in cotangents[:sums]]
-    start = [ad.zeros_like_aval(aval) for aval in (*shapes, *shapes)]
+    pulling = [jax_internals.instantiated(each) for each in cotangents[:sums]]
+    start = [jax_internals.zeros(aval) for aval in (*shapes, *shapes)]
     made = _bind(count, first, *start, *known, *pulling, term=pulled_back, pinned=pinned, sums=len(linear))
     gradients = [value((made[j], made[len(linear) + j])) for j in range(len(linear))]
-    state = [ct if ad.is_undefined_primal(arg) else None for ct, arg in zip(cotangents, before, strict=True)]
+    state = [
+        ct if isinstance(arg, jax_internals.Unknown) else None
+        for ct, arg in zip(cotangents, before, strict=True)
+    ]
     return [None, None, *state, *_replaced([None] * len(operands), linear, gradients)]
 
 

@@ -4,22 +4,18 @@ from typing import Any
 
 import jax
 
+from qmcjax.core.jax_internals import varying
+
 
 def alike(values: Any) -> Any:
     """Make the arrays of a pytree vary over the same axes of a mesh.
 
     JAX refuses loops with a state that is first the same on all devices and then is not.
     """
-    axes = frozenset[Any]().union(*map(_varying, jax.tree.leaves(values)))
+    axes = frozenset[Any]().union(*map(varying, jax.tree.leaves(values)))
 
-    def varying(leaf: Any) -> Any:
-        missing = tuple(axes - _varying(leaf))
+    def of_leaf(leaf: Any) -> Any:
+        missing = tuple(axes - varying(leaf))
         return jax.lax.pcast(leaf, missing, to="varying") if missing else leaf
 
-    return jax.tree.map(varying, values)
-
-
-def _varying(leaf: Any) -> frozenset[Any]:
-    aval: Any = jax.typeof(leaf)
-    # In later or earlier releases of jax.
-    return aval.mat.varying if hasattr(aval, "mat") else aval.vma
+    return jax.tree.map(of_leaf, values)

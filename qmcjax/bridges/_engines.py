@@ -73,6 +73,10 @@ class SequenceEngine(qmc.QMCEngine):
     ----------
     sequence : Sequence
         Any object with the methods of one. Scrambling, scipy's ``scramble``, is part of the sequence.
+    optimization : {None, "random-cd", "lloyd"}
+        How scipy changes the points of each block.
+    rng : optional
+        For "random-cd", as in scipy; the sequence has no use for it.
 
     Raises
     ------
@@ -92,9 +96,9 @@ class SequenceEngine(qmc.QMCEngine):
      [0.25 0.75]]
     """
 
-    def __init__(self, sequence: Any) -> None:
+    def __init__(self, sequence: Any, *, optimization: str | None = None, rng: Any = None) -> None:
         self.sequence = as_sequence("sequence", sequence)
-        super().__init__(d=self.sequence.dims)
+        super().__init__(d=self.sequence.dims, optimization=optimization, rng=rng)  # pyright: ignore
 
     def _random(self, n: Any = 1, *, workers: Any = 1) -> NDArray[np.float64]:
         self.num_generated = int(self.num_generated)  # scipy adds whatever integers it was given.
@@ -102,7 +106,7 @@ class SequenceEngine(qmc.QMCEngine):
         checks.integer("workers", workers, -1, checks.INDEX_LIMIT)
         if n == 0:
             return np.empty((0, self.d))
-        return np.asarray(self.sequence.points(n, self.num_generated, np.float64))
+        return np.array(self.sequence.points(n, self.num_generated, np.float64))  # scipy writes to it.
 
     def fast_forward(self, n: Any) -> "SequenceEngine":
         """Skip points.
